@@ -18,11 +18,12 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost, Run, by_peak, by_tracking
+from bdamper.accuracy.ladders import AccuracyCost, Run, by_tracking
 from bdamper.continuation.curve import Fold
 from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.system import OK
+from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.newton import Peak, peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.problem.problem import stuck_springs
@@ -160,7 +161,7 @@ def ways() -> str:
 
     coarse, fine = (bd.ContinuationOptions(locate=False, **o) for o in ({"step": 0.1}, {"step": 0.02, "max_step": 0.05}))
     given: dict[str, Callable[[], Answer]] = {
-        "search for the peak": lambda: place(by_peak(study, PRELOAD, INTERVAL)),
+        "search for the peak": lambda: place(highest_peak(study, PRELOAD, INTERVAL)),
         "tracking, maxima located": lambda: place(by_tracking(study, PRELOAD, INTERVAL).peak),
         "tracking, steps of 0.1": tracked(coarse),
         "tracking, steps of 0.02": tracked(fine),

@@ -30,8 +30,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,6 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
 from bdamper.effects.indicator import estimate_change
 from bdamper.effects.richer import Tops, compare
-from bdamper.model.model import Model
 from bdamper.peaks.highest import NEAR, highest_of_curve
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -112,9 +111,8 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
     """A tracking curve at the preload of the optimum (at any, if it is flat), or why none can stand for it."""
     n = problem.n_unknowns
     if result.model_hash != problem.model.hash or result.unknowns.shape[1] != n:
-        raise SettingError(
-            f"result: expected an optimal curve of this model and of this study with {n} unknowns, found another"
-        )
+        expected = f"an optimal curve of this model and of this study with {n} unknowns"
+        raise SettingError(f"result: expected {expected}, found another")
     best = result.optimum
     if best.kind == "none":
         return f"the optimal curve has no optimum ({best.status.partition(': ')[2]})"
@@ -191,8 +189,7 @@ def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float,
 # ---- richer studies ----
 
 
-@dataclass(frozen=True)
-class Richer:
+class Richer(NamedTuple):
     """A study that is richer than another in one source of error, and in what."""
 
     problem: Problem
@@ -225,20 +222,12 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     lacking = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
     if not lacking:
         return problem.with_effects(replace(Effects.of(problem), harmonics=harmonics))
-    return replace(problem, model=_model_with_stand_ins(problem, lacking), harmonics=harmonics)
-
-
-def _model_with_stand_ins(problem: Problem, harmonics: list[int]) -> Model:
-    model = problem.model
-    own, _ = model.folded_nodal_diameter(problem.engine_order)
-    bodies = {}
+    model, bodies = problem.model, {}
+    own, *others = (model.folded_nodal_diameter(problem.engine_order * l)[0] for l in (1, *lacking))
     for name, body in model.bodies.items():
-        bases = dict(body.bases)
-        if body.kind == "constrained":
-            for l in harmonics:
-                bases.setdefault(model.folded_nodal_diameter(problem.engine_order * l)[0], bases[own])
-        bodies[name] = replace(body, bases=bases)
-    return replace(model, bodies=bodies)
+        given = dict.fromkeys(others, body.bases[own]) if body.kind == "constrained" else {}
+        bodies[name] = replace(body, bases=given | dict(body.bases))
+    return replace(problem, model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer | str:

@@ -14,7 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,17 +48,9 @@ RICHEST, COMBINED, OWN = "richest", "combination", "the study"
 """What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
 
 
-def by_tracking(problem: Problem, preload: float, interval: tuple[float, float]) -> Curve:
-    """The highest point of a tracking curve that is complete."""
-    return whole_curve(problem, preload, interval, at_end=True)
-
-
-def by_peak(problem: Problem, preload: float, interval: tuple[float, float]) -> Peak:
-    """A scan that is complete, and the peak condition (:meth:`bdamper.Study.peak`)."""
-    return highest_peak(problem, preload, interval)
-
-
-QUANTITIES: dict[str, Solver] = {"curve": by_tracking, "peak": by_peak}
+by_tracking = partial(whole_curve, at_end=True)
+QUANTITIES: dict[str, Solver] = {"curve": by_tracking, "peak": highest_peak}
+"""The highest point of a tracking curve that is complete; a scan that is, and the peak condition."""
 
 
 @dataclass(frozen=True)
@@ -194,8 +187,7 @@ def _text(names: Sequence[str], values: Sequence[str]) -> str:
 # ---- what is varied ----
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """One value of what is varied: its name, and the settings of the study that it changes."""
 
     name: str
@@ -218,10 +210,8 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
     if name == "damper_modes":
         most = problem.most_modes("free")
         return [n for n in (0, 2, 4, 6) if n < most] + [most]
-    raise SettingError(
-        f"vary: expected a mapping of settings to values, or some of {(*DEFAULT, 'evaluation', 'damper_modes')}, "
-        f"found '{name}'"
-    )
+    known = (*DEFAULT, "evaluation", "damper_modes")
+    raise SettingError(f"vary: expected a mapping of settings to values, or some of {known}, found '{name}'")
 
 
 def make_ladders(problem: Problem, vary: Any) -> dict[str, list[Value]]:
@@ -432,11 +422,9 @@ def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:
     """The richest, each setting down by itself, then the cheapest sufficient values combined, richer until they suffice."""
     richest = runs.at(RICHEST, top)
     if not np.isfinite(richest.error):
-        text = _text(tuple(runs.ladders), richest.values)
+        text = f"{_text(tuple(runs.ladders), richest.values)}, at {runs.preload:g} N"
         why = f" ({richest.reason})" if richest.reason else ""
-        raise BdamperError(
-            f"no whole answer with the richest settings, {text}, at {runs.preload:g} N{why}: give poorer ones in vary"
-        )
+        raise BdamperError(f"no whole answer with the richest settings, {text}{why}: give poorer ones in vary")
     place, error = dict(top), {}
     for name in top:
         error[name, top[name]] = 0.0

@@ -134,7 +134,7 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
         )
 
 
-TOLERANCE = 1e-10
+EQUILIBRIUM = 1e-10
 """On modal equilibrium, relative to the modal load."""
 SHORTER = 0.5 ** np.arange(1, 10)
 """Fractions of a Newton step that are tried where the full step does not reduce the residual."""
@@ -261,7 +261,7 @@ def _step(
     stalls = 0
     for iteration in range(1, 61):
         norm = float(np.abs(r).max())
-        if norm <= TOLERANCE * size or stalls == STALLS:
+        if norm <= EQUILIBRIUM * size or stalls == STALLS:
             return q, status, iteration, norm / size
         dq = _solve(_jacobian(system, G, status, (G @ q).reshape(-1, 3) + shift), -r)
         trial = q + dq
@@ -307,7 +307,7 @@ def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDAr
             r = system.stiffness * trial + G.T @ F.ravel() - force
             total = r + D @ (trial - q) / dt
             iterations += 1
-            if float(np.abs(total).max()) <= 0.1 * TOLERANCE * size:
+            if float(np.abs(total).max()) <= 0.1 * EQUILIBRIUM * size:
                 break
             x = (G @ trial).reshape(-1, 3) + shift
             trial = trial + _solve(_jacobian(system, G, status, x) + D / dt, -total)
@@ -317,7 +317,7 @@ def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDAr
                 break
             continue
         q, w, norm = trial, slider, float(np.abs(r).max()) / size
-        if norm <= TOLERANCE:
+        if norm <= EQUILIBRIUM:
             return q, w, iterations, norm
         dt *= 2.0 if k < 6 else 1.0
     return q, w, iterations, norm
@@ -381,9 +381,9 @@ def static_state(
         for first_status in tries.values():
             q, status, tried, residual = _step(system, at, state.q, state.slider, first_status, first)
             iterations += tried
-            if residual <= TOLERANCE:
+            if residual <= EQUILIBRIUM:
                 break
-        if not residual <= TOLERANCE:
+        if not residual <= EQUILIBRIUM:
             fraction *= 0.5
             if fraction >= 0.1 / steps:
                 continue
@@ -391,7 +391,7 @@ def static_state(
             now = min(1.0, done + fraction)
             at = first + now * target
             q, before, iterations, residual = _creep(system, at, state)
-            if not residual <= TOLERANCE:
+            if not residual <= EQUILIBRIUM:
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
         else:
@@ -430,7 +430,7 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     force, _, _, closing = _law(system, x, ratio * state.slider)
     r = system.stiffness * (ratio * state.q) + system.G.reshape(-1, len(state.q)).T @ force.ravel() - load * system.force
     residual = float(np.abs(r).max(initial=0.0)) / max(load * float(np.abs(system.force).max(initial=0.0)), 1e-300)
-    if not residual <= TOLERANCE:
+    if not residual <= EQUILIBRIUM:
         return None
     slider = np.where((state.status == OPEN) | (system.kt == 0.0), x[:, :2], ratio * state.slider)
     return replace(

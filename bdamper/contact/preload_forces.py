@@ -31,6 +31,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from bdamper.contact.preload import STICK, law_tangent, limited_forces
+from bdamper.model.checks import require
 from bdamper.model.coupling import Coupling
 from bdamper.util.errors import ModelError
 from bdamper.util.repr import brief
@@ -310,10 +311,8 @@ def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution
         _refuse_without_equilibrium(problem)
         F, eta, status, ok, rest = solver.creep()
     if not ok:
-        raise ModelError(
-            "static contact: the states of the points did not settle; give the contact stiffness or finite element contact "
-            "forces instead"
-        )
+        instead = "give the contact stiffness or finite element contact forces instead"
+        raise ModelError(f"static contact: the states of the points did not settle; {instead}")
     motion = solver.motion(F, eta)
     return StaticContactSolution(F, motion, eta, status, certify(problem, F, motion, rest, 1e-3 * solver.unit_force))
 
@@ -362,12 +361,9 @@ def least_imbalance(problem: StaticContactProblem) -> float:
 
 
 def _refuse_without_equilibrium(problem: StaticContactProblem) -> None:
-    missing = least_imbalance(problem)
-    if missing > 1e-9:
-        raise ModelError(
-            "static contact: expected contact forces with N >= 0, |T| <= mu N in equilibrium with the load, found that "
-            f"the best of them miss it by {100 * missing:.3g} %: the body slides away"
-        )
+    missing, expected = least_imbalance(problem), "contact forces with N >= 0, |T| <= mu N in equilibrium with the load"
+    found = f"that the best of them miss it by {100 * missing:.3g} %: the body slides away"
+    require(missing <= 1e-9, "static contact", expected, found)
 
 
 def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) -> StaticContactProblem:

@@ -32,9 +32,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from bdamper.model.checks import require
 from bdamper.model.coupling import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validate
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.repr import brief
 
 MARGIN = 0.1
@@ -126,22 +127,17 @@ def check_definite(flexibility: NDArray, what: str) -> NDArray:
     ModelError
         If the flexibility is not positive semi-definite, with its smallest eigenvalue.
     """
-    size = np.sqrt(np.maximum(np.diag(flexibility).real, 0.0))
-    if not (size > 0.0).all():
-        worst = float(np.diag(flexibility).real.min())
-        raise ModelError(
-            f"{what}: expected a positive flexibility at every contact point, found {worst:.3g} m/N; the retained modes "
-            "are softer than the full model"
-        )
+    own = np.diag(flexibility).real
+    found = f"{own.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
+    require((own > 0.0).all(), what, "a positive flexibility at every contact point", found)
+    size = np.sqrt(own)
     scaled = flexibility / size[:, None] / size
     try:
         return scipy.linalg.cholesky(scaled + ROUNDING * np.eye(len(size)), lower=True)
     except np.linalg.LinAlgError:
         lowest = float(np.linalg.eigvalsh(scaled)[0])
-        raise ModelError(
-            f"{what}: expected a positive semi-definite matrix, found an eigenvalue of {lowest:.3g} times the flexibility "
-            "of a point; modes and static flexibility do not belong together"
-        ) from None
+        found = f"an eigenvalue of {lowest:.3g} times the flexibility of a point; modes and static flexibility do not"
+        raise mismatch(what, "a positive semi-definite matrix", f"{found} belong together") from None
 
 
 def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDArray, NDArray]:

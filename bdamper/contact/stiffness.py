@@ -32,10 +32,11 @@ from numpy.typing import NDArray
 
 from bdamper.contact.preload_forces import solve_static_contact, static_contact_problem
 from bdamper.contact.residual_modes import ResidualModes, ResidualSet
+from bdamper.model.checks import require
 from bdamper.model.coupling import Coupling
 from bdamper.model.model import ContactStiffness
 from bdamper.util import validate
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -78,11 +79,9 @@ class StiffnessReport:
     note: str = ""
 
     def __str__(self) -> str:
+        rows = zip(("t1", "t2", "n"), self.median, self.smallest, self.largest, self.fallback)
         parts = [
-            f"{axis}: {median:.3g} ({low:.3g}..{high:.3g}), {count} of {self.n_points} fell back"
-            for axis, median, low, high, count in zip(
-                ("t1", "t2", "n"), self.median, self.smallest, self.largest, self.fallback
-            )
+            f"{name}: {k:.3g} ({low:.3g}..{high:.3g}), {n} of {self.n_points} fell back" for name, k, low, high, n in rows
         ]
         note = f"\n  {self.note}" if self.note else ""
         return f"{self.interface}, {self.source}, N/m: " + "; ".join(parts) + note
@@ -126,9 +125,8 @@ def report(interface: str, contact: ContactStiffness, note: str = "") -> Stiffne
     """Summary of the stiffness of one interface."""
     k = contact.stiffness
     fallback = np.zeros(3, int) if contact.fallback is None else contact.fallback.sum(axis=0)
-    return StiffnessReport(
-        interface, contact.source, len(k), fallback, k.min(axis=0), np.median(k, axis=0), k.max(axis=0), note
-    )
+    spread = k.min(axis=0), np.median(k, axis=0), k.max(axis=0)
+    return StiffnessReport(interface, contact.source, len(k), fallback, *spread, note)
 
 
 def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
@@ -152,11 +150,9 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
     for axis in range(3):
         give = block[:, axis, :, axis] @ area
         ok = give > 0.0
-        if not ok.any():
-            raise ModelError(
-                f"residual flexibility along axis {axis}: expected a positive displacement under a uniform traction, "
-                f"found at most {give.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
-            )
+        item, expected = f"residual flexibility along axis {axis}", "a positive displacement under a uniform traction"
+        found = f"at most {give.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
+        require(ok.any(), item, expected, found)
         fallback[:, axis] = ~ok
         give[~ok] = np.median(give[ok] / area[ok]) * area[~ok]
         stiffness[:, axis] = area / give
@@ -345,18 +341,18 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
         problem = static_contact_problem(coupling)
         given, load = problem.rigid.T @ out.ravel(), problem.load
         worst = float(np.abs(given - load).max() / max(float(np.abs(load).max()), 1e-300))
-        if worst > OUT_OF_BALANCE:
-            raise ModelError(
-                f"static contact forces of the model: expected equilibrium with a load of 1 N within {OUT_OF_BALANCE:.0%}, "
-                f"found a difference of {worst:.3g} times the load"
-            )
+        expected, found = (
+            f"equilibrium with a load of 1 N within {OUT_OF_BALANCE:.0%}",
+            f"a difference of {worst:.3g} times the load",
+        )
+        require(worst <= OUT_OF_BALANCE, "static contact forces of the model", expected, found)
         return out
     only_faces = replace(coupling, interfaces=faces)
     rows = coupling.friction_rows
     problem = static_contact_problem(only_faces, friction[rows])
     solution = solve_static_contact(problem)
-    if solution.certificate.worst > CERTIFIED:
-        raise ModelError(f"static contact: expected violations below {CERTIFIED:g}, found {solution.certificate}")
+    good = solution.certificate.worst <= CERTIFIED
+    require(good, "static contact", f"violations below {CERTIFIED:g}", solution.certificate)
     out[rows] = solution.force
     return out
 
@@ -374,11 +370,9 @@ def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
     eta = np.linalg.lstsq(full.rigid[at], (given.ravel() - elastic)[at], rcond=None)[0]
     rest = given.ravel() - elastic - full.rigid @ eta
     worst = float(np.linalg.norm(rest[at]) / max(float(np.linalg.norm((full.flexibility @ force.ravel())[at])), 1e-300))
-    if worst > OTHER_MODEL:
-        raise ModelError(
-            "static contact displacements of the model: expected those of its static flexibility under its contact forces "
-            f"within {OTHER_MODEL:.0%}, found a difference of {worst:.3g} times the deformation"
-        )
+    expected = f"those of its static flexibility under its contact forces within {OTHER_MODEL:.0%}"
+    found = f"a difference of {worst:.3g} times the deformation"
+    require(worst <= OTHER_MODEL, "static contact displacements of the model", expected, found)
     modal = full.flexibility - coupling.residual_flexibility(0).real
     # x = offset + Psi eta - R_modal F - (what is left out)
     left_out = full.offset.ravel() + full.rigid @ eta - modal @ force.ravel() - given.ravel()

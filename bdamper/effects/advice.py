@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from bdamper.effects.indicator import embed, estimate_or_unknown
+from bdamper.effects.indicator import embed, estimate_change
 from bdamper.effects.richer import Change, Tops, ask, compare, whole_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.effects import AXES, Effects
@@ -266,7 +266,7 @@ class _Reference:
         work = _work(system) / self.work
         if self.curve.point_kind[top.index] == "maximum":  # elsewhere the amplitude is not stationary along the curve
             y = np.append(self.curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
-            e = estimate_or_unknown(system, embed(self.problem, leaner, self.preload, y))
+            e = estimate_change(system, embed(self.problem, leaner, self.preload, y))
             if e.size <= tolerance:
                 return EffectAdvice(name, on, e.amplitude, e.frequency, e.defect, "estimated", work)
         found = self.computed(leaner)

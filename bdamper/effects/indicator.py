@@ -102,6 +102,8 @@ def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
 def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None = None) -> Estimate:
     """Change of the peak from the point ``y`` to the solutions of a system that ``y`` does not solve.
 
+    It is unknown where the equations of the system are not finite.
+
     Parameters
     ----------
     system : HarmonicSystem
@@ -110,8 +112,11 @@ def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None
     residual : (n_unknowns,) float, optional
         Of equations that differ from those of the system a little, at ``y``; the system's own by default.
     """
-    n = system.n_unknowns
-    r, J, r_omega = system.evaluate(y[:-1], y[-1])
+    n, unknown = system.n_unknowns, Estimate(np.nan, np.nan, np.inf, y)
+    try:
+        r, J, r_omega = system.evaluate(y[:-1], y[-1])
+    except FloatingPointError:
+        return unknown
     r = r if residual is None else residual
     grow, turn, amplitude = amplitude_and_phase(system, y[:-1])
     B = np.zeros((n + 1, n + 1))
@@ -138,14 +143,6 @@ def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None
     new = y + step * columns
     again = np.empty(n)
     if not new[-1] > 0.0 or system.core.evaluate(new, again) != OK:
-        return Estimate(np.nan, np.nan, np.inf, y)
+        return unknown
     missed = (np.append(again, 0.0) * rows) @ dual
     return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new)
-
-
-def estimate_or_unknown(system: HarmonicSystem, y: NDArray) -> Estimate:
-    """:func:`estimate_change`, unknown where the equations of the system are not finite."""
-    try:
-        return estimate_change(system, y)
-    except FloatingPointError:
-        return Estimate(np.nan, np.nan, np.inf, y)

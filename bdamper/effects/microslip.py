@@ -133,12 +133,6 @@ def microslip(
         reached.append(float(force))
     closed = np.array([np.mean(s.status[:, 0] != OPEN) for s in states])
     slips = [((s.status == SLIP_PLUS) | (s.status == SLIP_MINUS)).any(axis=1).mean() for s in states]
-    return Microslip(
-        float(preload),
-        np.array(reached),
-        np.array([d.real @ (s.q - seat.q) for s in states]),
-        np.array(slips) / np.maximum(closed, 1e-300),
-        1.0 - closed,
-        np.array([s.residual for s in states]),
-        state.converged,
-    )
+    moved, residual = (np.array(x) for x in zip(*((d.real @ (s.q - seat.q), s.residual) for s in states)))
+    slipping = np.array(slips) / np.maximum(closed, 1e-300)
+    return Microslip(float(preload), np.array(reached), moved, slipping, 1.0 - closed, residual, state.converged)

@@ -319,9 +319,8 @@ class _Rows:
         if body.kind != "constrained":
             d, conjugate = 0, False
         if d not in chosen.modes:
-            raise SettingError(
-                f"stress set '{chosen.name}': harmonic {harmonic} needs nodal diameter {d}, it has {sorted(chosen.modes)}"
-            )
+            needed = f"harmonic {harmonic} needs nodal diameter {d}, it has {sorted(chosen.modes)}"
+            raise SettingError(f"stress set '{chosen.name}': {needed}")
         basis, S, A = body.bases[d], chosen.modes[d], chosen.contact.get(d)
         if conjugate:
             basis, S, A = basis.conjugate(), S.conj(), None if A is None else A.conj()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -419,8 +419,7 @@ class LeastMargin:
         return of_solutions(problem, curve, found, self.material, rule, self.sets)
 
 
-@dataclass(frozen=True)
-class _Point:
+class _Point(NamedTuple):
     """A solution by itself."""
 
     y: NDArray

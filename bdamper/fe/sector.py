@@ -68,10 +68,8 @@ class SectorFE:
     def cyclic(self, nodal_diameter: int) -> CyclicSector:
         """The sector at one nodal diameter, 0 to ``n_blades // 2``."""
         if not 0 <= nodal_diameter <= self.geometry.n_blades // 2:
-            raise ValueError(
-                f"nodal diameter must be 0 to {self.geometry.n_blades // 2}, not {nodal_diameter}; "
-                "larger ones are complex conjugates of these"
-            )
+            larger = f"not {nodal_diameter}; larger ones are complex conjugates of these"
+            raise ValueError(f"nodal diameter must be 0 to {self.geometry.n_blades // 2}, {larger}")
         if not self.keep_factors:
             for d, other in self._cyclic.items():
                 if d != nodal_diameter:

@@ -60,11 +60,7 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
     section = [(-2.0 * g.camber / 3.0, sense * 0.5 * chord) for sense in (-1.0, 1.0)]
     section += [(g.camber / 3.0 + sense * 0.5 * thickness, 0.0) for sense in (-1.0, 1.0)]
     places = [[c * x + s * z, y, c * z - s * x] for x, z in section]
-    middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + _underside_at_shank(g))
+    underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # where it meets the shank
+    middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + underside)
     places += [[sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length] for sx in (-1, 1) for sz in (-1, 0, 1)]
     return np.array([body.nearest_node(np.array(place)) for place in places])
-
-
-def _underside_at_shank(g: Geometry) -> float:
-    """Radius (m) at which the underside of the platform meets the shank."""
-    return float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])

@@ -303,17 +303,10 @@ def _told(progress: bool | None, bodies: Mapping[str, PreparedBody], ring: Ring,
 
 
 def _reduced(
-    bodies: Mapping[str, PreparedBody],
-    laid: LaidContacts,
-    places: Mapping[str, tuple[str, int]],
-    counts: Mapping[str, int],
-    damping_ratio: float,
-    ring: Ring,
-    fixed: NodeSet | None,
-    wheel: NodeSet | None,
-    shapes: LocalSizes | None,
-    rows: Sequence[StressRows],
-) -> dict[str, Body]:
+    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, int]],
+    counts: Mapping[str, int], damping_ratio: float, ring: Ring, fixed: NodeSet | None, wheel: NodeSet | None,
+    shapes: LocalSizes | None, rows: Sequence[StressRows],
+) -> dict[str, Body]:  # fmt: skip
     """All bodies with their modes, by the way that the numbers given for each of them allow."""
     made = {}
     for name, body in bodies.items():
@@ -335,14 +328,9 @@ def _reduced(
 
 
 def _assembled(
-    bodies: Mapping[str, PreparedBody],
-    laid: LaidContacts,
-    places: Mapping[str, tuple[str, int]],
-    made: Mapping[str, Body],
-    rows: Sequence[StressRows],
-    n_blades: int,
-    check_units: bool,
-) -> BuiltModel:
+    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, int]],
+    made: Mapping[str, Body], rows: Sequence[StressRows], n_blades: int, check_units: bool,
+) -> BuiltModel:  # fmt: skip
     """The model and its report."""
     if check_units:
         for name, body in bodies.items():

@@ -315,7 +315,7 @@ def _warn_of_misfit(contact: ContactFaces, means: PatchMeans, area_a: float, are
 def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:
     vectors = area_vectors(facets, nodes)
     weight = np.linalg.norm(vectors, axis=1)
-    middle = np.array([nodes[c].mean(axis=0) for c in facets.corners()])
+    middle = np.concatenate([nodes[c].mean(axis=1) for c in facets.corners])
     total = vectors.sum(axis=0)
     return weight @ middle / max(weight.sum(), 1e-300), total / max(np.linalg.norm(total), 1e-300)
 

@@ -133,11 +133,9 @@ def _flexibility(body: PreparedBody, contact: sp.csr_matrix, d: int) -> NDArray 
 
 
 def _by_diameter(body: PreparedBody) -> dict[int, Modes]:
-    out: dict[int, Modes] = {}
-    for modes in body.given.modes:
-        body.require(modes.nodal_diameter not in out, "modes", "each nodal diameter once", f"{modes.nodal_diameter} twice")
-        out[modes.nodal_diameter] = modes
-    return out
+    diameters = [modes.nodal_diameter for modes in body.given.modes]
+    body.require(len(set(diameters)) == len(diameters), "modes", "each nodal diameter once", diameters)
+    return dict(zip(diameters, body.given.modes))
 
 
 def _normalised(

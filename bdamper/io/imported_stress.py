@@ -91,9 +91,8 @@ def _solids(body: PreparedBody, nodes: NDArray, elasticity: Sequence[float] | No
 
     constants = None if elasticity is None else validate.numbers("elasticity", elasticity, 2)
     kinds = body.given.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in body.elements)
-    body.require(
-        len(kinds) == len(body.elements), "element_kinds", f"one for each of {len(body.elements)} arrays", len(kinds)
-    )
+    n = len(body.elements)
+    body.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))
     modulus, out = body.place.units.mass / body.place.units.length, []
     for kind, elements in zip(kinds, body.elements):
         if not np.isin(elements, nodes).any():

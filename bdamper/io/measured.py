@@ -95,10 +95,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         """
         unit = self.unit.strip().lower().replace("\u00b5", "u").replace("\u03bc", "u")
         if unit not in LENGTHS:
-            raise SettingError(
-                f"measurement '{self.name}': expected displacements in one of {tuple(u for u in LENGTHS if u)} or a scale "
-                f"to metres (scale=...), found the unit '{self.unit}'"
-            )
+            expected = f"displacements in one of {tuple(u for u in LENGTHS if u)} or a scale to metres (scale=...)"
+            raise SettingError(f"measurement '{self.name}': expected {expected}, found the unit '{self.unit}'")
         return LENGTHS[unit]
 
     def __str__(self) -> str:
@@ -317,11 +315,6 @@ def goodness_of_fit(load: NDArray, predicted: NDArray, measured_load: NDArray, m
     value = np.interp(at[inside], x, y)
     deviation = value / reference - 1.0
     scatter = float(np.sum((reference - reference.mean()) ** 2))
-    return Fit(
-        points=int(inside.sum()),
-        outside=int((~inside).sum()),
-        rms=float(np.sqrt(np.mean(deviation**2))),
-        bias=float(deviation.mean()),
-        largest=float(np.abs(deviation).max()),
-        r_squared=1.0 - float(np.sum((value - reference) ** 2)) / scatter if scatter > 0.0 else np.nan,
-    )
+    rms, largest = float(np.sqrt(np.mean(deviation**2))), float(np.abs(deviation).max())
+    r_squared = 1.0 - float(np.sum((value - reference) ** 2)) / scatter if scatter > 0.0 else np.nan
+    return Fit(int(inside.sum()), int((~inside).sum()), rms, float(deviation.mean()), largest, r_squared)

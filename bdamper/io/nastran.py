@@ -58,8 +58,7 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
             stored = sp.coo_matrix(data)
             full = triangle_to_full(stored.row, stored.col, stored.data, data.shape[0])
             out[name] = square_matrix(full, f"{path}: {name}")
-    if not out:
-        raise mismatch(str(path), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
+    require(bool(out), str(path), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
     return out
 
 
@@ -91,8 +90,7 @@ def read_bdf(path: Path) -> FEBody:
     else:  # bulk data alone, with or without the lines around them
         cards = re.split(r"^\s*BEGIN\s+BULK.*$", text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
         model.read_bdf(StringIO(cards), punch=True, xref=False)
-    if not model.nodes:
-        raise mismatch(str(path), "grid points (GRID)", "none")
+    require(bool(model.nodes), str(path), "grid points (GRID)", "none")
     labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
     numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
     require(np.isfinite(nodes).all(), f"{path}: GRID", "finite positions", "others")
@@ -133,9 +131,9 @@ def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int
         axes = np.array(system.beta(), float)
         if system.type in ("CORD1C", "CORD2C"):
             radial = axes @ (position - np.asarray(system.origin, float)) * [1.0, 1.0, 0.0]
-            if not np.linalg.norm(radial) > 0.0:
-                raise mismatch(f"GRID {number}", "a place off the axis of its cylindrical axes", "one on it")
-            r = radial / np.linalg.norm(radial)
+            length = np.linalg.norm(radial)
+            require(length > 0.0, f"GRID {number}", "a place off the axis of its cylindrical axes", "one on it")
+            r = radial / length
             axes = np.array([r, np.cross([0.0, 0.0, 1.0], r), [0.0, 0.0, 1.0]]) @ axes
         elif system.type not in ("CORD1R", "CORD2R"):
             raise mismatch(f"GRID {number}", "rectangular or cylindrical axes of displacement", system.type)
@@ -154,14 +152,13 @@ def _with_dmig(body: FEBody, model: Any, source: str) -> FEBody:
         matrix, rows, columns = model.dmig[name].get_matrix(is_sparse=True, apply_symmetry=True)
         own, other = (np.array([table[k] for k in range(len(table))], np.int64) for table in (rows, columns))
         tables.append((own, other, sp.coo_matrix(matrix)))
-    dofs = np.unique(np.concatenate([t for own, other, _ in tables for t in (own, other)]), axis=0)
-    index = {pair: k for k, pair in enumerate(map(tuple, dofs.tolist()))}
-    n = len(dofs)
+    pairs = [table for own, other, _ in tables for table in (own, other)]
+    dofs, index = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
+    places = np.split(np.ravel(index), np.cumsum([len(table) for table in pairs])[:-1])
     made = []
-    for own, other, matrix in tables:
-        row = np.array([index[tuple(p)] for p in own.tolist()])[matrix.row]
-        column = np.array([index[tuple(p)] for p in other.tolist()])[matrix.col]
-        made.append(square_matrix(triangle_to_full(row, column, matrix.data.real, n), source))
+    for (*_, matrix), own, other in zip(tables, places[::2], places[1::2]):
+        full = triangle_to_full(own[matrix.row], other[matrix.col], matrix.data.real, len(dofs))
+        made.append(square_matrix(full, source))
     return _without_empty(replace(body, stiffness=made[0], mass=made[1], dofs=dofs))
 
 
@@ -207,9 +204,8 @@ def read_nastran(
         for path, name in zip((stiffness, mass or stiffness), names):
             content = read_op4(path)
             require(name in content, str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
-            if content[name].shape[0] != rows:
-                wanted = f"{rows} rows: six for each of {len(body.numbers)} grid points"
-                raise mismatch(str(path), wanted, content[name].shape[0])
+            wanted = f"{rows} rows: six for each of {len(body.numbers)} grid points"
+            require(content[name].shape[0] == rows, str(path), wanted, content[name].shape[0])
             found.append(content[name])
         ordered = np.sort(body.numbers)
         dofs = np.column_stack([np.repeat(ordered, 6), np.tile(np.arange(1, 7), len(ordered))])
@@ -240,8 +236,7 @@ def read_op2(
     op2 = _library("pyNastran.op2.op2", "OP2")
     model = op2(debug=None)
     model.read_op2(str(path), build_dataframe=False, skip_undefined_matrices=True)
-    if not model.eigenvectors:
-        raise mismatch(str(path), "eigenvectors", "none")
+    require(bool(model.eigenvectors), str(path), "eigenvectors", "none")
     cases = {(key[0] if isinstance(key, tuple) else key): value for key, value in model.eigenvectors.items()}
     if subcase is None:
         subcase = sorted(cases)[0]

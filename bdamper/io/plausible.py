@@ -23,14 +23,10 @@ def ratio_in_words(ratio: float) -> str | None:
         "2 pi: hertz against radians per second": 2.0 * np.pi,
         "1/(2 pi): radians per second against hertz": 0.5 / np.pi,
     }
-    for k in range(-12, 13):
-        if k != 0:
-            words = f"10^{k // 2}" if k % 2 == 0 else f"10^({k}/2)"
-            candidates[f"{words}: units of length, mass or force (mm and m, t and kg)"] = 10.0 ** (0.5 * k)
-    for words, value in candidates.items():
-        if abs(ratio / value - 1.0) < 0.02:
-            return words
-    return None
+    for k in (k for k in range(-12, 13) if k != 0):
+        power = f"10^{k // 2}" if k % 2 == 0 else f"10^({k}/2)"
+        candidates[f"{power}: units of length, mass or force (mm and m, t and kg)"] = 10.0 ** (0.5 * k)
+    return next((words for words, value in candidates.items() if abs(ratio / value - 1.0) < 0.02), None)
 
 
 def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: str) -> float:
@@ -101,13 +97,11 @@ def check_radial(body: PreparedBody, n_blades: int) -> None:
         return
     angle = np.rad2deg(np.arctan2(x, y))
     if abs(angle) > limit:
-        along = body.place.rotation.T @ [x, y, 0.0] / np.hypot(x, y)
-        raise body.error(
-            "radial",
-            f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
-            f"({', '.join(f'{a:.3g}' for a in along)}) in the axes of the file",
-            f"({', '.join(f'{r:.3g}' for r in body.place.radial)}), {abs(angle):.3g} degrees off",
-        )
+        middle, given = body.place.rotation.T @ [x, y, 0.0] / np.hypot(x, y), body.place.radial
+        middle_text, given_text = (f"({', '.join(f'{a:.3g}' for a in axis)})" for axis in (middle, given))
+        expected = f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
+        expected += f"{middle_text} in the axes of the file"
+        raise body.error("radial", expected, f"{given_text}, {abs(angle):.3g} degrees off")
     body.checks.append(f"{body.name}: the middle of the sector stands {abs(angle):.2g} degrees from radial")
 
 
@@ -142,15 +136,9 @@ def wave_speed(body: PreparedBody) -> float:
 
 
 def _check_within(
-    body: PreparedBody,
-    item: str,
-    what: str,
-    limits: tuple[float, float],
-    value: float,
-    unit: str,
-    hint: str,
+    body: PreparedBody, item: str, what: str, limits: tuple[float, float], value: float, unit: str, hint: str,
     digits: int = 4,
-) -> None:
+) -> None:  # fmt: skip
     """Refuse a quantity beyond its limits, with the mistaken unit that explains it."""
     if not limits[0] <= value <= limits[1]:
         given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")

@@ -30,21 +30,8 @@ BODIES: dict[str, Callable[[FilePath], Any]] = {}
 
 # Exceptions that damaged input causes in parsers and libraries.  Programming errors of this package (AttributeError,
 # NameError) pass unchanged; libraries that raise those too are read with ``library=True``.
-_CAUSES = (
-    OSError,
-    ValueError,
-    IndexError,
-    KeyError,
-    TypeError,
-    OverflowError,
-    MemoryError,
-    EOFError,
-    ArithmeticError,
-    struct.error,
-    zlib.error,
-    RecursionError,
-    NotImplementedError,
-)
+_CAUSES: tuple[type[Exception], ...] = (OSError, EOFError, MemoryError, RecursionError, ValueError, LookupError, TypeError)
+_CAUSES += (ArithmeticError, NotImplementedError, struct.error, zlib.error)
 
 LARGEST_COUNT = 200_000_000
 """Nodes, entries and so on beyond which a count in a file is taken for damage."""
@@ -53,53 +40,38 @@ MOST_EXPANDED = 1100
 """Deflate cannot compress by more than a factor of 1032: what claims to be larger is damage."""
 
 
-@contextmanager
-def reading(path: FilePath, expected: str, library: bool = False) -> Iterator[Path]:
-    """Turn failures in the block into a ModelError that names the file and what was expected of it.
-
-    Parameters
-    ----------
-    path : path-like
-    expected : str
-        What the file should be, for the message.
-    library : bool
-        Whether a foreign library reads: then every exception is turned.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ModelError
-    """
-    source = Path(path)
-    if not source.is_file():
-        raise FileNotFoundError(f"there is no file '{source}'")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield source
-    except SystemExit as error:
-        raise mismatch(str(source), expected, "the library ended the program") from error
-    except Exception as error:
-        if isinstance(error, BdamperError) or not (library or isinstance(error, _CAUSES)):
-            raise
-        found = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        raise mismatch(str(source), expected, found) from error
-
-
 def reader(
     expected: str, *endings: str, library: bool = False
 ) -> Callable[[Callable[Concatenate[Path, P], T]], Callable[Concatenate[FilePath, P], T]]:
-    """Decorate a function that reads one kind of file, parameters as in :func:`reading`.
+    """Decorate a function that reads one kind of file: failures become a ModelError.
 
-    With ``endings`` it returns an :class:`bdamper.io.FEBody` and reads files whose names end so.
+    Parameters
+    ----------
+    expected : str
+        What the file should be, for the message.
+    endings : str
+        If given, the function returns an :class:`bdamper.io.FEBody` and reads files whose names end so.
+    library : bool
+        Whether a foreign library reads: then every exception is turned.
     """
 
     def decorate(function: Callable[Concatenate[Path, P], T]) -> Callable[Concatenate[FilePath, P], T]:
         @wraps(function)
         def read(path: FilePath, *args: P.args, **keywords: P.kwargs) -> T:
-            with reading(path, expected, library) as source:
-                return function(source, *args, **keywords)
+            source = Path(path)
+            if not source.is_file():
+                raise FileNotFoundError(f"there is no file '{source}'")
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    return function(source, *args, **keywords)
+            except SystemExit as error:
+                raise mismatch(str(source), expected, "the library ended the program") from error
+            except Exception as error:
+                if isinstance(error, BdamperError) or not (library or isinstance(error, _CAUSES)):
+                    raise
+                found = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+                raise mismatch(str(source), expected, found) from error
 
         BODIES.update(dict.fromkeys(endings, read))
         return read  # type: ignore[return-value]  # the path may be given by its name, too

@@ -39,16 +39,10 @@ def strained_share(body: PreparedBody) -> float | None:
     return float((ratio.max(axis=1) > BOUNDS.rigid_force).mean())
 
 
-def _listed(body: PreparedBody) -> NDArray:
-    """(n_eq, 2) nodes and components of the rows as they are given, or as they count without a table."""
-    if body.given.dofs is not None:
-        return np.asarray(body.given.dofs)
-    return np.stack([np.repeat(body.given.numbers, 3), np.tile([1, 2, 3], len(body.nodes))], axis=1)
-
-
 def _order_that_fits(body: PreparedBody) -> str | None:
     """Another order of the rows in which rigid motions cost no force, in words."""
-    listed = _listed(body)
+    default = np.stack([np.repeat(body.given.numbers, 3), np.tile([1, 2, 3], len(body.nodes))], axis=1)
+    listed = default if body.given.dofs is None else np.asarray(body.given.dofs)
     place = body.index(listed[:, 0], "table of nodes and components")
     orders = {
         "component by component (all x, then all y, then all z)": np.lexsort((place, listed[:, 1])),

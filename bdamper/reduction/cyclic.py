@@ -57,10 +57,8 @@ def match_faces(nodes: NDArray, left: NDArray, right: NDArray, pitch: float, tol
     target = nodes[left] @ turn(pitch).T
     distance, index = cKDTree(nodes[right]).query(target)
     if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
-        raise ValueError(
-            f"sector faces do not match under rotation by {pitch:.6g} rad: "
-            f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
-        )
+        found = f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
+        raise ValueError(f"sector faces do not match under rotation by {pitch:.6g} rad: {found}")
     return right[index]
 
 
@@ -103,12 +101,7 @@ def cyclic_transformation(
     phase = sector_phase(n_sectors, nodal_diameter)
     keep = column[left] >= 0
     rows, columns = np.concatenate([free, right[keep]]), np.concatenate([column[free], column[left[keep]]])
-    blocks = np.concatenate(
-        [
-            np.broadcast_to(np.eye(3), (len(free), 3, 3)),
-            np.broadcast_to(phase * turn(2.0 * np.pi / n_sectors), (keep.sum(), 3, 3)),
-        ]
-    )
+    blocks = np.repeat([np.eye(3), phase * turn(2.0 * np.pi / n_sectors)], [len(free), keep.sum()], axis=0)
     order = np.argsort(rows, kind="stable")
     pointer = np.searchsorted(rows[order], np.arange(n_nodes + 1))
     t = sp.bsr_matrix((blocks[order], columns[order], pointer), shape=(3 * n_nodes, 3 * len(free))).tocsr()

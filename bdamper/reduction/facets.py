@@ -50,9 +50,10 @@ class Facets:
         """The facets one by one."""
         return [row for group in self.groups for row in group]
 
+    @property
     def corners(self) -> list[NDArray]:
-        """The corners of each facet."""
-        return [row[: corner_count(len(row))] for row in self.each()]
+        """The corners (n, 3 | 4) of the facets of each group."""
+        return [group[:, : corner_count(group.shape[1])] for group in self.groups]
 
     def flipped(self) -> Facets:
         """The same facets seen from the other side."""
@@ -66,29 +67,23 @@ def corner_count(n_nodes: int) -> int:
 
 def _reverse(group: NDArray) -> NDArray:
     n = corner_count(group.shape[1])
-    corners = group[:, np.r_[0, n - 1 : 0 : -1]]
-    if group.shape[1] == n:
-        return corners
-    return np.hstack([corners, group[:, np.arange(2 * n - 1, n - 1, -1)]])
+    return np.hstack([group[:, :1], group[:, n - 1 : 0 : -1], group[:, n:][:, ::-1]])
 
 
 def area_vectors(facets: Facets, nodes: NDArray) -> NDArray:
     """Area times outward normal (n, 3) of each facet (of its corners), m2."""
     out = []
-    for group in facets.groups:
-        x = nodes[group[:, : corner_count(group.shape[1])]]
-        if x.shape[1] == 3:
-            out.append(0.5 * np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]))
-        else:
-            out.append(0.5 * np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]))
+    for x in (nodes[corners] for corners in facets.corners):
+        # a triangle is half the parallelogram of two edges, a quadrilateral half that of its diagonals
+        a, b = (x[:, 0], x[:, 1]) if x.shape[1] == 4 else (x[:, 0], x[:, 0])
+        out.append(0.5 * np.cross(x[:, -2] - a, x[:, -1] - b))
     return np.concatenate(out) if out else np.zeros((0, 3))
 
 
 def enclosed_volume(facets: Facets, nodes: NDArray) -> float:
     """Volume (m3) inside a closed surface, by the divergence theorem over triangles of its corners."""
     volume = 0.0
-    for group in facets.groups:
-        x = nodes[group[:, : corner_count(group.shape[1])]]
+    for x in (nodes[corners] for corners in facets.corners):
         for k in range(1, x.shape[1] - 1):
             volume += float(np.einsum("ij,ij->", x[:, 0], np.cross(x[:, k], x[:, k + 1]))) / 6.0
     return volume
@@ -154,10 +149,8 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
     distance = np.linalg.norm(nodes[between][None] - middle[:, None], axis=2)
     nearest = distance.argmin(axis=1)
     if np.any(distance.min(axis=1) > 0.3 * length) or len(np.unique(nearest)) < len(nearest):
-        raise ValueError(
-            f"no node between corners of the element face at {x.mean(axis=0)} m: the order of its corners, or a "
-            "missing node between them, does not fit an element of second order"
-        )
+        why = "the order of its corners, or a missing node between them, does not fit an element of second order"
+        raise ValueError(f"no node between corners of the element face at {x.mean(axis=0)} m: {why}")
     return np.concatenate([unique, between[nearest]])
 
 
@@ -165,8 +158,8 @@ def facets_on_nodes(boundary: Facets, wanted: NDArray) -> Facets:
     """The facets of a surface all of whose corners are among the nodes ``wanted`` (n,)."""
     wanted = np.asarray(wanted)
     groups = []
-    for group in boundary.groups:
-        on = np.isin(group[:, : corner_count(group.shape[1])], wanted).all(axis=1)
+    for group, corners in zip(boundary.groups, boundary.corners):
+        on = np.isin(corners, wanted).all(axis=1)
         if on.any():
             groups.append(group[on])
     return Facets(tuple(groups))

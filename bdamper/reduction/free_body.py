@@ -27,6 +27,7 @@ from typing import Generic, TypeVar
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.linalg import qr
 from scipy.sparse.linalg import SuperLU
 
 from bdamper.reduction.cyclic import factorise, fix_phase, lowest_modes
@@ -59,14 +60,8 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     candidates = np.concatenate([3 * a + np.arange(3), 3 * b + np.arange(3), 3 * c + np.arange(3)])
     motion = rigid_motions(nodes, nodes[a], np.eye(3)).reshape(-1, 6)[candidates]
     motion[:, 3:] /= np.linalg.norm(nodes[b] - nodes[a])
-    # Greedy choice of six independent rows, each the one least explained by those before.
-    chosen: list[int] = []
-    rest = motion.copy()
-    for _ in range(6):
-        k = int(np.argmax(np.linalg.norm(rest, axis=1)))
-        chosen.append(k)
-        unit = rest[k] / np.linalg.norm(rest[k])
-        rest = rest - np.outer(rest @ unit, unit)
+    # six independent rows, each the one least explained by those before
+    chosen = qr(motion.T, mode="r", pivoting=True)[1][:6]
     return np.sort(candidates[chosen])
 
 

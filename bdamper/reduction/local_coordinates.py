@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -98,8 +99,7 @@ class BladePart:
     step: Callable[[str], None] = lambda text: None
 
     def __post_init__(self) -> None:
-        inside = np.zeros(len(self.body.nodes), bool)
-        inside[self.nodes] = True
+        inside = self.inside
         coupled = abs(self.body.stiffness) + abs(self.body.mass)
         outside = np.repeat(~inside, 3) @ coupled > 0.0
         root = inside & outside.reshape(-1, 3).any(axis=1)
@@ -112,6 +112,11 @@ class BladePart:
         if len(self.own_dofs) < 12:
             raise ValueError(f"a blade of {len(self.own_dofs)} moving components besides its root")
 
+    @property
+    def inside(self) -> NDArray:
+        """(n_nodes,) bool: nodes of the blade."""
+        return np.isin(np.arange(len(self.body.nodes)), self.nodes)
+
     def check_on_blade(self, wanted: Wanted) -> None:
         """Contact points and locations are on the blade.
 
@@ -119,12 +124,10 @@ class BladePart:
         ------
         ValueError
         """
-        inside = np.zeros(len(self.body.nodes), bool)
-        inside[self.nodes] = True
-        if not inside[wanted.contact.indices // 3].all():
+        if not self.inside[wanted.contact.indices // 3].all():
             raise ValueError("contact points that are not on the blade")
         for name, node in wanted.locations.items():
-            if not inside[node]:
+            if not self.inside[node]:
                 raise ValueError(f"location '{name}', which is not on the blade")
 
     @cached_property
@@ -243,8 +246,7 @@ def damper_motion(ports: Sequence[Port], interfaces: Mapping[str, Interface]) ->
     return np.concatenate(motion), np.concatenate(sector)
 
 
-@dataclass(frozen=True)
-class StuckWheel:
+class StuckWheel(NamedTuple):
     """A tuned wheel in all static shapes of its contact forces, whose dampers stick on springs.
 
     Coordinates are those of cantilever modes, of static shapes of loads that are orthogonal in the flexibility which the
@@ -310,8 +312,7 @@ def stuck_loads(wheel: StuckWheel, dampers: tuple[NDArray, NDArray], n_sectors: 
     return np.asarray(wheel.loads @ shapes[:, : sizes.attachment])
 
 
-@dataclass(frozen=True)
-class LocalShapes:
+class LocalShapes(NamedTuple):
     """Shapes of all coordinates of a local basis, and what the disk adds to those of the root.
 
     Parameters

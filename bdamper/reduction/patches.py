@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -131,10 +132,8 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     total = vectors.sum(axis=0)
     area = np.linalg.norm(vectors, axis=1).sum()
     if not np.linalg.norm(total) > 0.5 * area:
-        raise ValueError(
-            "the normals of its facets do not point to one side: expected one face, with all facets seen from outside "
-            "counter-clockwise"
-        )
+        expected = "expected one face, with all facets seen from outside counter-clockwise"
+        raise ValueError(f"the normals of its facets do not point to one side: {expected}")
     n = total / np.linalg.norm(total)
     axial = np.array([0.0, 0.0, 1.0])
     t2 = n * n[2] - axial
@@ -251,8 +250,7 @@ def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
 # Patches over faces
 
 
-@dataclass(frozen=True)
-class _Flat:
+class _Flat(NamedTuple):
     """Facets of one body projected onto a plane: their nodes and their convex, counter-clockwise corners."""
 
     nodes: list[NDArray]
@@ -281,8 +279,7 @@ def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, wh
     return _Flat(rows, corners, low, high)
 
 
-@dataclass
-class _Piece:
+class _Piece(NamedTuple):
     polygon: NDArray
     a: int
     b: int
@@ -363,7 +360,7 @@ def _rectangles_in_plane(patches: Patches, nodes: NDArray, facets: Facets, what:
     origin, frame = patches.centre[0], patches.frame[0]
     height = np.abs((nodes - origin) @ frame[2])
     flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
-    groups = [g[flat_enough[g[:, : corner_count(g.shape[1])]].all(axis=1)] for g in facets.groups]
+    groups = [g[flat_enough[corners].all(axis=1)] for g, corners in zip(facets.groups, facets.corners)]
     flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
     cells: list[list[_Piece]] = []
     for i, (centre, size) in enumerate(zip(patches.centre, patches.size)):

@@ -101,22 +101,18 @@ def travelling_waves(
     real = shapes.real
     index: list[int] = []
     waves, errors = [], []
-    k = 0
-    while k < len(frequency):
+    for k in range(0, len(frequency), 2):
         if k + 1 == len(frequency) or abs(frequency[k + 1] - frequency[k]) > PAIR_TOLERANCE * frequency[k]:
             if k + 1 == len(frequency) and index:  # the partner of the last shape was not written
                 break
-            raise ValueError(
-                f"nodal diameter {d}: the shape of {frequency[k]:.6g} Hz has no partner of the same frequency, "
-                "and a real shape alone is no travelling wave"
-            )
+            alone = "no partner of the same frequency, and a real shape alone is no travelling wave"
+            raise ValueError(f"nodal diameter {d}: the shape of {frequency[k]:.6g} Hz has {alone}")
         a, b = forward[:, k], forward[:, k + 1]
         c = -np.vdot(b, a) / max(np.vdot(b, b).real, 1e-300)
         error = float(np.linalg.norm(a + c * b) / np.hypot(size[k], abs(c) * size[k + 1]))
         index.append(k)
         waves.append(real[:, k] + c * real[:, k + 1])
         errors.append(error)
-        k += 2
     found = np.array(errors)
     _refuse(found, frequency[np.array(index, int)], d, "the pair of shapes ")
     return Waves(np.array(index, int), np.array(waves).T, found, 0, len(index))
@@ -138,10 +134,9 @@ def _standing(frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray
 def _refuse(error: NDArray, frequency: NDArray, d: int, what: str) -> None:
     if len(error) and not error.max() <= PHASE_TOLERANCE:
         k = int(np.argmax(error))
-        raise ValueError(
-            f"nodal diameter {d}: {what}{frequency[k]:.6g} Hz does not repeat from one sector face to the other with the "
-            f"phase of a wave of this nodal diameter, in either direction (off by {100.0 * error[k]:.3g} %)"
-        )
+        why = "does not repeat from one sector face to the other with the phase of a wave of this nodal diameter"
+        off = f"in either direction (off by {100.0 * error[k]:.3g} %)"
+        raise ValueError(f"nodal diameter {d}: {what}{frequency[k]:.6g} Hz {why}, {off}")
 
 
 def farthest_pair(shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, nodal_diameter: int) -> int:

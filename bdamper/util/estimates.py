@@ -108,9 +108,7 @@ class ErrorEstimates(Summarised):
         for s in self.sources:
             change = f"amplitude {percent(s.amplitude, True)}, frequency {percent(s.frequency, True)}"
             miss = f", may miss {percent(s.uncertainty)}" if s.uncertainty > 0.05 * s.size else ""
-            lines.append(
-                f"  {s.source}: " + (f"{change}{miss} ({s.against})" if s.known else f"not estimated: {s.against}")
-            )
+            lines.append(f"  {s.source}: {f'{change}{miss} ({s.against})' if s.known else f'not estimated: {s.against}'}")
         return "\n".join(lines)
 
 

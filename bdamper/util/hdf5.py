@@ -144,11 +144,9 @@ def _read(cls: type[Storable], oldest: int, newest: int, path: FilePath) -> Stor
         made_with = Versions.stored(file.attrs)
         version = int(file.attrs.get("version", 0))
         if not oldest <= version <= newest:
-            known = f"{oldest} to {newest}" if oldest < newest else f"{newest}"
-            raise BdamperError(
-                f"{path}: expected version {known} of the format '{_text(file.attrs['format'])}', found version {version}, "
-                f"written by {made_with}"
-            )
+            known, kind = f"{oldest} to {newest}" if oldest < newest else f"{newest}", _text(file.attrs["format"])
+            found = f"version {version}, written by {made_with}"
+            raise BdamperError(f"{path}: expected version {known} of the format '{kind}', found {found}")
         return _take(cls, file, made_with)
 
 

@@ -12,6 +12,7 @@ from dataclasses import is_dataclass
 from difflib import get_close_matches
 from functools import wraps
 from numbers import Real
+from operator import ge, gt, le, lt
 from typing import Any, TypeVar
 
 import numpy as np
@@ -72,13 +73,8 @@ def number(
 ) -> float:
     """One finite number within limits, those of ``above`` and ``below`` excluded."""
     out = _plain_number(value)
-    if (
-        out is None
-        or (above is not None and not out > above)
-        or (least is not None and not out >= least)
-        or (below is not None and not out < below)
-        or (most is not None and not out <= most)
-    ):
+    limits = ((gt, above), (ge, least), (lt, below), (le, most))
+    if out is None or not all(holds(out, limit) for holds, limit in limits if limit is not None):
         kind = "a number" if above is not None and below is not None else "a finite number"
         words = (kind, _limits(above, least, below, most, unit))
         raise unfit(name, " ".join(word for word in words if word), value)

@@ -157,7 +157,7 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
 
     track = richer.track
     monkeypatch.setattr(richer, "track", none)
-    monkeypatch.setattr(module, "estimate_or_unknown", lambda system, y: Estimate(np.nan, np.nan, np.inf, y))
+    monkeypatch.setattr(module, "estimate_change", lambda system, y: Estimate(np.nan, np.nan, np.inf, y))
     reference = module._Reference(full, Effects.of(full), PRELOAD, INTERVAL)
     row = reference.row("separation", Effects.of(full), TOLERANCE)
     assert (row.source, row.verdict, row.size) == ("unknown", "keep", np.inf)

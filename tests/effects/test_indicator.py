@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.effects.indicator import Estimate, embed, estimate_change, estimate_or_unknown
+from bdamper.effects.indicator import Estimate, embed, estimate_change
 from bdamper.peaks.newton import find_peak
 from bdamper.problem.effects import Effects
 from tests import models
@@ -89,5 +89,5 @@ def test_the_size_of_an_estimate_is_what_it_may_be_at_most():
 
 
 def test_an_estimate_outside_the_equations_is_none(full, peak):
-    e = estimate_or_unknown(full.system(40.0), np.full_like(peak.y, np.nan))
+    e = estimate_change(full.system(40.0), np.full_like(peak.y, np.nan))
     assert np.isnan(e.amplitude) and e.size == np.inf
