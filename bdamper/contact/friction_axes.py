@@ -54,10 +54,5 @@ def turned(bases: list[HarmonicBasis], points: PointArrays, angles: NDArray) -> 
         out[:, :2] = np.einsum("pij,pj...->pi...", R, x[:, :2])
         return out
 
-    new_points = replace(
-        points,
-        kt=np.einsum("pij,pj->pi", R**2, points.kt),
-        slider=np.einsum("pij,pj->pi", R, points.slider),
-        shift=turn(points.shift),
-    )
-    return [replace(b, G=turn(b.G)) for b in bases], new_points
+    kt, slider = np.einsum("pij,pj->pi", R**2, points.kt), np.einsum("pij,pj->pi", R, points.slider)
+    return [replace(b, G=turn(b.G)) for b in bases], replace(points, kt=kt, slider=slider, shift=turn(points.shift))

@@ -141,15 +141,12 @@ def certify(
     def top(values: NDArray, unit: float) -> float:
         return max(0.0, float(np.max(values, initial=0.0))) / unit
 
+    tangential, work = force[:, :2], size * reach
     return Certificate(
-        equilibrium=top(np.abs(balance), largest),
-        tension=top(-normal, size),
-        penetration=top(-distance, reach),
-        separation=top(np.abs(normal * distance), size * reach),
-        friction=top(np.abs(force[:, :2]) - limit, size),
-        sticking=top(np.abs((limit - np.abs(force[:, :2])) * slip), size * reach),
-        sense=top(-force[:, :2] * slip, size * reach),
-    )
+        equilibrium=top(np.abs(balance), largest), tension=top(-normal, size), penetration=top(-distance, reach),
+        separation=top(np.abs(normal * distance), work), friction=top(np.abs(tangential) - limit, size),
+        sticking=top(np.abs((limit - np.abs(tangential)) * slip), work), sense=top(-tangential * slip, work),
+    )  # fmt: skip
 
 
 class _Solver:

@@ -101,7 +101,7 @@ class ResidualBasis:
         n = len(self.stiffness)
         return replace(
             basis,
-            coordinates=basis.coordinates + tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n)),
+            coordinates=(*basis.coordinates, *(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n))),
             omega2=np.concatenate([basis.omega2, self.stiffness]),
             damping_ratio=np.concatenate([basis.damping_ratio, self.damping_ratio]),
             G=np.concatenate([basis.G, self.G], axis=2),

@@ -247,10 +247,7 @@ class _Reference:
     """The study with all effects on and its highest peak; other studies are compared with it."""
 
     def __init__(self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]) -> None:
-        self.problem = problem
-        self.effects = effects
-        self.preload = preload
-        self.frequency = frequency
+        self.problem, self.effects, self.preload = problem, effects, preload
         self.curve = whole_curve(problem, preload, frequency)
         self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))

@@ -55,6 +55,7 @@ from bdamper.util.text import amount, percent
 
 AXES = ("t1", "t2", "n")
 ENERGIES = ("damping", "excitation", "kinetic")
+"""What both results take over from the energies of a cycle."""
 WHOLE = "whole"
 """Name of the loop of all contacts together."""
 NOTHING = 1e-9
@@ -485,12 +486,12 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
     at_points = {"displacement": displacement, "force": force, "gap": gap, "energy": _on_points(problem, system, e.contact)}
     of_faces = {n: np.concatenate([getattr(face, n) for face in _faces(problem)]) for n in ("points", "frame", "area")}
-    shares: dict[str, Any] = {name: values[shown] for name, values in (at_points | of_faces).items()}
-    shares |= {name: getattr(e, name) for name in ENERGIES}
+    columns: dict[str, Any] = {name: values[shown] for name, values in (at_points | of_faces).items()}
+    columns |= {name: getattr(e, name) for name in ENERGIES}
     return Hysteresis(
         preload=s.preload, frequency=s.frequency, amplitude=abs(response), theta=theta, stiffness=e.stiffness.real,
         width=e.stiffness.imag, response=(response * np.exp(1j * theta)).real,
-        whole=_whole(system, u, response, F, theta, counted), **shares, **_identity(problem),
+        whole=_whole(system, u, response, F, theta, counted), **columns, **_identity(problem),
     )  # fmt: skip
 
 

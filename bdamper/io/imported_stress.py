@@ -22,12 +22,9 @@ if TYPE_CHECKING:
 
 
 def stress_rows(
-    body: PreparedBody,
-    given: NodeSet | Mapping[str, NodeSet] | None,
-    elasticity: Sequence[float] | None,
-    laid: LaidContacts,
-    ring: Ring,
-) -> list[StressRows]:
+    body: PreparedBody, given: NodeSet | Mapping[str, NodeSet] | None, elasticity: Sequence[float] | None,
+    laid: LaidContacts, ring: Ring,
+) -> list[StressRows]:  # fmt: skip
     """What collects the stress at sets of nodes of a blade.
 
     Parameters

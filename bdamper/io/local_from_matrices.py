@@ -16,13 +16,9 @@ from bdamper.util.errors import SettingError
 
 
 def blade_part(
-    body: PreparedBody,
-    wanted: Wanted,
-    ring: Ring,
-    fixed: NodeSet | None,
-    blade: NodeSet,
+    body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None, blade: NodeSet,
     interfaces: Mapping[str, Interface],
-) -> BladePart:
+) -> BladePart:  # fmt: skip
     """The blade within a sector.
 
     Parameters

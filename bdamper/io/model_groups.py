@@ -117,13 +117,9 @@ def write_part(group: h5py.Group, part: Part, record: Any) -> None:
 
 
 def write_rows(
-    group: h5py.Group,
-    name: str,
-    ports: Mapping[str, slice],
-    contact: NDArray,
-    locations: Mapping[str, NDArray],
+    group: h5py.Group, name: str, ports: Mapping[str, slice], contact: NDArray, locations: Mapping[str, NDArray],
     key: str = "",
-) -> None:
+) -> None:  # fmt: skip
     """Values at contact points, a dataset for each port (name and rows), and at locations; ``key`` as in `write_array`."""
     points, places = new_group(group, name), new_group(group, "locations")
     for port, rows in ports.items():

@@ -62,20 +62,14 @@ _LOAD = Part(BodyLoad, arrays=("direction", "generalised", "displacement"))
 _BODY = Part(Body, ("kind",), optional=("mass", "centre", "inertia", "constant_force"))
 _BASIS = Part(ModalBasis, arrays=("omega2", "damping_ratio"), optional=("flexibility", "drag"))
 _SPEED = Part(
-    SpeedBasis,
-    ("source",),
-    numbers=("omega_ref", "checked_at", "error"),
-    arrays=("stiffness2",),
+    SpeedBasis, ("source",), numbers=("omega_ref", "checked_at", "error"), arrays=("stiffness2",),
     optional=("stiffness0", "residual0", "residual2", "coriolis"),
-)
+)  # fmt: skip
 _SPIN = Part(SpinStatic, ("theory",), numbers=("omega",))
 _WHEEL = Part(
-    LocalBasis,
-    ("region",),
-    ("n_cantilever", "n_attachment", "n_interface"),
+    LocalBasis, ("region",), ("n_cantilever", "n_attachment", "n_interface"), optional=("flexibility",),
     arrays=("omega2", "damping_ratio", "blade_stiffness", "blade_mass", "disk_stiffness", "disk_mass"),
-    optional=("flexibility",),
-)
+)  # fmt: skip
 _STRESS = Part(StressSet, ("body", "source"), arrays=("points",), optional=("spread", "near_contact"))
 
 

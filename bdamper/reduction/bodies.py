@@ -73,13 +73,9 @@ class Wanted:
 
 
 def constrained_body(
-    name: str,
-    wanted: Wanted,
-    sector: Callable[[int], CyclicSector],
-    nodal_diameters: Iterable[int],
-    flexibility_at: Collection[int],
-    rotation: Rotation | None = None,
-) -> Body:
+    name: str, wanted: Wanted, sector: Callable[[int], CyclicSector], nodal_diameters: Iterable[int],
+    flexibility_at: Collection[int], rotation: Rotation | None = None,
+) -> Body:  # fmt: skip
     """A sector that is held somewhere, at several nodal diameters.
 
     Parameters

@@ -338,12 +338,9 @@ class LocalShapes(NamedTuple):
 
 
 def local_shapes(
-    blade: BladePart,
-    sector: Callable[[int], CyclicSector],
-    contact: sp.csr_matrix,
-    dampers: tuple[NDArray, NDArray],
+    blade: BladePart, sector: Callable[[int], CyclicSector], contact: sp.csr_matrix, dampers: tuple[NDArray, NDArray],
     sizes: LocalSizes,
-) -> LocalShapes:
+) -> LocalShapes:  # fmt: skip
     """The shapes of :func:`local_basis`, parameters as there."""
     omega2, modes = blade.cantilever(sizes.cantilever)
     first = sector(0)
@@ -370,13 +367,9 @@ def local_shapes(
 
 
 def local_basis(
-    blade: BladePart,
-    sector: Callable[[int], CyclicSector],
-    wanted: Wanted,
-    dampers: tuple[NDArray, NDArray],
-    sizes: LocalSizes,
-    region: str,
-) -> LocalBasis:
+    blade: BladePart, sector: Callable[[int], CyclicSector], wanted: Wanted, dampers: tuple[NDArray, NDArray],
+    sizes: LocalSizes, region: str,
+) -> LocalBasis:  # fmt: skip
     """Reduce a sector to its local basis.
 
     Parameters
@@ -416,17 +409,11 @@ def local_basis(
     mass = 0.5 * (mass + mass.T)
     flexibility = contact @ blade.contact_columns(contact)
     return LocalBasis(
-        region=region,
-        omega2=found.omega2.copy(),
-        damping_ratio=np.full(n, wanted.damping_ratio),
-        blade_stiffness=stiffness,
-        blade_mass=mass,
-        disk_stiffness=found.stiffness - strain,
-        disk_mass=found.mass - mass[rest, rest],
-        contact_modes=(contact @ shapes).reshape(-1, 3, n),
-        locations=location_rows(wanted.locations, shapes),
-        flexibility=0.5 * (flexibility + flexibility.T),
-    )
+        region=region, omega2=found.omega2.copy(), damping_ratio=np.full(n, wanted.damping_ratio),
+        blade_stiffness=stiffness, blade_mass=mass, disk_stiffness=found.stiffness - strain,
+        disk_mass=found.mass - mass[rest, rest], contact_modes=(contact @ shapes).reshape(-1, 3, n),
+        locations=location_rows(wanted.locations, shapes), flexibility=0.5 * (flexibility + flexibility.T),
+    )  # fmt: skip
 
 
 def mean_over_waves(matrices: NDArray, n_sectors: int) -> NDArray:

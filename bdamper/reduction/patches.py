@@ -398,14 +398,9 @@ def _joined(parts: list[PatchMeans]) -> PatchMeans:
 
 
 def patches_on_faces(
-    points: int | tuple[int, int],
-    nodes_a: NDArray,
-    facets_a: Facets,
-    nodes_b: NDArray | None = None,
-    facets_b: Facets | None = None,
-    frame: NDArray | None = None,
-    what: tuple[str, str] = ("face a", "face b"),
-) -> PatchMeans:
+    points: int | tuple[int, int], nodes_a: NDArray, facets_a: Facets, nodes_b: NDArray | None = None,
+    facets_b: Facets | None = None, frame: NDArray | None = None, what: tuple[str, str] = ("face a", "face b"),
+) -> PatchMeans:  # fmt: skip
     """A grid of patches over a face, or over what two faces have in common.
 
     Parameters

@@ -41,12 +41,9 @@ class Root(NamedTuple):
 
 
 def find_root(
-    function: Callable[[float], float],
-    low: tuple[float, float],
-    high: tuple[float, float],
-    tolerance: float,
+    function: Callable[[float], float], low: tuple[float, float], high: tuple[float, float], tolerance: float,
     most_trials: int = MOST_TRIALS,
-) -> Root:
+) -> Root:  # fmt: skip
     """Root of a function within a bracket, by secants.
 
     Parameters

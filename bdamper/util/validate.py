@@ -62,15 +62,9 @@ def _limits(above: float | None, least: float | None, below: float | None, most:
 
 
 def number(
-    name: str,
-    value: Any,
-    *,
-    above: float | None = None,
-    least: float | None = None,
-    below: float | None = None,
-    most: float | None = None,
-    unit: str = "",
-) -> float:
+    name: str, value: Any, *, above: float | None = None, least: float | None = None, below: float | None = None,
+    most: float | None = None, unit: str = "",
+) -> float:  # fmt: skip
     """One finite number within limits, those of ``above`` and ``below`` excluded."""
     out = _plain_number(value)
     limits = ((gt, above), (ge, least), (lt, below), (le, most))
