@@ -82,8 +82,7 @@ def estimate_errors(
         If the result is not one of this study, or not converged.
     """
     sources = validate.names("sources", sources, SOURCES)
-    kinds = Curve, Peak, OptimalCurve
-    validate.instance("result", result, kinds, "a Curve, a Peak or an OptimalCurve of this study")
+    validate.instance("result", result, (Curve, Peak, OptimalCurve), "a Curve, a Peak or an OptimalCurve of this study")
     begin = time.perf_counter()
     problem = matching(problem, result.settings)
     location = 0.0, 0.0

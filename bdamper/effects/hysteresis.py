@@ -408,9 +408,8 @@ def dissipation(problem: Problem, result: Solved) -> Dissipation:
         found.append(e)
         rows.append(_on_points(problem, system, e.contact)[shown])
         amplitude.append(float(np.abs(system.response(s.unknowns)[1])))
-    columns: dict[str, Any] = {
-        name: np.array([getattr(s, name) for s in solutions]) for name in ("preload", "frequency", "branch")
-    }
+    own = ("preload", "frequency", "branch")
+    columns: dict[str, Any] = {name: np.array([getattr(s, name) for s in solutions]) for name in own}
     columns |= {name: np.array([getattr(e, name) for e in found]) for name in ENERGIES}
     stiffness = np.array([e.stiffness for e in found])
     return Dissipation(

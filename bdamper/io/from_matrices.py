@@ -143,9 +143,8 @@ def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
         raise body.error(item, "a positive definite matrix", f"{int((pivots <= 0.0).sum())} negative eigenvalues")
     scale = np.median(np.abs(sector.stiffness.diagonal()))
     found = f"a pivot {smallest / scale:.2g} times the stiffness of a node: some motion costs no force"
-    body.require(
-        smallest >= 1e-13 * scale, item, "a body that is held (fixed nodes, or rows left out of the matrices)", found
-    )
+    expected = "a body that is held (fixed nodes, or rows left out of the matrices)"
+    body.require(smallest >= 1e-13 * scale, item, expected, found)
 
 
 def _check_positive(body: PreparedBody, d: int, omega2: NDArray) -> None:
