@@ -38,8 +38,6 @@ from bdamper.util.repr import brief
 
 TOLERANCE = 1e-12
 """On the residual, relative to the largest contact force."""
-CREEPING_STEPS = 200
-"""At most."""
 
 
 @brief
@@ -222,7 +220,7 @@ class _Solver:
         F, eta, rest = np.zeros((self.n, 3)), np.zeros(self.problem.rigid.shape[1]), np.zeros((self.n, 2))
         status = np.full((self.n, 2), STICK)
         dt, quick = 0.1, 0
-        for _ in range(CREEPING_STEPS):
+        for _ in range(200):
             try:
                 self.flexibility = whole + np.diag(S.ravel() / dt)
                 self.k = 1.0 / (S + S / dt)

@@ -254,9 +254,8 @@ def _laid(
     _check_touching(contact, means, area_a, area_b)
     distance = means.distance
     gap = distance.copy() if isinstance(contact.gap, str) else np.full(len(means.area), float(contact.gap))
-    interface = Interface(
-        contact.name, contact.kind, contact.body_a, 0, contact.body_b, sector, means.points_a, means.area, means.frame, gap
-    )
+    sides, places = (contact.body_a, 0, contact.body_b, sector), (means.points_a, means.area, means.frame)
+    interface = Interface(contact.name, contact.kind, *sides, *places, gap)
     return interface, means, FaceSummary(interface, area_a, area_b, np.array([distance.min(), distance.max()]))
 
 

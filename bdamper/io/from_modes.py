@@ -101,9 +101,8 @@ def _check_known(body: PreparedBody, wanted: Wanted, shapes: NDArray) -> None:
         number = body.given.numbers[wrong[0] // 3]
         raise body.error("contact faces", "values of the modes at its nodes", f"none at node {number}")
     for name, node in wanted.locations.items():
-        body.require(
-            not unknown[3 * node : 3 * node + 3].any(), f"location '{name}'", "values of the modes at its node", "none"
-        )
+        known = not unknown[3 * node : 3 * node + 3].any()
+        body.require(known, f"location '{name}'", "values of the modes at its node", "none")
 
 
 def _flexibility(body: PreparedBody, contact: sp.csr_matrix, d: int) -> NDArray | None:

@@ -99,9 +99,8 @@ class ImportReport(Plottable):
             normal = ", ".join(f"{c:.4f}" for c in own.frame[:, 2].mean(axis=0))
             place = f"side b in sector {own.sector_b:+d}"
             lines.append(f"  {own.name}: {own.n_points} points, {area:.6g} m2 ({shares}), {place}")
-            lines.append(
-                f"    mean outward normal of side a ({normal}), meshes {f.distance[0]:.2g} to {f.distance[1]:.2g} m apart"
-            )
+            apart = f"meshes {f.distance[0]:.2g} to {f.distance[1]:.2g} m apart"
+            lines.append(f"    mean outward normal of side a ({normal}), {apart}")
         if self.checks:
             lines += ["", "Checks passed", *(f"  {check}" for check in self.checks)]
         if self.missing:

@@ -27,8 +27,6 @@ from scipy.spatial import cKDTree
 from bdamper.model.model import turn
 from bdamper.reduction.structure import Structure
 
-_RIGID = 1e-12  # of the largest squared frequency: below this a motion of a small free body counts as rigid
-
 
 def factorise(matrix: sp.spmatrix) -> SuperLU:
     """Sparse factorisation of a positive definite Hermitian matrix.
@@ -144,7 +142,7 @@ def lowest_modes(
     if n <= 2 * n_modes + 20:  # too small for a Krylov space
         k, m = stiffness.toarray(), mass.toarray()
         omega2, v = eigh(0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T))
-        lowest = np.flatnonzero(omega2 > _RIGID * np.abs(omega2).max())[:n_modes]
+        lowest = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())[:n_modes]  # without rigid motions
         return omega2[lowest], v[:, lowest]
     inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
     # A fixed start makes the result reproducible.

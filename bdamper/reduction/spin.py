@@ -34,7 +34,6 @@ from bdamper.model.spin import SpeedBasis
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.structure import Structure
 
-CHECKED_MODES = 10
 IN_PLANE = np.diag([1.0, 1.0, 0.0])
 _ACROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # e_z x
 
@@ -133,7 +132,7 @@ class Rotation:
 
     def _checked(self, basis: SpeedBasis, sector: CyclicSector, omega: float) -> SpeedBasis:
         stiffness = basis.stiffness(omega)
-        exact = self.at_speed(sector, omega).modes(min(CHECKED_MODES, len(stiffness)))[0]
+        exact = self.at_speed(sector, omega).modes(min(10, len(stiffness)))[0]
         reduced = eigh(stiffness, eigvals_only=True)[: len(exact)]
         return replace(basis, checked_at=omega, error=float(np.abs(np.sqrt(reduced / exact) - 1.0).max()))
 

@@ -18,8 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-MOST_TRIALS = 80
-
 
 class Root(NamedTuple):
     """Where the search for a root ended.
@@ -42,7 +40,7 @@ class Root(NamedTuple):
 
 def find_root(
     function: Callable[[float], float], low: tuple[float, float], high: tuple[float, float], tolerance: float,
-    most_trials: int = MOST_TRIALS,
+    most_trials: int = 80,
 ) -> Root:  # fmt: skip
     """Root of a function within a bracket, by secants.
 
@@ -76,7 +74,7 @@ def find_root(
 
 
 def root_trials(
-    low: tuple[float, float], high: tuple[float, float], tolerance: float, most_trials: int = MOST_TRIALS
+    low: tuple[float, float], high: tuple[float, float], tolerance: float, most_trials: int = 80
 ) -> Generator[float, float, Root]:
     """The same as a generator: yields places and is sent the values of the function there, so that it calls nothing."""
     (a, f_a), (b, f_b) = low, high
