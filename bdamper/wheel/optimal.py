@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import validate
-from bdamper.util.cost import Cost
+from bdamper.util.cost import CostMeter
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
@@ -125,9 +125,10 @@ def optimal_curve(
     WheelOptimalCurve
     """
     values = validate.numbers("preloads", preloads, above=0.0, unit="N")
-    watch = time.perf_counter(), time.process_time()
+    meter = CostMeter(time.perf_counter())
     found = [peak(wheel, float(preload), options=options) for preload in values]
-    counts = ("evaluations", "factorisations", "iterations", "failed_steps")
+    for one in found:
+        meter.add(one.cost)
     return WheelOptimalCurve(
         preload=values,
         frequency=np.array([p.frequency for p in found]),
@@ -139,10 +140,6 @@ def optimal_curve(
         residual=np.array([p.residual for p in found]),
         springs=np.array([p.springs for p in found]),
         error=np.array([p.error for p in found]),
-        cost=Cost(
-            seconds=time.perf_counter() - watch[0],
-            processor=time.process_time() - watch[1],
-            **{name: sum(getattr(p.cost, name) for p in found) for name in counts},
-        ),
+        cost=meter.read(time.perf_counter()),
         **wheel.record(),
     )

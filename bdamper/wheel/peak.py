@@ -29,7 +29,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
 from bdamper.wheel.band import band
 from bdamper.wheel.loading import wheel_system
-from bdamper.wheel.reduction import SHAPES, family_shapes, reduced_state
+from bdamper.wheel.reduction import SHAPES, close, family_shapes, reduced_state
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.search import WEAKER, Climbed, Search
 from bdamper.wheel.system import WheelSystem
@@ -96,7 +96,10 @@ class _Equations:
         state, n = wheel.state(preload), s.n
         if not reduced or n <= SHAPES + 1 or not wheel.tuned().bias:
             return cls(whole, whole, None, state.mean[:, :n])
-        shapes = family_shapes(s, tau * wheel.tuned_peak(preload).frequency)
+        omega = tau * wheel.tuned_peak(preload).frequency
+        shapes = family_shapes(s, omega)
+        if not close(s, shapes, omega):
+            return cls(whole, whole, None, state.mean[:, :n])
         excitation = np.hstack([wheel.excitation[:, :n] @ shapes, wheel.excitation[:, n:]])
         system = wheel_system(s.reduced(shapes), reduced_state(s, state, shapes), excitation, wheel.response_row @ shapes)
         return cls(whole, system, shapes, state.mean[:, :n])
@@ -134,8 +137,8 @@ def peak(
     WheelPeak
         ``status`` is "complete" if a peak was found with dampers free, and the sweep has solutions at all frequencies but
         single ones.  It is "incomplete" if the sweep has none at two and more in a row, which ``reason`` names; "held" if
-        the peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck; and "not
-        found", the amplitude NaN, if no climb converges.  Peaks beyond the band do not count.
+        the peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck, or only on
+        the reduced wheel; and "not found", the amplitude NaN, if no climb converges.  Peaks beyond the band do not count.
     """
     meter = CostMeter(time.perf_counter())
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
@@ -175,7 +178,7 @@ def peak(
         ).reshape(-1, 5),
         sweep_frequency=np.array([y[-1] for y in met]) / tau,
         sweep_amplitude=np.array([np.abs(search.system.responses(y[:-1])[:, 1]) for y in met]).reshape(-1, wheel.n_blades),
-        status=_status(top, gap),
+        status=_status(top, gap, changed is None and equations.shapes is not None),
         reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks climbed from {len(met)} of {n} points"),
         residual=np.nan if top is None else top.at.residual,
         springs=0.0 if top is None else top.springs[-1],
@@ -223,10 +226,10 @@ def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations:
     return max([top.error, 0.0 if changed is not None else reduced, *rivals])
 
 
-def _status(top: Climbed | None, gap: tuple[float, float] | None) -> str:
+def _status(top: Climbed | None, gap: tuple[float, float] | None, reduced: bool) -> str:
     if top is None:
         return status.NOT_FOUND
-    return status.INCOMPLETE if gap else status.HELD if top.springs[-1] else status.COMPLETE
+    return status.INCOMPLETE if gap else status.HELD if top.springs[-1] or reduced else status.COMPLETE
 
 
 def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | None:

@@ -286,17 +286,10 @@ def _result(job: _Job, asked: _Asked, peaks: list[dict[str, Any]], curves: list[
         audited=asked.audited,
         audit_share=asked.audit,
         curve_amplitude=array(curves, "amplitude"),
-        curve_status=tuple(_left(r) for r in curves),
+        curve_status=tuple(str(r.get("status", "not asked")) for r in curves),
         processor=array(peaks, "processor", "cost", 0.0),
         curve_processor=array(curves, "processor", "cost", 0.0),
         drawn=_drawn(job),
         settings=job.wheel.tuned().record(),
         model_hash=job.wheel.study.model.hash,
     )
-
-
-def _left(record: Mapping[str, Any]) -> str:
-    """What an audit leaves open at a wheel: nothing, or why the thorough search has no peak."""
-    if not record:
-        return "not asked"
-    return str(record["status"])

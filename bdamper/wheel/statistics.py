@@ -135,12 +135,6 @@ class WeibullTail:
         )
 
 
-def empirical(values: NDArray) -> tuple[NDArray, NDArray]:
-    """Sorted known values, and the share of each: ``(i - 0.5)/n``."""
-    known = np.sort(values[np.isfinite(values)])
-    return known, (np.arange(len(known)) + 0.5) / max(len(known), 1)
-
-
 def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
     """Fit of the upper values of a sample.
 
@@ -157,8 +151,9 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         If the tail has fewer than ten different values.
     """
     tail = validate.number("tail", tail, above=0.0, most=1.0)
-    known, probability = empirical(values)
+    known = np.sort(values[np.isfinite(values)])
     n = len(known)
+    probability = (np.arange(n) + 0.5) / max(n, 1)
     x = known[n - round(tail * n) :]
     if len(np.unique(x)) < FEWEST_IN_TAIL:
         expected = f"at least {FEWEST_IN_TAIL} different values in the tail"

@@ -9,6 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.wheel import Mistuning, Wheel, WheelPeakOptions
 from bdamper.wheel.band import band
+from bdamper.wheel.peak import _status
 from bdamper.wheel.search import TOLERANCE, Climbed, Search, uphill
 from tests.wheel.lumped import lumped_study, size, solution
 from tests.wheel.test_symmetry import PATTERN, N, study
@@ -74,6 +75,22 @@ def test_a_sweep_without_peaks_is_tried_with_weaker_springs():
     top = Wheel(lumped).peak(300.0, options=WheelPeakOptions(connected=False))
     assert top.status == "complete" and top.amplification == pytest.approx(1.0, abs=1e-6)
     assert top.climbs[:, 3].max() < 0.1
+
+
+def test_shapes_that_do_not_serve_are_left_out():
+    """Random attachments, whose flexibility twelve shapes do not have: the reduced wheel's peak is a quarter as high."""
+    lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).with_(excitation=bd.Excitation("tip", amplitude=100.0))
+    wheel = Wheel(lumped, Mistuning.drawn(N, 0.03, seed=(0, 1)))
+    few = WheelPeakOptions(climbs=4, connected=False)
+    whole, asked = (wheel.peak(1000.0, options=replace(few, reduced=reduced)) for reduced in (False, True))
+    assert whole.status == asked.status == "complete" and asked.amplitude == pytest.approx(whole.amplitude, rel=1e-9)
+    assert "reduced" not in asked.reason
+
+
+def test_a_peak_of_the_reduced_wheel_alone_is_held():
+    free, sprung = (climbed(0, (0.1, last), (1.0, 1.0)) for last in (0.0, 0.01))
+    cases = (free, None, False), (free, None, True), (sprung, None, False), (free, (1.0, 2.0), True), (None, None, False)
+    assert [_status(*case) for case in cases] == ["complete", "held", "held", "incomplete", "not found"]
 
 
 def climbed(blade, springs, heights, **more):

@@ -8,6 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
+from bdamper.harmonic_balance.conditions import Fixed
 from bdamper.util.cost import CostMeter
 from bdamper.wheel import DamperVariation, Mistuning, WheelPeakOptions
 from bdamper.wheel.loading import wheel_system
@@ -72,6 +73,17 @@ def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
             c = system.correct_at(y[:-1], y[-1], system.units_about(y, 1.0), 1e-9, 40, line_search)
             found[line_search] += c.status == 0
     assert max(found[0], found[1]) < 14 < found[2] == 16, found
+
+
+def test_steps_that_lead_to_and_fro_end_early_where_a_rough_point_is_enough():
+    """With dampers free there is no solution near that at rest at some frequencies, and one at others."""
+    system = Wheel(study(), PATTERN).system(300.0)
+    for f, found in ((240.0, True), (400.0, True), (300.0, False), (320.0, False), (340.0, False)):
+        y = np.append(system.at_rest, 2.0 * np.pi * f)
+        scale = system.units_about(y, 1.0)
+        whole, early = (system.solve(y, Fixed(), scale, 1e-9, 25, 2, rough=rough) for rough in (0.0, 1e-2))
+        assert (whole.status == 0) == (early.status == 0) == found
+        assert early.iterations == whole.iterations if found else early.iterations < 13 < whole.iterations == 25
 
 
 def test_newton_ends_where_it_may():
