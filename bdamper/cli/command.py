@@ -8,7 +8,9 @@ import warnings
 import webbrowser
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -55,20 +57,37 @@ QUESTIONS = {
 }
 
 
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (--help tells what there is)\n")
+
+
+def file_to_write(endings: Sequence[str], name: str) -> str:
+    """A name that a file can be written to, before any work is done for it."""
+    if Path(name).suffix.lower() not in endings or not Path(name).absolute().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"expected {' or '.join(endings)} in a folder that exists, found {name!r}")
+    return name
+
+
 def parser() -> argparse.ArgumentParser:
     """Arguments, with units and defaults in the help."""
-    model = argparse.ArgumentParser(add_help=False)
+    model = Parser(add_help=False)
     which = model.add_mutually_exclusive_group(required=True)
     which.add_argument("model", nargs="?", help="model file (HDF5)")
     which.add_argument("--demo", action="store_true", help="the typical turbine blade that comes with the package")
-    model.add_argument("--png", metavar="FILE", help="write the picture; the demo's is named after the command")
-    out = argparse.ArgumentParser(add_help=False)
-    out.add_argument("--csv", metavar="FILE", help="write the table")
-    out.add_argument("--h5", metavar="FILE", help="write the whole result, for bdamper.load")
+    picture, out = Parser(add_help=False), Parser(add_help=False)
+    for place, name, endings, text in (
+        (picture, "--png", (".png", ".pdf", ".svg"), "write the picture; the demo's is named after the command"),
+        (out, "--csv", (".csv",), "write the table"),
+        (out, "--h5", (".h5", ".hdf5"), "write the whole result, for bdamper.load"),
+    ):
+        place.add_argument(name, metavar="FILE", type=partial(file_to_write, endings), help=text)
     out.add_argument("--details", action="store_true", help="print everything that the result has to say")
     out.add_argument("--quiet", action="store_true", help="no progress")
     out.add_argument("--mode", type=int, default=1, help="default %(default)s, the lowest")
-    asked = argparse.ArgumentParser(add_help=False)
+    asked = Parser(add_help=False)
     add = asked.add_argument
     add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
     add("--harmonics", type=int, default=3, metavar="H", help="harmonics of the engine order, default %(default)s")
@@ -77,13 +96,13 @@ def parser() -> argparse.ArgumentParser:
     add("--at", default="tip", help="location that is driven and watched, default %(default)s")
     add("--direction", default="tangential", help="of the excitation: tangential, radial or axial; default %(default)s")
 
-    main = argparse.ArgumentParser("bdamper", description="Friction-damped bladed disks: one question, one answer.")
+    main = Parser("bdamper", description="Friction-damped bladed disks: one question, one answer.")
     main.add_argument("--version", action="version", version=bd.__version__)
     commands = main.add_subparsers(dest="command", required=True)
-    commands.add_parser("info", parents=[model], help="what a model file holds")
+    commands.add_parser("info", parents=[model, picture], help="what a model file holds")
     page = commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
     page.add_argument("--no-browser", action="store_true", help="only print the address")
-    kinds = [model, asked, out]
+    kinds = [model, asked, picture, out]
     own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
     for name in ("track", "margin"):
@@ -104,7 +123,9 @@ def parser() -> argparse.ArgumentParser:
         ("ultimate", "ultimate strength", 1200.0),
         ("yield", "yield strength", 900.0),
     ):
-        own["margin"].add_argument(f"--{name}", type=float, default=value, help=f"{text} in MPa, default %(default)g")
+        own["margin"].add_argument(
+            f"--{name}", type=float, default=value, metavar="MPA", help=f"{text} in MPa, default %(default)g"
+        )
     return main
 
 
