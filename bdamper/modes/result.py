@@ -142,7 +142,8 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
         )
 
     def details(self) -> str:
-        lines = [f"nonlinear mode {self.mode} at {self.preload:g} N: {self.status} ({self.reason})"]
+        apart = "motions on no branch through the stuck mode are not looked for"
+        lines = [f"nonlinear mode {self.mode} at {self.preload:g} N: {self.status} ({self.reason}); {apart}"]
         if len(self):
             lines += [
                 f"  {len(self)} points, {len(self.folds)} folds; amplitudes from {amount(self.amplitude.min(), 'm')} to "

@@ -1,6 +1,7 @@
 /* Memory that runs out at any allocation: what creates a workspace says so and leaves nothing behind.  The linker sends the
  * allocations of the core to the functions here. */
 #include "bd_dense.h"
+#include "bd_modes.h"
 #include "bd_time.h"
 #include "check.h"
 
@@ -35,7 +36,7 @@ typedef struct {
     bd_evaluator evaluator;
     bd_hbm hbm;
     bd_sector *sector;
-    bd_equations *eased;
+    bd_equations *other;
     bd_time time;
 } workspaces;
 
@@ -72,18 +73,26 @@ static void destroy_sector(workspaces *w) {
     w->sector = NULL;
 }
 
-/* The sector and its eased equations; the sector alone is tested on its own. */
+/* The sector with its eased equations, or with those of its modes; the sector alone is tested on its own. */
 static bd_status create_eased(workspaces *w) {
     const double ramp[5] = {1.0}, support[25] = {1.0};
     bd_status status = create_sector(w);
-    if (status == BD_OK) status = bd_eased_create(&w->eased, w->sector, 1.0, ramp, support);
+    if (status == BD_OK) status = bd_eased_create(&w->other, w->sector, 1.0, ramp, support);
     if (status != BD_OK) destroy_sector(w);
     return status;
 }
 
-static void destroy_eased(workspaces *w) {
-    bd_equations_destroy(w->eased);
-    w->eased = NULL;
+static bd_status create_modes(workspaces *w) {
+    const double shape[5] = {0.0, 1.0}, row_scale[7] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+    bd_status status = create_sector(w);
+    if (status == BD_OK) status = bd_modes_create(&w->other, w->sector, shape, shape, 1.0, row_scale);
+    if (status != BD_OK) destroy_sector(w);
+    return status;
+}
+
+static void destroy_other(workspaces *w) {
+    bd_equations_destroy(w->other);
+    w->other = NULL;
     destroy_sector(w);
 }
 
@@ -141,7 +150,8 @@ int main(void) {
         test_each_allocation(evaluation[i], create_evaluator, destroy_evaluator);
         test_each_allocation(evaluation[i], create_sector, destroy_sector);
     }
-    test_each_allocation(BD_EXACT, create_eased, destroy_eased);
+    test_each_allocation(BD_EXACT, create_eased, destroy_other);
+    test_each_allocation(BD_EXACT, create_modes, destroy_other);
     test_each_allocation(BD_EXACT, create_time, destroy_time);
     return check_result();
 }

@@ -110,10 +110,12 @@ def own_modes(mu, harmonics, ends):
     def at(amplitude):
         found, a = [], points[:, -1] - np.log(amplitude)
         for i in np.flatnonzero(a[:-1] * a[1:] <= 0.0):
-            guess = points[i] + a[i] / (a[i] - a[i + 1]) * (points[i + 1] - points[i])
-            guess[-1] = np.log(amplitude)
-            z, _ = program.newton(guess, np.eye(len(guess))[-1], 20)
-            found.append((1e3 * z[-3] / TWO_PI, z[-2]))
+            for part in (a[i] / (a[i] - a[i + 1]), 0.0, 1.0):  # between both, or from either
+                guess = points[i] + part * (points[i + 1] - points[i])
+                guess[-1] = np.log(amplitude)
+                if (solved := program.newton(guess, np.eye(len(guess))[-1], 20)) is not None:
+                    break
+            found.append((1e3 * solved[0][-3] / TWO_PI, solved[0][-2]))
         return found
 
     return at
@@ -133,7 +135,8 @@ def polished(study, mode, amplitude):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mu", "harmonics"), [(0.3, 1), (0.8, 1), (0.5, 2)])
+@pytest.mark.parametrize("harmonics", [1, 2, 3])
+@pytest.mark.parametrize("mu", [0.3, 0.5, 0.8])
 def test_the_planar_wedge_as_an_independent_program_has_it(mu, harmonics):
     """Through both folds: the same motions, three at one amplitude, and the same frequency and damping of each."""
     study, ends = wedge.study(mu, harmonics), (3e-5, 4e-4)
@@ -142,8 +145,33 @@ def test_the_planar_wedge_as_an_independent_program_has_it(mu, harmonics):
     assert len(mode.folds) == 2
     for amplitude in (5e-5, 1.3e-4, 2e-4, 2.7e-4, 3.8e-4):
         one, other = at(amplitude), polished(study, mode, amplitude)
-        assert len(one) == len(other) == (3 if 1.2e-4 < amplitude < 2.8e-4 else len(one)), amplitude
+        assert len(one) == len(other) and (len(one) == 3 or not 1.2e-4 < amplitude < 2.8e-4), amplitude
         np.testing.assert_allclose(other, one, rtol=1e-6, err_msg=str(amplitude))
+
+
+@pytest.mark.slow
+def test_a_motion_on_no_branch_through_a_mode_solves_the_equations_of_both_programs():
+    """It is not looked for: the branch has three others at this amplitude."""
+    study, amplitude, random = wedge.study(0.3, 1), 2e-4, np.random.default_rng(0)
+    mode = study.nonlinear_mode(wedge.LOAD, 3, (3e-5, 4e-4))
+    system, _ = mode_system(study, wedge.LOAD, 3, 3e-5)
+    points = [system.point(u, TWO_PI * f, z) for u, f, z in zip(mode.unknowns, mode.frequency, mode.damping_ratio)]
+    known = polished(study, mode, amplitude)
+    for _ in range(2000):  # Newton's method from anywhere
+        a, b = (points[i] for i in random.integers(len(points), size=2))
+        guess = (a + random.uniform(-0.5, 1.5) * (b - a)) * (1.0 + 0.3 * random.standard_normal(len(a)))
+        guess[-3:] = a[-3] * random.uniform(0.9, 1.1), a[-2], np.log(amplitude / system.reference)
+        c = system.correct_at(guess[:-1], guess[-1], np.abs(guess) + 1e-9, 1e-11, 60, True)
+        found = c.y[-3] / TWO_PI, c.y[-2]
+        if c.status == 0 and found == pytest.approx((218.416, 0.00828), rel=1e-3):
+            break
+    assert len(known) == 3 and all(abs(f / found[0] - 1.0) > 1e-3 for f, _ in known)
+    u, own = system.motion(c.y[None])[0], wedge.Program(0.3, 1)
+    at = [study.with_(response=bd.Response(f"x{i}")).system(wedge.LOAD).response(u) for i in range(6)]
+    turned = np.array(at) * [1.0, 1.0 / at[0][1]]  # over the first, which becomes a cosine of 1
+    x = np.stack([turned[:, 0].real, turned[:, 1].real, -turned[:, 1].imag], axis=1)
+    z = np.concatenate([x.ravel(), [1e-3 * c.y[-3], c.y[-2], np.log(amplitude)]])
+    assert np.abs(own.residuals(z[None])).max() < 1e-7
 
 
 def test_the_planar_wedge_begins_to_slip_as_an_independent_program_has_it():
