@@ -51,7 +51,7 @@ keep(figure, "fig19_test_rig")
 # %%
 # **Fig. 20.** The model.
 
-keep(model.plot(backend="matplotlib"), "fig20_test_rig")
+keep(model.plot(), "fig20_test_rig")
 
 # %%
 # **Figs 21 and 22.** Frequency shift and normalised optimal curve.
