@@ -20,7 +20,6 @@ import numpy as np
 import bdamper as bd
 from bdamper.accuracy.ladders import AccuracyCost, Run, by_tracking
 from bdamper.continuation.curve import Fold
-from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.system import OK
 from bdamper.peaks.highest import highest_peak
@@ -31,6 +30,7 @@ from bdamper.stability.time_integration import STEPS, Motion, Ring
 from bdamper.util.cost import CostMeter
 from bdamper.util.text import percent
 from benchmarks import PLAIN, estimate_scenes, tolerance_scenes
+from tests.following import changed, find_start, slider_interval
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -285,11 +285,11 @@ def time_integration() -> str:
         motion, amplitudes, *_ = ring.march(motion, omega, steps, 25)
         marched.append((float(abs(amplitudes[-1, 1])), time.process_time() - begin))
     settled = marched[-1][0]
-    rests = np.isfinite(resting.slider_interval(own[:-1])[..., 0])
+    rests = np.isfinite(slider_interval(resting, own[:-1])[..., 0])
     scale = peak_scale(resting, own, own[-1])
     given = []
     for sector in motion.w:
-        system = resting.with_sliders(np.where(rests, sector, resting.points.slider))
+        system = changed(resting, slider=np.where(rests, sector, resting.points.slider))
         c = system.correct_at(own[:-1], omega, scale, 1e-9, 60, True)
         assert c.status == OK
         given.append(float(abs(system.response(c.y[:-1])[1])))

@@ -97,6 +97,21 @@ def table(rows: list[Row], richest: list[Row], kept: dict[str, list]) -> str:
     return "\n".join(lines)
 
 
+def range_at(curve: bd.OptimalCurve, preload: float) -> tuple[float, float] | None:
+    """Least and largest amplitude (m) at a preload by the ladder, None where no rung is known.
+
+    Between the preloads that it checks the ratios to the curve's own amplitude are interpolated.
+    """
+    checked, low, high = np.array(curve.ladder.ranges if curve.ladder else ()).reshape(-1, 3).T
+    if not len(checked) or not checked[0] <= preload <= checked[-1]:
+        return None
+    points = dict(zip(curve.preload, curve.amplitude)) | {curve.optimum.preload: curve.optimum.amplitude}
+    at = np.array(sorted(p for p, a in points.items() if np.isfinite(a)))
+    own = np.exp(np.interp(np.log([*checked, preload]), np.log(at), np.log([points[p] for p in at])))
+    low, high = (np.interp(np.log(preload), np.log(checked), edge / own[:-1]) * own[-1] for edge in (low, high))
+    return float(low), float(high)
+
+
 def first_answer(kept: dict[str, list]) -> bool:
     """Compare the default optimal curve with the richest studies, and print a table; whether every answer holds."""
     holds = True
@@ -109,10 +124,7 @@ def first_answer(kept: dict[str, list]) -> bool:
             for row in (DEFAULT, *RICHEST, NINE):
                 run(row, mode, preload, kept)
             own, *others = (kept[f"{r} | {mode} | {preload:g}"] for r in (DEFAULT, *RICHEST, NINE))
-            try:
-                low, high = curve.range_at(preload)
-            except bd.SettingError:  # no rung is known
-                low, high = own[0], own[0]
+            low, high = range_at(curve, preload) or (own[0], own[0])
             off = [o[0] / own[0] - 1.0 for o in others]
             fine = all(
                 o[2] != "complete" or abs(d) <= WITHIN or (1.0 - WITHIN) * low <= o[0] <= (1.0 + WITHIN) * high

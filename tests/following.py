@@ -1,11 +1,17 @@
-"""A peak followed through given values of a parameter, plainly: on the line through the last two, in halves."""
+"""Where tests set off from: a first solution, peaks through values of a parameter, equations with other forces."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from bdamper.contact.laws import LAW_CONSTANT, LAW_SEPARABLE
+from bdamper.continuation.mean_position import why_no_solution
+from bdamper.continuation.start import first_point
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import find_peak
 from bdamper.peaks.sensitivity import sensitivities
+from bdamper.problem.problem import stuck_springs
 from bdamper.util.errors import SettingError
 
 NEAR = 0.2
@@ -57,3 +63,39 @@ def follow_peak(family, start, values):
             way.pop()
         peaks.append(known[-1])
     return Followed(tuple(peaks), known[-1].parameter, "complete", "")
+
+
+def find_start(problem, preload, omega, options, meter):
+    """A solution (n_unknowns + 1,) at one frequency (rad/s), None where there is none, and what was tried."""
+    state = problem.static(preload)
+    if not state.converged:
+        return None, [f"static state: {state.note}"]
+    system = problem.system(preload)
+    meter.watch(system)
+    found, log, last = first_point(system, state, stuck_springs(problem, state), omega, options, meter)
+    why = "" if found is not None else why_no_solution(system, problem.coupling.model, problem.bases[0].coordinates, last)
+    return found, [*log, why] if why else log
+
+
+def changed(system, force=None, slider=None):
+    """The same equations under another modal force, or with other sliders (n_points, 2), m."""
+    points = system.points if slider is None else replace(system.points, slider=slider)
+    force = system.force if force is None else force
+    out = HarmonicSystem(system.bases, points, force, system.response_rows, system.evaluation, system.force_scale)
+    out.spring_bases, out.springs = system.spring_bases, system.springs
+    return out
+
+
+def slider_interval(system, u):
+    """(n_points, 2, 2) m, sliders that a point which never slips may have, NaN where it slips, opens or has no friction.
+
+    Such a point rests with any slider from the largest ``u_d - mu N/kt`` to the smallest ``u_d + mu N/kt`` of the cycle.
+    """
+    law, kt = np.asarray(system.points.law), np.asarray(system.points.kt)
+    one_d = ((law == LAW_SEPARABLE) | (law == LAW_CONSTANT))[:, None]
+    out = np.full((system.n_points, 2, 2), np.nan)
+    for end, far in enumerate((-np.inf, np.inf)):
+        X, F, share = changed(system, slider=np.where(one_d, far, system.points.slider)).contact(u)
+        rests = one_d & (share[:, [0, 2]] > 1.0 - 1e-9)
+        out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / np.where(rests, kt, 1.0), np.nan)
+    return out

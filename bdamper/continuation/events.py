@@ -140,7 +140,7 @@ class Events:
             return [], "regular"
         drift = is_drift(a.tangent, n)
         found, missed = [], "regular"
-        if turned and self.options.locate_folds and not drift:
+        if turned and not drift:
             found.append("fold")
         elif turned:  # a drift is one point in frequency, and so is the fold at its end
             missed = "fold"

@@ -42,8 +42,6 @@ class ContinuationOptions:
         Newton iterations in a step.
     locate : bool
         Refine folds and amplitude maxima.
-    locate_folds : bool
-        False: the point beyond a fold is marked as the fold.
     locate_tolerance : float
         On folds and maxima, relative to the step in which they lie.
     corner_step : float
@@ -60,7 +58,6 @@ class ContinuationOptions:
     budget: int | None = None
     max_iterations: int = 8
     locate: bool = True
-    locate_folds: bool = True
     locate_tolerance: float = 1e-8
     corner_step: float = 0.3
 
@@ -72,7 +69,7 @@ class ContinuationOptions:
         validate.fields(self, validate.whole, "max_points", "patience", "max_iterations", least=2)
         if self.budget is not None:
             validate.fields(self, validate.whole, "budget", least=1)
-        validate.fields(self, validate.flag, "locate", "locate_folds")
+        validate.fields(self, validate.flag, "locate")
         if not 0.0 < self.min_step <= self.step <= self.max_step:
             raise SettingError(
                 f"steps: expected 0 < min_step <= step <= max_step, found {self.min_step}, {self.step}, {self.max_step}"

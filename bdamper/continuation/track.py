@@ -27,7 +27,7 @@ from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import linear_resonances, reach
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
-from bdamper.util.blas import one_thread, single_thread
+from bdamper.util.blas import single_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import passes_interrupts_on, progress_bar
@@ -134,26 +134,6 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
 
 def _why_none(problem: Problem, search: Coverage, last: NDArray) -> str:
     return why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
-
-
-@one_thread
-def find_start(
-    problem: Problem, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter
-) -> tuple[NDArray | None, list[str]]:
-    """A solution at one frequency (rad/s); see :func:`bdamper.continuation.start.first_point`.
-
-    Returns
-    -------
-    (n_unknowns + 1,) float or None, and what was tried
-    """
-    state = problem.static(preload)
-    if not state.converged:
-        return None, [f"static state: {state.note}"]
-    search = Coverage(problem.system(preload), (omega, omega), options, meter)
-    meter.watch(search.system)
-    found, log, last = first_point(search.system, state, stuck_springs(problem, state), omega, options, meter)
-    why = "" if found is not None else _why_none(problem, search, last)
-    return found, [*log, why] if why else log
 
 
 def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], search: Coverage) -> list[NDArray]:

@@ -32,17 +32,17 @@ class Fixed:
 
 
 @dataclass(frozen=True)
-class Fold:
-    """The parameter is stationary along the curve.
+class Stationary:
+    """Something has no slope along the curve.
 
     Parameters
     ----------
     tangent : (n_unknowns + 1,) float
         Estimate of the direction of the curve, of unit length in scaled unknowns.
     curvature : float
-        Estimate of the derivative along the curve of the tangent's last entry; its sign is that of the fold.
+        Estimate of the derivative along the curve of what vanishes; its sign is that of the point.
     tolerance : float
-        On the distance to the fold, in scaled unknowns.
+        On the distance to the point, in scaled unknowns.
     max_step : float
         Along the curve at a time, in scaled unknowns.
     """
@@ -53,26 +53,12 @@ class Fold:
     max_step: float
 
 
-@dataclass(frozen=True)
-class Peak:
-    """The amplitude of the first harmonic of the response has a maximum along the curve.
+class Fold(Stationary):
+    """The parameter: the tangent's last entry vanishes."""
 
-    Parameters
-    ----------
-    tangent : (n_unknowns + 1,) float
-        Estimate of the direction of the curve, of unit length in scaled unknowns.
-    curvature : float
-        Estimate of the second derivative of ln(amplitude) along the curve, negative.
-    tolerance : float
-        On the distance to the peak, in scaled unknowns.
-    max_step : float
-        Along the curve at a time, in scaled unknowns.
-    """
 
-    tangent: NDArray
-    curvature: float
-    tolerance: float
-    max_step: float
+class Peak(Stationary):
+    """The amplitude of the first harmonic of the response, at a maximum: the slope of its logarithm falls through zero."""
 
 
 Condition = Plane | Fixed | Fold | Peak

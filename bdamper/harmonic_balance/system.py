@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from bdamper import _core
 from bdamper.contact.laws import (
-    LAW_CONSTANT,
     LAW_COUPLED,
     LAW_COUPLED_CONSTANT,
     LAW_SEPARABLE,
@@ -243,24 +242,6 @@ class HarmonicSystem:
                 support[s[free], c[free]] = -drag * l * omega**2
         return self.excitation_ramp(omega, support)
 
-    def with_force(self, force: NDArray) -> HarmonicSystem:
-        """The same equations under another modal force."""
-        out = self._with(force=np.ascontiguousarray(force, float))
-        out.force = out.arrays["force"]
-        return out
-
-    def with_sliders(self, slider: NDArray) -> HarmonicSystem:
-        """The same equations with other sliders (n_points, 2), m, where points never slip (:meth:`slider_interval`)."""
-        out = self._with(w=np.ascontiguousarray(slider, float))
-        out.points = replace(self.points, slider=out.arrays["w"])
-        return out
-
-    def _with(self, **arrays: NDArray) -> HarmonicSystem:
-        out = copy(self)
-        out.arrays = {**self.arrays, **arrays}
-        out.core = _core.Sector(**out.arrays, **self._fixed)
-        return out
-
     def evaluate_at(self, y: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Residual, Jacobian and derivative with respect to the parameter at a point."""
         n = self.n_unknowns
@@ -457,36 +438,6 @@ class HarmonicSystem:
         held = kn > 0.0
         closing = (X[:, 2, :1] + X[:, 2, 1:] @ wave).max(axis=1) + self.arrays["n0"] / np.where(held, kn, 1.0)
         return np.where(held, closing, 0.0), self.bases[0].G[:, 2].real @ direction
-
-    def slider_interval(self, u: NDArray) -> NDArray:
-        """Sliders that a point which never slips may have: the interval of residual tractions.
-
-        Such a point rests with any slider from the largest ``u_d - mu N/kt`` to the smallest ``u_d + mu N/kt`` of the
-        cycle; its mean friction force is ``kt (mean of u_d - slider)``.
-
-        Parameters
-        ----------
-        u : (n_unknowns,) float
-
-        Returns
-        -------
-        (n_points, 2, 2) float, m
-            Lower and upper end for both tangential directions; NaN where the point slips, opens or has no friction.
-        """
-        law = self.arrays["law"]
-        one_d = (law == LAW_SEPARABLE) | (law == LAW_CONSTANT)
-        out = np.full((self.n_points, 2, 2), np.nan)
-        X, F = (np.empty((self.n_points, 3, 2 * self.n_harmonics + 1)) for _ in range(2))
-        share = np.empty((self.n_points, 5))
-        for end, far in enumerate((-np.inf, np.inf)):
-            w = np.where(one_d[:, None], far, self.arrays["w"])
-            core = _core.Sector(**{**self.arrays, "w": w}, **self._fixed)
-            if core.contact(np.append(u, 1.0), X, F, share) != OK:
-                raise FloatingPointError("the contact forces are not finite at this point")
-            rests = one_d[:, None] & (share[:, [0, 2]] > 1.0 - 1e-9)
-            kt = np.where(rests, self.arrays["kt"], 1.0)
-            out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / kt, np.nan)
-        return out
 
     def linear_matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
         """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""

@@ -6,33 +6,3 @@ the contact points (Eqs (13), (14), (17), (18) of the paper), static flexibiliti
 say where forces act and where the motion is read, `LocalBasis` holds the blades of a mistuned wheel one by one,
 :mod:`bdamper.model.misfit` makes gaps of surfaces that do not fit, and `unite_contact_points` makes a coarser model.
 """
-
-from bdamper.model.coarsening import unite_contact_points
-from bdamper.model.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes
-from bdamper.model.loads import Excitation, Response
-from bdamper.model.local import LocalBasis
-from bdamper.model.local_model import local_model
-from bdamper.model.model import Body, ContactStiffness, Interface, Location, ModalBasis, Model
-from bdamper.model.spin import SpeedBasis, SpinStatic
-from bdamper.model.validation import check_model
-
-__all__ = [
-    "RIGID_NAMES",
-    "Body",
-    "ContactStiffness",
-    "Coupling",
-    "Excitation",
-    "HarmonicBasis",
-    "Interface",
-    "LocalBasis",
-    "Location",
-    "ModalBasis",
-    "Model",
-    "Response",
-    "SpeedBasis",
-    "SpinStatic",
-    "check_model",
-    "local_model",
-    "retained_modes",
-    "unite_contact_points",
-]

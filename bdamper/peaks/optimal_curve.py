@@ -246,11 +246,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         return tuple(out)
 
     @property
-    def least_kept(self) -> Kept | None:
-        """The least amplitude that a blade keeps at the preloads at which that is known: the optimum in time."""
-        return min((k for k in self.kept if np.isfinite(k.mean)), key=lambda k: k.mean, default=None)
-
-    @property
     def best(self) -> int | None:
         """Number of the preload with the least value, None where one without a value could be lower or none has one."""
         if not np.isfinite(self.amplitude).any():
@@ -273,27 +268,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     def ratio(self) -> float:
         """Amplitude of the stuck limit over that of the optimum."""
         return self.stuck.amplitude / self.optimum.amplitude
-
-    def range_at(self, preload: float) -> tuple[float, float]:
-        """Least and largest amplitude (m) at a preload (N) by the rungs of the ladder.
-
-        Between the preloads that the ladder checks, the ratios to the curve's own amplitude are interpolated over the
-        logarithm of the preload.
-
-        Raises
-        ------
-        SettingError
-            If the curve has no ladder, or the preload lies beyond those that were checked.
-        """
-        ranges = self.ladder.ranges if self.ladder is not None else ()
-        checked, low, high = np.array(ranges).reshape(-1, 3).T
-        if not len(checked):
-            raise SettingError("range_at: expected a curve with a ladder that knows some ranges, found none")
-        name = "preload, within those that the ladder checks"
-        preload = validate.number(name, preload, least=checked[0], most=checked[-1], unit="N")
-        own = self._own_amplitude(np.append(checked, preload))
-        ratio = [np.interp(np.log(preload), np.log(checked), edge / own[:-1]) for edge in (low, high)]
-        return float(ratio[0] * own[-1]), float(ratio[1] * own[-1])
 
     def preloads_within(self, amplitude: float) -> tuple[float, float]:
         """The range of preloads (N) around the optimum in which the amplitude is at most the given one (m).
@@ -325,14 +299,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         """Preload (N) and amplitude (m) of all maxima of the curves, the highest ones and those below them."""
         kinds = [(c, np.array([kind == "maximum" for kind in c.point_kind], bool)) for c in self.curves]
         return tuple((c.preload, float(a)) for c, marked in kinds for a in c.amplitude[marked])
-
-    def _own_amplitude(self, preload: NDArray) -> NDArray:
-        """Amplitudes (m) at any preloads, interpolated between those of the curve and its optimum."""
-        points = {p: a for p, a in zip(self.preload, self.amplitude) if np.isfinite(a)}
-        if np.isfinite(self.optimum.preload):
-            points[self.optimum.preload] = self.optimum.amplitude
-        at = np.array(sorted(points))
-        return np.exp(np.interp(np.log(preload), np.log(at), np.log([points[p] for p in at])))
 
     def facts(self) -> tuple[Fact, ...]:
         """The optimum and how far it is verified, and the limits without contact and with all closed points stuck."""

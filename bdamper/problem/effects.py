@@ -24,6 +24,11 @@ BLADE_MODES = 10
 """By default; fewer where the model has no more.  Residual modes carry what the others would (docs/measured.md)."""
 SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
 """Effects that are on or off."""
+AS_NAMED = (
+    "harmonics", "bias", "variable_normal_load", "separation", "friction_law", "damper_modes", "constraints",
+    "contact_points", "stability", "blade_modes",
+)  # fmt: skip
+"""Effects that are settings of a study of the same name."""
 
 
 def _effect(default: Any, meaning: str, off: str) -> Any:
@@ -129,39 +134,18 @@ class Effects:
     @classmethod
     def of(cls, problem: Any) -> Effects:
         """The effects that a problem includes."""
-        rigid = problem.rigid_modes
+        rigid = [name for name in RIGID_NAMES if name in problem.rigid_modes]
         return cls(
-            harmonics=problem.harmonics,
-            bias=problem.bias,
-            variable_normal_load=problem.variable_normal_load,
-            separation=problem.separation and problem.variable_normal_load,
-            friction_law=problem.friction_law,
-            rotation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "R"),
-            translation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "T"),
-            damper_modes=problem.damper_modes,
+            **{name: getattr(problem, name) for name in AS_NAMED},
+            rotation=tuple(name[1] for name in rigid if name[0] == "R"),
+            translation=tuple(name[1] for name in rigid if name[0] == "T"),
             harmonic_nodal_diameters=not problem.single_basis,
-            constraints=problem.constraints,
-            contact_points=problem.contact_points,
-            stability=problem.stability,
-            blade_modes=problem.blade_modes,
         )
 
     def settings(self) -> dict[str, Any]:
         """The settings of a study that carry these effects, by name."""
-        return {
-            "harmonics": self.harmonics,
-            "bias": self.bias,
-            "variable_normal_load": self.variable_normal_load,
-            "separation": self.separation,
-            "friction_law": self.friction_law,
-            "rigid_modes": self.rigid_modes,
-            "damper_modes": self.damper_modes,
-            "single_basis": not self.harmonic_nodal_diameters,
-            "constraints": self.constraints,
-            "contact_points": self.contact_points,
-            "stability": self.stability,
-            "blade_modes": self.blade_modes,
-        }
+        same = {name: getattr(self, name) for name in AS_NAMED}
+        return same | {"rigid_modes": self.rigid_modes, "single_basis": not self.harmonic_nodal_diameters}
 
     def without(self, name: str) -> Effects:
         """This set without one effect; the set itself where the effect is off already.

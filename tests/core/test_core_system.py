@@ -342,8 +342,6 @@ def test_a_point_that_is_not_finite_is_a_status():
     equations = study.system(10.0)
     with pytest.raises(FloatingPointError, match="contact forces are not finite"):
         equations.contact(np.full(equations.n_unknowns, np.nan))
-    with pytest.raises(FloatingPointError, match="contact forces are not finite"):
-        equations.slider_interval(np.full(equations.n_unknowns, np.nan))
 
 
 def run_together(work, n_threads=4):

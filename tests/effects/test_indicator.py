@@ -10,6 +10,7 @@ from bdamper.effects.indicator import Estimate, embed, estimate_change
 from bdamper.peaks.newton import find_peak
 from bdamper.problem.effects import Effects
 from tests import models
+from tests.following import changed
 from tests.plain import plain_study
 
 INTERVAL = (720.0, 880.0)
@@ -36,7 +37,7 @@ def test_estimate_is_the_derivative_of_the_peak(full, peak):
     direction[: system.n_mean] = 0.0
     error, defect = [], []
     for size in (4e-4, 2e-4, 1e-4):
-        other = system.with_force(system.force + size * direction)
+        other = changed(system, system.force + size * direction)
         e = estimate_change(other, peak.y)
         true = find_peak(other, peak.y)
         assert true.converged

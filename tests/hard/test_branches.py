@@ -28,12 +28,12 @@ from bdamper.continuation.coverage import (
 )
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
-from bdamper.continuation.track import find_start
 from bdamper.harmonic_balance.conditions import Fold, Plane
 from bdamper.harmonic_balance.linear import reach
 from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction, HarmonicSystem
 from bdamper.util.cost import CostMeter
 from bdamper.util.progress import _stop
+from tests.following import find_start
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.continuation.track import find_start
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import CostMeter
+from tests.following import find_start
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
 
 BATCH = 25

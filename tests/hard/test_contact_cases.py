@@ -12,6 +12,7 @@ import pytest
 import bdamper as bd
 from tests import oracle
 from tests.contact.test_laws import COUPLED, EXACT, SAMPLED, SEPARABLE, evaluate, random_state
+from tests.following import slider_interval
 from tests.oscillators import oscillator
 
 
@@ -111,7 +112,7 @@ def test_case_10_stuck_with_a_biased_slider():
     )
     u = np.zeros(system.n_unknowns)
     u[1] = 0.2
-    interval = system.slider_interval(u)
+    interval = slider_interval(system, u)
     np.testing.assert_allclose(interval[0, 0], [0.2 - mu * n0 / kt, -0.2 + mu * n0 / kt], atol=1e-12)
     assert np.isnan(interval[0, 1]).all()  # no stiffness, no friction in the other direction
     x = np.zeros((3, 3))

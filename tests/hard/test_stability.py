@@ -11,6 +11,7 @@ from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.stability.floquet import monodromy, multipliers, shooting_monodromy, stability_of_points
 from bdamper.stability.time_integration import Motion, Ring
 from tests.event_march import Marcher
+from tests.following import slider_interval
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.marches import verify_solution
 from tests.models import acyclic_model
@@ -74,7 +75,7 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
         guess = np.append(u, np.zeros(system.n_unknowns - len(u)))
         u = system.correct_at(guess, omega, np.ones(len(guess) + 1), 1e-10, 100, True).y[:-1]
     for _ in range(3):
-        ends = system.slider_interval(u)
+        ends = slider_interval(system, u)
         margin = 0.05 * (ends[..., 1] - ends[..., 0])
         inside = np.clip(system.points.slider, ends[..., 0] + margin, ends[..., 1] - margin)
         points = replace(system.points, slider=np.where(np.isnan(margin), system.points.slider, inside))

@@ -7,11 +7,11 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.continuation.track import find_start
 from bdamper.stability.disturbances import WaveDisturbances, _pencil
 from bdamper.stability.floquet import NEUTRAL, bases_beside, monodromy, multipliers
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import CostMeter
+from tests.following import find_start
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import wedge_model
 from tests.physics import test_full_annulus as annulus

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.model import check_model, local_model, unite_contact_points
+from bdamper.model.coarsening import unite_contact_points
+from bdamper.model.local_model import local_model
 from bdamper.model.model import feed_digest
+from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError
 from tests.models import lumped_local, wedge_model
 

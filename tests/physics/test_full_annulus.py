@@ -16,11 +16,11 @@ import pytest
 import bdamper as bd
 from bdamper.contact.points import PointArrays
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.continuation.track import find_start
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis
 from bdamper.util.cost import CostMeter
+from tests.following import find_start
 from tests.models import wedge_model
 from tests.plain import plain_study
 

@@ -8,12 +8,12 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.continuation.track import find_start
 from bdamper.harmonic_balance.system import OK
 from bdamper.problem.problem import stuck_springs
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests import oracle
+from tests.following import changed, find_start
 from tests.models import RADIUS, ground_model, rotation, shroud_model, wedge_model
 from tests.plain import plain_study
 
@@ -254,7 +254,7 @@ class TestSpecialPreloads:
     def test_without_excitation_the_response_is_the_static_state(self):
         study = wedge_study()
         state, system = study.static(100.0), study.system(100.0)
-        system = system.with_force(np.where(np.arange(system.n_unknowns) < system.n_mean, system.force, 0.0))
+        system = changed(system, np.where(np.arange(system.n_unknowns) < system.n_mean, system.force, 0.0))
         u = np.zeros(system.n_unknowns)
         u[: system.n_mean] = state.q
         r, _, _ = system.evaluate(u, 2000.0)

@@ -13,11 +13,11 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from bdamper.wheel import Mistuning
 from bdamper.wheel.wheel import Wheel
 from tests.annulus import Annulus, small_sector, small_wheel
+from tests.following import find_start
 from tests.wheel.lumped import size, solution
 from tests.wheel.lumped import wave as wave_of
 from tests.wheel.test_symmetry import assert_same, turned

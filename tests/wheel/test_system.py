@@ -7,13 +7,13 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.continuation.track import find_start
 from bdamper.harmonic_balance.conditions import Fixed
 from bdamper.util.cost import CostMeter
 from bdamper.wheel import DamperVariation, Mistuning, WheelPeakOptions
 from bdamper.wheel.loading import wheel_system
 from bdamper.wheel.reduction import reduced_state
 from bdamper.wheel.wheel import Wheel
+from tests.following import find_start
 from tests.wheel.lumped import lumped_study, size, solution
 from tests.wheel.lumped import wave as wave_of
 from tests.wheel.test_symmetry import PATTERN, study
