@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.io import ContactFaces, build_model
-from bdamper.model import check_model
+from bdamper.model.validation import check_model
 from bdamper.reduction import LocalSizes, cyclic
 from bdamper.util.errors import BdamperError
 from tests.annulus import small_sector
