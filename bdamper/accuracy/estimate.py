@@ -224,8 +224,8 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     model, bodies = problem.model, {}
     own, *others = (model.folded_nodal_diameter(problem.engine_order * l)[0] for l in (1, *lacking))
     for name, body in model.bodies.items():
-        given = dict.fromkeys(others, body.bases[own]) if body.kind == "constrained" else {}
-        bodies[name] = replace(body, bases=given | dict(body.bases))
+        lent = {d: body.bases[own] for d in others if body.kind == "constrained" and d not in body.bases}
+        bodies[name] = replace(body, bases={**body.bases, **lent})
     return replace(problem, model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
