@@ -193,7 +193,9 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
     def bottom_line(self) -> str:
         low, high = (f"{speed * RPM:.0f}" for speed in self.range)
         if not self.found.any():
-            return f"No crossing of mode {self.mode} from {low} to {high} rpm with any of {len(self)} lines."
+            reasons = dict.fromkeys(filter(None, self.warnings))
+            why = f": {next(iter(reasons))}" if reasons else "."
+            return f"No crossing of mode {self.mode} from {low} to {high} rpm with any of {len(self)} lines{why}"
         i = int(np.nanargmax(np.where(self.found, self.amplitude, np.nan)))
         place = f"{self.rpm[i]:.0f} rpm ({amount(self.frequency[i], 'Hz')}) by engine order {self.engine_order[i]}"
         load = f"damper of {amount(self.mass[i], 'kg')}, preload {amount(self.preload[i], 'N')}"
