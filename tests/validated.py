@@ -62,7 +62,7 @@ class Problem:
 def _over(ax, x, reference, ours, xlabel, ylabel, log=False):
     """A reference as a line, our points on it."""
     ax.plot(*reference, "-", color="0.6", linewidth=2.5, label="reference")
-    ax.plot(x, ours, ".", color="C0", markersize=3.5, label="bdamper")
+    ax.plot(x, ours, "o", color="C0", markersize=1.8 if len(x) > 10 else 5.0, label="bdamper")
     ax.set(xlabel=xlabel, ylabel=ylabel, **({"xscale": "log"} if log else {}))
     ax.legend(fontsize=7.0)
 
@@ -374,13 +374,18 @@ def planar_wedge() -> Problem:
         'N. N. Balaji and E. Ferhatoglu, "Vibration response variability in friction-damped systems" (parameters from '
         "<https://github.com/Nidish96/nonuniq>); the reference is a program in plain NumPy (tests/modes/wedge.py)",
         "third mode of two masses with a free wedge between them; the branch turns at the circles, and three motions have "
-        "one amplitude there, which the tests compare, too",
+        "one amplitude there, which the tests compare for one to three harmonics, too; motions on no branch through a mode "
+        "exist and are not looked for ([modes](nonlinear-modes.md))",
         tuple(rows), draw,
     )  # fmt: skip
 
 
 FORCE, DRIVEN = 120.0, 150.0
 """N on the first mass of the wedge along x, at so many Hz."""
+
+
+def _harmonics(n):
+    return f"{n} harmonic{'s' if n > 1 else ''}"
 
 
 def _marched_wedge(force):
@@ -406,7 +411,7 @@ def forced_wedge() -> Problem:
         found = system.correct_at(near, TWO_PI * DRIVEN, scale, 1e-12, 40, True)
         rows.append(
             Row(
-                f"amplitude (µm), {harmonics} harmonics",
+                f"amplitude (µm), {_harmonics(harmonics)}",
                 1e6 * np.hypot(*x[0, 1:3]),
                 1e6 * abs(system.first_harmonic(found.y)),
                 1e-5,
@@ -422,7 +427,7 @@ def forced_wedge() -> Problem:
 
     def draw(ax):
         for harmonics, curve in cycles:
-            ax.plot(curve.frequency, 1e6 * curve.amplitude, label=f"{harmonics} harmonics")
+            ax.plot(curve.frequency, 1e6 * curve.amplitude, label=_harmonics(harmonics))
         ax.plot(np.full(4, DRIVEN), [row.reference for row in rows[:4]], "o", color="k", markerfacecolor="none",
                 label="independent program")  # fmt: skip
         ax.set(xlabel="Frequency (Hz)", ylabel="Amplitude (µm)")
