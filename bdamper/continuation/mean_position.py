@@ -66,9 +66,7 @@ def neutral_directions(system: HarmonicSystem, coordinates: Sequence[Coordinate]
     return names
 
 
-def why_no_solution(
-    system: HarmonicSystem, model: Model, coordinates: Sequence[Coordinate], y: NDArray
-) -> str:
+def why_no_solution(system: HarmonicSystem, model: Model, coordinates: Sequence[Coordinate], y: NDArray) -> str:
     """If a free body cannot be in equilibrium where Newton ended: which mean force is left, and what that means."""
     try:
         r, J, _ = system.evaluate(y[:-1], y[-1])

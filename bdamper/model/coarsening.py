@@ -83,9 +83,7 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
         model,
         interfaces={name: g.face for name, g in groups.items()},
         bodies={name: _united_body(body, groups) for name, body in model.bodies.items()},
-        contact={
-            name: ContactStiffness(groups[name].sum @ c.stiffness, c.source) for name, c in model.contact.items()
-        },
+        contact={name: ContactStiffness(groups[name].sum @ c.stiffness, c.source) for name, c in model.contact.items()},
         static={
             name: StaticContact(
                 (groups[name].forces @ s.force.ravel()).reshape(-1, 3),

@@ -435,9 +435,7 @@ def retained_modes(
     return out
 
 
-def damper_drag(
-    model: Model, basis: HarmonicBasis, springs: NDArray, ratio: float, drag: float
-) -> dict[Coordinate, float]:
+def damper_drag(model: Model, basis: HarmonicBasis, springs: NDArray, ratio: float, drag: float) -> dict[Coordinate, float]:
     """Viscous modal damping of the coordinates of free bodies, rad/s.
 
     Parameters

@@ -256,9 +256,7 @@ class Model(Plottable):
             lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}")
         for face in self.interfaces.values():
             gap = f", gap up to {1e6 * face.gap.max():.3g} um" if np.any(face.gap > 0.0) else ""
-            lines.append(
-                f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}"
-            )
+            lines.append(f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}")
         return "\n".join(lines)
 
     def port_slice(self, body: str, port: Port) -> slice:

@@ -201,9 +201,7 @@ def _check_sides(interface: Interface, model: Model, item: str) -> None:
             raise mismatch(f"{item}/@body_{side}", f"a body of {list(model.bodies)}", repr(name))
         if body.kind != "ground" and (interface.name, side) not in body.ports:
             found = f"{['.'.join(port) for port in body.ports]}"
-            raise mismatch(
-                f"{item}/@body_{side}", f"'{interface.name}.{side}' in the ports of '{name}'", found
-            )
+            raise mismatch(f"{item}/@body_{side}", f"'{interface.name}.{side}' in the ports of '{name}'", found)
         bodies.append(body)
     require(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
     if bodies[0] is bodies[1] and interface.sector_a == interface.sector_b:
@@ -356,9 +354,7 @@ def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
     size = np.linalg.norm(flexibility)
     allowed = SINGLE * size
     if not (np.isfinite(size) and np.isfinite(rest).all()):
-        raise mismatch(
-            item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max():.3g}"
-        )
+        raise mismatch(item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max():.3g}")
     if is_positive_definite(rest + allowed * np.eye(len(rest))):
         return
     smallest = np.linalg.eigvalsh(rest)[0] if len(rest) else 0.0

@@ -65,7 +65,7 @@ class AtPreload:
 
     @property
     def status(self) -> str:
-        """"complete", "incomplete" or "not found", with what is to be said of it."""
+        """ "complete", "incomplete" or "not found", with what is to be said of it."""
         if self.top is None:
             return because(NOT_FOUND, f"{self.curve.status}: {self.curve.reason}")
         if not self.curve.complete:

@@ -175,9 +175,7 @@ class Problem(Settings):
     @part
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
-        bases = [
-            self._with_residual(b, l) if l in self.active_harmonics else b for l, b in enumerate(self.modal_bases)
-        ]
+        bases = [self._with_residual(b, l) if l in self.active_harmonics else b for l, b in enumerate(self.modal_bases)]
         return [self.damped(b) for b in bases]
 
     def damped(self, basis: HarmonicBasis) -> HarmonicBasis:

@@ -298,9 +298,7 @@ class Settings:
 
     def interface_names(self) -> tuple[str, ...]:
         """Interfaces that take part, constraint planes only if they are asked for."""
-        return tuple(
-            name for name, face in self.model.interfaces.items() if self.constraints or face.kind != "constraint"
-        )
+        return tuple(name for name, face in self.model.interfaces.items() if self.constraints or face.kind != "constraint")
 
     def friction_by_interface(self) -> dict[str, float]:
         """Friction coefficient of each interface that takes part; none but on friction interfaces."""
