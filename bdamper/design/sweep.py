@@ -397,13 +397,11 @@ def sweep(
     ----------
     problem : Problem
     over : mapping of name to sequence of values
-        "preload", the settings of :mod:`bdamper.problem.variation` ("friction_coefficient", "excitation.amplitude",
-        "damper_mass_factor" ...), and "model.<argument>" for arguments of ``model``.
+        "preload", the settings of :mod:`bdamper.problem.variation`, and "model.<argument>" for arguments of ``model``.
     evaluate : callable, optional
-        ``evaluate(problem, preload)`` returns named answers: numbers, texts, lists of numbers.  By default it finds the
-        highest peak.  Processes need a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
+        ``evaluate(problem, preload)`` returns named answers: numbers, texts, lists of numbers; the highest peak by default.
+        Processes need a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
     model : callable, optional
-        Makes the model from its arguments.
     combine : {"product", "zip"}
         All combinations of the values, or the first with the first and so on.
     preload, frequency, mode
@@ -413,7 +411,6 @@ def sweep(
     resume : path, optional
         File to which finished points are appended, and from which an interrupted sweep goes on.
     progress : bool
-        Show a progress bar with the time that is left.
 
     Returns
     -------
@@ -423,9 +420,7 @@ def sweep(
     Raises
     ------
     SettingError
-        For a name or value that cannot be varied.
-    BdamperError
-        If the results file is of another sweep.
+        For a name or value that cannot be varied; BdamperError if the results file is of another sweep.
     """
     names, points, shape = _points(over, combine)
     _check_names(validate.instance("study", problem, Problem, "a Study"), over, model)

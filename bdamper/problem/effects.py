@@ -51,14 +51,11 @@ class Effects:
         The friction limit follows the normal load through the cycle.  Off: it is that of the static state; surfaces then
         do not separate either.
     separation : bool
-        Surfaces may open and close within the cycle.  Off: friction points that are closed statically stay closed (their
-        normal spring pulls as well as it pushes; without pressure there is no friction), the others stay open.
+        Surfaces may open and close.  Off: friction points that are closed statically stay closed, the others open.
     friction_law : {"separable", "coupled", "bonded"} or mapping of interface name to these
-        "coupled": the friction force lies in a disk, which needs a sampled evaluation (a study that has the exact one is
-        given 128 samples).  "separable": each tangential direction slips for itself.
+        "separable": each tangential direction slips for itself.  "coupled": the friction force lies in a disk, sampled.
     rotation, translation : sequence of "X", "Y", "Z"
-        Rigid-body motions of free bodies about and along their own axes (Y along the load, Z along the axis of
-        rotation).
+        Rigid-body motions of free bodies about and along their own axes: Y along the load, Z along that of rotation.
     damper_modes : int
         Elastic modes of each free body.
     harmonic_nodal_diameters : bool

@@ -76,9 +76,8 @@ class SpeedLine:
 class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-crossings", row="crossing"):
     """Where the highest resonance of a mode lies on the lines of engine orders.
 
-    ``plot`` draws amplitude over speed for each mass of the damper (:func:`bdamper.plot.plot_crossings`).  A crossing is
-    the highest point of the response along the line, as a slow run-up passes it (:meth:`bdamper.Study.run_up`); the peak at
-    fixed speed beside it, of changes of the excitation frequency alone, may be lower.
+    A crossing is the highest point of the response along the line, as a slow run-up passes it; the peak at fixed speed
+    beside it, of changes of the excitation frequency alone, may be lower.
 
     Parameters
     ----------
@@ -89,27 +88,23 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
         Of the first of them that is loaded.
     kind : tuple of str
         "complete"; "incomplete" where there may be a higher point, as ``warnings`` say; "none" where no resonance of the
-        mode can meet the line in the range of speeds; "not found" where none was found; otherwise "failed: " or "not run"
-        as of a sweep.
-    speed : (n,) float, rad/s
+        mode can meet the line in the range; "not found"; otherwise "failed: " or "not run" as of a sweep.
+    speed, frequency, amplitude, preload : (n,) float, rad/s, Hz, m and N
         NaN without a crossing.
-    frequency, amplitude, preload : (n,) float, Hz, m and N
     fixed_speed, fixed_speed_amplitude : (n,) float, rad/s and m
         The peak at fixed speed beside the highest point, where it lies on the line; NaN if there is none.
     shares : (n, 3) float
-        Stick, slip and open at the highest point, mean over the friction points and the cycle.
+        Stick, slip and open at the highest point.
     residual : (n,) float
     amplitude_by_mass, speed_by_mass : (n,) float, m and rad/s per unit of the factor on the mass
-        Derivatives of the crossing, load and inertia together; NaN at a corner of the response curve.
+        Load and inertia together; NaN at a corner of the response curve.
     margin : (n,) float
         Of fatigue, least over the locations; NaN where it was not asked for.
     lines : tuple of SpeedLine
-        The response along the line, for each crossing.
     warnings : tuple of str
         What the search for each crossing leaves open, empty where nothing.
-    range : (low, high), rad/s
-    mode : int
-    cost : tuple of Cost
+    range, mode, cost
+        What was asked for, rad/s, and the cost of each crossing.
     notes : tuple of str
         What the model neglects over speed.
     settings : mapping
@@ -239,26 +234,19 @@ def crossings(
     ----------
     problem : Problem
         Of any engine order; its model has bases over speed.
-    speeds : (low, high) or sequence of more than two values, rad/s
-        Range in which crossings are looked for.
+    speeds, rpm : (low, high) or sequence of more than two values, rad/s or revolutions per minute
+        Range in which crossings are looked for, one of the two.
     engine_orders : sequence of int
-    rpm : as ``speeds``, revolutions per minute
-        Instead of them.
     damper_mass : sequence of float
         Factors on the mass of the free bodies, each with its centrifugal load and its inertia.
     mode : int
         Mode of the constrained bodies, 1 for the lowest.
-    executor : concurrent.futures.Executor, optional
-        On which the crossings are looked for; threads by default.
-    resume : path, optional
-        File that keeps what is finished; work that was interrupted goes on from there.
-    progress : bool
+    executor, resume, progress
+        As of :func:`bdamper.sweep`.
     margin : LeastMargin, optional
-        With it the margin against fatigue of each crossing and of some points of its line, for a model with stress sets:
-        ``bdamper.fatigue.margin.LeastMargin(material)``.
+        With it the margin against fatigue of each crossing and of some points of its line, for a model with stress sets.
     **conditions
-        ``friction``, ``temperature`` and ``excitation`` over speed, as fields of
-        :class:`bdamper.problem.at_speed.Conditions`.
+        ``friction``, ``temperature``, ``excitation``: fields of :class:`bdamper.problem.at_speed.Conditions`.
 
     Returns
     -------
