@@ -12,6 +12,7 @@ length, since coarse steps damp beats.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -54,6 +55,8 @@ class Rules:
         above which it has grown: 23 times where unresolved contacts gain energy.
     apart : float
         From the tip, relative to its frequency, at least, where a response so flat that it has no half width is begun with.
+    near : float
+        Relative distance from its branch within which a motion beyond the tip goes on along it.
     memory, stretch : float
         Periods in which a transient falls to 1/e from which on all numbers of periods grow with it, and how far at most:
         within a part of a transient no mean is one of the motion that is to come.
@@ -67,6 +70,7 @@ class Rules:
     drop: float = 0.7
     grown: float = 4.0
     apart: float = 0.01
+    near: float = 0.1
     memory: float = 100.0
     stretch: float = 4.0
 
@@ -121,11 +125,24 @@ class Levels:
         """The next solution below a level, 0 without one."""
         return float(max((a for a in self.at(frequency) if a < RULES.lower * own), default=0.0))
 
+    def alone(self, here: Place, step: float) -> bool:
+        """Whether a motion is on its branch and has no other solution beside it, up to where that is a tenth lower."""
+        own = self.at(here.frequency)
+        if len(own) != 1 or abs(here.mean / own[0] - 1.0) > RULES.near:
+            return False
+        ahead = (self.at(f) for f in np.linspace(here.frequency, self.end(step), 100)[1:-1])
+        high = takewhile(lambda there: max(there, default=0.0) > RULES.lower * own[0], ahead)
+        return all(len(there) == 1 for there in high)
+
+    def end(self, sign: float) -> float:
+        """Last frequency (Hz) on one side."""
+        return float(self.frequency.max() if sign > 0.0 else self.frequency.min())
+
     def side(self, sign: float) -> tuple[float, float]:
         """Half width (Hz, with its sign) on one side of the tip, and the first frequency half of it away where the branch
         is alone; NaN where it ends before.  A response that does not fall by that much has twice the way to that place."""
         tip, height = self.frequency[self.top], self.amplitude[self.top]
-        end = self.frequency.max() if sign > 0.0 else self.frequency.min()
+        end = self.end(sign)
         width, before = np.nan, height
         for f in np.linspace(tip, end, 400)[1:-1]:
             own = float(max(self.at(f), default=0.0))
@@ -198,9 +215,9 @@ class Walk:
         while here.stays:
             self.places.append(here)
             beyond = (here.frequency - tip) * np.sign(step) > 0.0
-            low = here.mean < RULES.lower * max(p.mean for p in self.places)
-            following = here.frequency + step
-            if (beyond and low) or not ends.min() <= following <= ends.max():
+            highest, following = max(p.mean for p in self.places), here.frequency + step
+            over = here.mean < RULES.lower * highest or (here.mean < highest and self.levels.alone(here, step))
+            if (beyond and over) or not ends.min() <= following <= ends.max():
                 return
             here = self.follow(here, following)
         self.fall = here.frequency

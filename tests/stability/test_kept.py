@@ -123,6 +123,19 @@ def test_a_response_so_flat_that_it_has_no_half_width_is_walked_along():
     assert flat.side(1.0)[1] == pytest.approx(101.0 * 1.01), "never nearer than that to the tip"
 
 
+def test_the_walk_ends_beyond_the_tip_where_there_is_nothing_to_fall_to():
+    """One branch that falls from 1 to 0.6 between 101 and 111 Hz, beside which another lies from 106 to 107 Hz or later."""
+    levels = object.__new__(Levels)
+    levels.frequency = np.array([101.0, 106.0, 111.0, 106.0, 107.0])
+    levels.amplitude, levels.branch, levels.top = np.array([1.0, 0.8, 0.6, 0.3, 0.3]), np.array([0, 0, 0, 1, 1]), 0
+    on = room.Place(105.0, np.full(80, 0.84), True, None)
+    assert not levels.alone(on, 0.1), "another level comes before it is a tenth lower"
+    assert not levels.alone(on._replace(frequency=106.5, amplitude=np.full(80, 0.78)), 0.1), "and is there already"
+    assert levels.alone(on, -0.1), "to the other side there is none"
+    levels.frequency[3:] += 3.0
+    assert levels.alone(on, 0.1) and not levels.alone(on._replace(amplitude=np.full(80, 1.2)), 0.1), "off its branch"
+
+
 def test_the_way_from_one_frequency_to_the_next_is_a_sweep(bent, monkeypatch):
     """A jump of the frequency would throw off motions that a slow sweep keeps."""
     swept, sweep = [], room.March.sweep
