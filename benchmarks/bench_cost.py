@@ -38,8 +38,8 @@ IMAGE = HERE.parents[0] / "docs" / "images" / "cost.png"
 SHIPPED = HERE.parents[0] / "bdamper" / "data" / "cost.json"
 BAND = (285.0, 380.0)
 SCENES = (
-    (0.4, 5, 1.25), (0.2, 10, 2.0), (0.6, 5, 4.0), (0.4, 10, 0.8), (0.2, 5, 0.65), (0.6, 10, 1.25),
-    (0.4, 5, 4.0), (0.2, 10, 0.9), (0.6, 5, 0.8), (0.4, 10, 2.0),
+    (0.4, 5, 1.25), (0.2, 10, 2.0), (0.6, 5, 4.0), (0.4, 10, 0.8), (0.2, 5, 0.65), (0.4, 5, 4.0),
+    (0.6, 10, 1.25), (0.2, 10, 0.9), (0.6, 5, 0.8), (0.4, 10, 2.0),
 )  # fmt: skip
 """Friction coefficient, engine order of 65 blades (13 sectors both), and preload over that of the least peak."""
 PRELOADS = np.geomspace(30.0, 400.0, 12)
@@ -117,11 +117,11 @@ def jobs(scene: tuple[float, int, float], known: dict[str, Any], later: bool) ->
     yield best, least, (friction, order)
     given = friction, order, factor * known[best]
     yield f"{name}/kept", judged, (*given, "harmonics", 3)
-    for setting, value in ((setting, value) for setting, value in JUDGES.items() if later or setting == "patterns"):
-        yield f"{name}/kept, {setting} {value}", judged, (*given, setting, value)
     for setting, values in ROWS.items():
         for value in values:
             yield f"{name}/{setting} {value}", balanced, (*given, setting, value, known[f"{name}/kept"]["frequency"])
+    for setting, value in JUDGES.items() if later else ():
+        yield f"{name}/kept, {setting} {value}", judged, (*given, setting, value)
 
 
 def name_of(scene: tuple[float, int, float]) -> str:
@@ -130,7 +130,7 @@ def name_of(scene: tuple[float, int, float]) -> str:
 
 
 def compute(scenes: int) -> None:
-    """What is missing of so many scenes; after Ctrl-C the next run goes on."""
+    """What is missing of so many scenes, the longest marches last; after Ctrl-C the next run goes on."""
     known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     warnings.simplefilter("ignore", BdamperWarning)
     for later in (False, True):
@@ -195,7 +195,8 @@ def structures(known: dict[str, Any]) -> dict[str, NDArray]:
 
 def shipped(known: dict[str, Any]) -> dict[str, Any]:
     """The table that the package carries: each step to the next richer value, its time and what it changed of the peak."""
-    steps, whole = [], [n for n in map(name_of, SCENES) if f"{n}/method residual_modes" in known]
+    done = [n for n in map(name_of, SCENES) if f"{n}/method residual_modes" in known]
+    steps, whole = [], [n for n in done if np.isfinite(known[f"{n}/harmonics 3"]["top"])]
     for setting in ("harmonics", "patterns", "blade_modes"):
         for poor, rich in pairwise(ROWS[setting]):
             both = [(known[f"{n}/{setting} {poor}"], known[f"{n}/{setting} {rich}"]) for n in whole]
@@ -211,9 +212,9 @@ def shipped(known: dict[str, Any]) -> dict[str, Any]:
 
 def draw(known: dict[str, Any]) -> None:
     """Error over time of a curve, one panel for each setting."""
-    found = {setting: values for setting, values in rows(known).items() if values}
+    found = {setting: values for setting, values in rows(known).items() if values and values[0].scenes > 1}
     with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(1, len(found), figsize=(9.0, 3.1), sharey=True)
+        figure, axes = plt.subplots(1, len(found), figsize=(9.0, 3.4), sharey=True)
         for ax, (setting, values) in zip(axes, found.items()):
             looks = {"top": ("o-", "k", "top of the balance"), "at": ("D--", "0.5", "at the frequency of what is kept")}
             for name, (marks, colour, label) in looks.items():
@@ -225,17 +226,19 @@ def draw(known: dict[str, Any]) -> None:
                             linewidth=1.0, markerfacecolor="k" if name == "top" else "w", label=label)  # fmt: skip
             for v in values:
                 text = str(v.value).replace("unit_traction", "unit tractions").replace("residual_modes", "residual modes")
-                default = ", default" if v.value == DEFAULT[setting] else ""
-                ax.annotate(text + default, (v.time, v.top[1]), xytext=(5, 6), textcoords="offset points", fontsize=7.5)
-            ax.set_xscale("log")
+                usual = v.value == DEFAULT[setting]
+                ax.annotate(f"{text}, default" if usual else text, (v.time, v.top[1]), xytext=(6, -11 if usual else 6),
+                            textcoords="offset points", fontsize=7.5)  # fmt: skip
+            ax.set(xscale="log", xlim=(0.15, 150.0))
+            ax.set_xticks([0.3, 1.0, 3.0, 10.0, 30.0], minor=False)
+            ax.set_xticks([], minor=True)
             ax.xaxis.set_major_formatter("{x:g}")
-            ax.margins(x=0.35, y=0.12)
-            ax.set_title(f"{NAMES[setting]} ({values[0].scenes} scenes)")
+            ax.set_title(f"{NAMES[setting].capitalize()} ({values[0].scenes} scenes)")
         axes[0].set_yscale("log")
         axes[0].yaxis.set_major_formatter("{x:g}")
         axes[0].set_ylabel("Error against the amplitude kept (%)")
-        axes[0].legend(loc="upper right")
-        figure.supxlabel("Time of a curve over that with the default settings", fontsize=9)
+        axes[len(axes) // 2].set_xlabel("Time of a curve over that with the default settings")
+        axes[-1].legend(*axes[0].get_legend_handles_labels(), loc="lower right")
         save_figure(figure, IMAGE)
 
 

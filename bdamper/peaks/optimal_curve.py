@@ -15,6 +15,7 @@ from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, error_line
+from bdamper.util.experience import richer
 from bdamper.util.hdf5 import Storable
 from bdamper.util.kept import Kept
 from bdamper.util.ladder import Ladder
@@ -314,6 +315,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             *(best if np.isfinite(o.preload) else []),
             Fact("optimum is", f"{o.kind}, {o.status}"),
             *(Fact("a blade keeps", k.text) for k in self.kept if k.preload == o.preload),
+            *(Fact("by experience", line) for line in richer(self.settings)[:1]),
             *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
             *([] if self.error_estimates is None else [Fact("error", error_line(self.error_estimates))]),
             Fact("free amplitude", self.free.amplitude, "m"),
@@ -375,13 +377,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             lines += [f"  {line}" for line in (note, *table)]
         if self.no_steady_below:
             lines.append(f"  {self.status[0]}")
+        lines += [f"  {line}" for line in richer(self.settings)]
         lines += [f"  slow sweeps at {item}" for item in self.swept]
         lines += [f"  {line}" for item in self.kept for line in str(item).split("\n")]
         for item in self.margins:
             best = f"largest {item.best_margin:.4g} at {item.best_value:.6g} N, {item.best_status}"
-            of = ", of the harmonic balance: margin(peak, material, kept=...) has that of what a blade keeps" * bool(
-                self.kept
-            )
+            of = ", of the balance: study.margin(..., kept=) is that of what a blade keeps" if self.kept else ""
             lines.append(f"  margin against fatigue ({item.rule}): {best}{of}")
         told = self.status[0] if self.no_steady_below else None
         open_ = [w for w in self.warnings if w != told and not w.startswith("optimum")]
