@@ -329,7 +329,7 @@ def plot_sample_preload(
         ax.plot(x, tuned, color="k", linestyle=DASHED, label="tuned")
         over_preload(ax, MistunedSample)
         if quantity == "amplification":
-            ax.set_ylabel(_FACTOR)
+            ax.set(yscale="linear", ylabel=_FACTOR)
     return ax
 
 

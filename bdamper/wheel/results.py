@@ -180,8 +180,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     error : float
         Estimate of how much higher the highest peak with free dampers may be, relative: from what weaker springs have
-        changed, and what the reduced wheel of the search is off the whole one; 0 where dampers are free and no peak that
-        was not followed so far may be higher.
+        changed, what the reduced wheel of the search is off the whole one, and what climbs may have missed; 0 where dampers
+        are free and all maxima of the sweep were climbed.
     connected : {"yes", "no", "unknown"}
         Whether the curve through the peak leads to an end of the band, as far as it was followed.
     interval : (low, high), Hz
