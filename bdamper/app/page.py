@@ -245,7 +245,9 @@ class Page:
         assert curve is not None
         at = "" if answer.question.point is None else " Chosen point: "
         at = at and f"{at}{height(curve.amplitude[answer.point], curve.frequency[answer.point])}."
-        self._say("curve", self.text, answer.full, curve.bottom_line() + at)
+        whole = answer.full or curve.complete
+        told = curve.bottom_line() if whole else "the curve ends early, as long as the slider moves."
+        self._say("curve", self.text, answer.full, told + at)
         if answer.full:
             self.busy.text = "<i>computing the optimal curve ...</i>"
         turns = np.flatnonzero(np.diff(curve.branch)) + 1  # a gap between branches

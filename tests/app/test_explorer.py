@@ -8,6 +8,7 @@ import socket
 import time
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from queue import Empty, SimpleQueue
 from threading import Event
 
@@ -16,6 +17,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.app.answers import MOVING, Answers, Question, tiles
+from bdamper.app.page import Page
 from bdamper.peaks import optimal
 from bdamper.plot.contact import STATUS_COLOURS
 from bdamper.problem.variation import vary
@@ -168,6 +170,20 @@ def test_the_extra_is_named_where_bokeh_is_missing(monkeypatch):
 
 
 # ---- the page ----
+
+
+def test_a_provisional_curve_that_ends_early_is_told_without_its_reasons():
+    """At 10 N the budget of a moving slider is used up; the whole answer says why a curve ends."""
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    page = Page(document, bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2), "")
+    answer = page.answers.curve(Question((), 10.0, None), 1)
+    assert not answer.curve.complete
+    page.show(answer)
+    assert page.text.text.startswith("<i>Provisional, with one harmonic:</i> the curve ends early")
+    assert page.glyphs["curve"].line_dash == [6]
+    page.show(replace(answer, full=True))
+    assert answer.curve.reason[:20] in page.text.text and page.glyphs["curve"].line_dash == []
+    page.answers.ask(None)
 
 
 @pytest.fixture(scope="module")
