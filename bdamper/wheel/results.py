@@ -172,8 +172,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     sweep_frequency, sweep_amplitude : (n,), (n, n_blades) float, Hz and m
         The coarse sweep, whose points satisfy the equations only loosely.
     status, reason : str
-        "complete"; "held" if the peak was found only with springs on the mean of dampers; "incomplete", a lower bound, if
-        the sweep leaves out a part of its band, which the reason names; or "not found".
+        "complete"; "held" if the peak was found only with springs on the mean of dampers or on the reduced wheel;
+        "incomplete", a lower bound, if the sweep leaves out a part of its band, which the reason names; or "not found".
     residual : float
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float
