@@ -126,14 +126,12 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     found, tried, last = first_point(
         search.system, state, stuck_springs(problem, state), omega, search.options, search.meter
     )
-    why = "" if found is not None or search.system.spent else _why_none(problem, search, last)
+    why = ""
+    if found is None and not search.system.spent:
+        why = why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
     for line in [*tried, why] if why else tried:
         search.note(omega, line)
     return found
-
-
-def _why_none(problem: Problem, search: Coverage, last: NDArray) -> str:
-    return why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
 
 
 def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], search: Coverage) -> list[NDArray]:
