@@ -248,7 +248,8 @@ def plot_optimal(
         if min(levels.values()) > ALIKE * max(levels.values()):
             levels = {"free or stuck": max(levels.values())}
         for name, level in levels.items():
-            _draw_limit(ax, name, result.preload[[0, -1]], [level, level], result.preload[-2 if name == "free" else 1])
+            at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
+            _draw_limit(ax, name, result.preload[[0, -1]], [level, level], at)
         _mark_gaps(ax, result)
         _mark_checks(ax, result)
         _mark_optimum(ax, result)
