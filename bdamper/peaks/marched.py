@@ -33,7 +33,7 @@ from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
 
 
 def kept(problem: Problem, result: Curve | Peak, *, steps_per_period: int | None = None) -> Kept:
-    """What a blade keeps at the preload of a tracking curve or of a peak (:func:`bdamper.stability.kept.kept`).
+    """What a blade keeps at the preload of a tracking curve or of a peak (``bdamper.stability.kept``).
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ def with_kept(
     Returns
     -------
     OptimalCurve
-        With :class:`~bdamper.util.kept.Kept` in ``kept``, by rising preload, besides those that it had; one that says why
-        where nothing can be marched, none where the curve has no optimum.  After Ctrl-C those at the preloads that were
-        not finished say "interrupted".
+        With a ``bdamper.util.kept.Kept`` for each in ``kept``, by rising preload, besides those that it had; one that
+        says why where nothing can be marched, none where the curve has no optimum.  After Ctrl-C those at the preloads
+        that were not finished say "interrupted".
 
     Raises
     ------
