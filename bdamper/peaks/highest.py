@@ -333,9 +333,8 @@ def highest_peak(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
             f"ended as: {found.ending}"
         )
-    return replace(
-        found.top.peak, cost=found.cost, scan=found.ending, settings=problem.record(), model_hash=problem.model.hash
-    )
+    settings = problem.record() | {"frequency": frequency}
+    return replace(found.top.peak, cost=found.cost, scan=found.ending, settings=settings, model_hash=problem.model.hash)
 
 
 def check_options(options: PeakOptions | None) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,6 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.slow_sweep import SlowSweep
 from bdamper.continuation.track import track
-from bdamper.peaks.interval import resonance_interval
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal import BUDGET
 from bdamper.peaks.optimal_curve import OptimalCurve, Swept
@@ -30,6 +28,7 @@ from bdamper.util.errors import BdamperError
 from bdamper.util.kept import Kept
 from bdamper.util.progress import LongWork, each
 from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
+from bdamper.util.text import amount
 
 
 def kept(problem: Problem, result: Curve | Peak, *, steps_per_period: int | None = None) -> Kept:
@@ -39,7 +38,7 @@ def kept(problem: Problem, result: Curve | Peak, *, steps_per_period: int | None
     ----------
     problem : Problem
     result : Curve or Peak
-        Of this study.  For a peak a curve is tracked over the resonance of the mode that it belongs to.
+        Of this study.  For a peak the curve is tracked over the interval in which it was searched.
     steps_per_period : int, optional
         256 by default; what is kept is marched again with twice as many.
 
@@ -53,10 +52,15 @@ def kept(problem: Problem, result: Curve | Peak, *, steps_per_period: int | None
         If it is of another study, is no peak, or the settings describe something else than a structure in time.
     """
     if isinstance(result, Peak):
-        if not result.converged or not np.isfinite(result.parameter):
+        if not result.converged or "frequency" not in result.settings:
             raise validate.unfit("result", "a peak at a preload", result.status)
-        intervals = (resonance_interval(problem, mode) for mode in count(1))
-        result = track(problem, result.parameter, next(ends for ends in intervals if result.frequency <= ends[1]))
+        found, what = result, "the highest peak of this study at its preload"
+        if found.model_hash != problem.model.hash:
+            raise validate.unfit("result", what, "one of another model")
+        problem = matching(problem, found.settings)
+        result = track(problem, found.parameter, tuple(found.settings["frequency"]))
+        if not (len(result) and np.isclose(result.peak.amplitude, found.amplitude, rtol=1e-3, atol=0.0)):
+            raise validate.unfit("result", what, f"{amount(found.amplitude, 'm')} at {found.frequency:.6g} Hz")
     return in_time.kept(problem, result, steps_per_period=steps_per_period)
 
 
@@ -89,21 +93,22 @@ def with_kept(
         If the curve is of another model.
     """
     problem = _matching(problem, curve)
-    given = [p for p in (curve.optimum.preload,) if np.isfinite(p)] if preload is None else preload
-    places = [float(p) for p in validate.numbers("preload", given, above=0.0, unit="N")] if len(given) else []
+    if preload is None:
+        places = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
+    else:
+        places = [float(p) for p in validate.numbers("preload", preload, above=0.0, unit="N")]
     found = {k.preload: k for k in curve.kept}
     with LongWork() as work:
         for p in each(places, progress, "marching in time", "preload"):
-            found[p] = Kept(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED)
             tracked = _tracked(problem, curve, p)
-            top = tracked.peak.amplitude if len(tracked) else np.nan
-            found[p] = replace(found[p], balance=top)
+            none = Kept(*(np.nan,) * 4, p, tracked.peak.amplitude if len(tracked) else np.nan, status=INTERRUPTED)
+            found.setdefault(p, none)
             try:
                 found[p] = in_time.kept(problem, tracked)
             except BdamperError as error:
-                found[p] = replace(found[p], status=because(NOT_FOUND, error))
+                found[p] = replace(none, status=because(NOT_FOUND, error))
     if work.interrupted:
-        found |= {p: Kept(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places if p not in found}
+        found = {p: Kept(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places} | found
     return replace(curve, kept=tuple(found[p] for p in sorted(found)))
 
 

@@ -263,7 +263,7 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     at, edge, kind = there[places[best.index].x], rattling_below(known), best.kind
     assert at.top is not None
     if kind == "unknown" and not at.slope < 0.0 and there[places[best.index - 1].x].preload <= edge:
-        kind = "end"  # of steady responses
+        kind = "edge"
     status = COMPLETE
     lower = [p for p in sorted(known) if p > edge and not known[p].known and not _bound(known[p]) >= at.top.peak.amplitude]
     if lower:

@@ -25,7 +25,10 @@ from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, Statuses, Tra
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, Quantity, Resonance, Shares, Tabular
 from bdamper.util.text import amount, height
 
-AT_END = "end of the range, the optimum may lie beyond"
+ENDS = {
+    "end": "end of the range, the optimum may lie beyond",
+    "edge": "lowest where a steady response was found",
+}
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
 NEAR_BEST = 1.2
@@ -88,9 +91,10 @@ class OptimumPoint:
         NaN if the curve is flat, or no preload has a value.
     amplitude : float, m
     frequency : float, Hz
-    kind : {"smooth", "crossing", "jump", "end", "unknown", "flat", "none"}
+    kind : {"smooth", "crossing", "jump", "end", "edge", "unknown", "flat", "none"}
         Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
-        the side on which it is gone; the end of the range of preloads, or of those with a value; not known, as where the
+        the side on which it is gone; the end of the range of preloads, or of those with a value; the edge below which
+        no response is steady; not known, as where the
         search was interrupted; none, since the preload does not matter (nothing slips, or all of it is bonded), or since no
         preload has a value.
     uncertainty : float
@@ -123,8 +127,8 @@ class OptimumPoint:
             return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
         if self.kind == "none":
             return f"no optimum, {self.status}"
-        what = AT_END if self.kind == "end" else "so far" if self.interrupted else self.kind
-        name = "optimum" if self.verified and self.kind != "end" else "least"
+        what = ENDS.get(self.kind, "so far" if self.interrupted else self.kind)
+        name = "optimum" if self.verified and self.kind not in ENDS else "least"
         known = f"; preload known to a relative {self.uncertainty:.2g}" if self.uncertainty > COARSE else ""
         place = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
         return f"{name} {place} ({what}), {self.status}{known}"
@@ -239,8 +243,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("complete", low)]
         out = [low] * bool(low) + [f"{p:.6g} N: {s}" for p, s in gone]
         o = self.optimum
-        if o.kind == "end":
-            out.append(f"optimum: least value at the {AT_END}")
+        if o.kind in ENDS:
+            out.append(f"optimum: least value at the {ENDS[o.kind]}")
         if o.kind != "flat" and not o.verified:
             known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > COARSE else ""
             out.append(f"optimum {o.status}{known}")
@@ -329,7 +333,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         if not np.isfinite(o.preload):
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}."
         gain = f"{self.free.amplitude / o.amplitude:.3g} times less than without contact"
-        where = f"a preload of {amount(o.preload, 'N')}" + (f", the {AT_END}" if o.kind == "end" else "")
+        where = f"a preload of {amount(o.preload, 'N')}" + (f", the {ENDS[o.kind]}" if o.kind in ENDS else "")
         out = [f"Least resonance at {where}: {at}, {gain} ({amount(self.free.amplitude, 'm')})."]
         out += [self._said_of(kept) for kept in self.kept]
         low, high = self.preloads_within(NEAR_BEST * o.amplitude)

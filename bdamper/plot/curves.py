@@ -290,8 +290,9 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     if not np.isfinite(o.preload):
         ax.plot([], [], linestyle="none", label="flat: no optimum" if o.kind == "flat" else "no optimum")
         return
-    what = {"end": "least at the end of the range", "jump": "optimum at a jump"}.get(o.kind, "optimum")
-    what = what if o.verified else ("least value" if o.kind != "end" else what) + ", not verified"
+    ends = {"end": "least at the end of the range", "edge": "least where steady responses end"}
+    what = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
+    what = what if o.verified else (what if o.kind in ends else "least value") + ", not verified"
     ax.plot(o.preload, o.amplitude, "*", color="tab:red", markersize=10.0, markerfacecolor="tab:red" if o.verified else "w",
             label=f"{what}, {amount(o.preload, 'N')}")  # fmt: skip
     left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter: no room to the left

@@ -28,7 +28,7 @@ from bdamper.stability.time_integration import STEPS, Motion, Ring, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.kept import Kept
 from bdamper.util.progress import LongWork
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
@@ -209,8 +209,9 @@ class Walk:
         own, tip, ends = self.levels.at(start)[0], self.levels.frequency[self.levels.top], self.levels.frequency
         here = self.visit(start, self.levels.start(start), own)
         if not here.stays:
-            more = "steps_per_period" if here.mean > own else "harmonics"
-            comes = f"comes to {amount(here.mean, 'm')}, the balance has {amount(own, 'm')}; use more {more}"
+            more = "harmonics" if here.mean <= own else "steps_per_period"
+            to = f"comes to {amount(here.mean, 'm')}" if np.isfinite(here.mean) else "grows without bound"
+            comes = f"{to}, the balance has {amount(own, 'm')}; use more {more}"
             self.astray = f"where the march begins, at {start:.6g} Hz, the motion {comes}"
         while here.stays:
             self.places.append(here)
@@ -237,7 +238,10 @@ class Walk:
         now, then = (float(max(self.levels.at(f), default=last.mean)) for f in (frequency, last.frequency))
         own = last.mean * float(np.clip(now / then, 0.8, 1.25))
         march = March(self.ring, TWO_PI * last.frequency, last.motion, self.steps)
-        march.sweep((march.omega, TWO_PI * frequency), RULES.stretched(march.memory).window, lambda: None)
+        try:
+            march.sweep((march.omega, TWO_PI * frequency), RULES.stretched(march.memory).window, lambda: None)
+        except BdamperError:  # it grew without bound on the way
+            return Place(float(frequency), np.array([np.nan]), False, march.motion, np.inf)
         self.periods += len(march.harmonics)
         return self.visit(frequency, march.motion, own)
 

@@ -55,6 +55,12 @@ def test_an_interruption_of_the_march_keeps_the_curve_and_says_so(found, monkeyp
     assert [(k.preload, k.status) for k in out.kept] == [(60.0, "interrupted"), (90.0, "interrupted")]
     assert out.kept[0].balance > 0.0 and np.isnan(out.kept[0].mean)
     assert "What a blade keeps is not known: the march in time was interrupted." in out.bottom_line()
+    monkeypatch.undo()
+    known = study.with_kept(curve, [60.0])
+    monkeypatch.setattr(marched.in_time, "kept", stopped)
+    assert study.with_kept(known, [60.0]).kept == known.kept
+    with pytest.raises(bd.SettingError, match=r"preload: expected .*, found 60\.0"):
+        study.with_kept(curve, 60.0)
 
 
 def test_a_peak_keeps_what_its_curve_keeps(found, monkeypatch):
@@ -64,6 +70,12 @@ def test_a_peak_keeps_what_its_curve_keeps(found, monkeypatch):
     assert study.kept(peak).amplitude == pytest.approx(peak.amplitude, rel=1e-4)
     with pytest.raises(bd.SettingError, match="result: expected a peak at a preload, found 'not found"):
         study.kept(replace(peak, status="not found: nothing"))
+    for other in (wedge(harmonics=3), wedge(mass=0.2)):
+        with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
+            other.kept(peak)
+    finer = study.peak(60.0, frequency=(300.0, 380.0), tolerance=1e-3)
+    assert len(finer.settings["harmonics"]) > 1 and finer.amplitude < 0.99 * peak.amplitude
+    assert study.kept(finer).amplitude == pytest.approx(finer.amplitude, rel=1e-4)
 
 
 def test_preloads_that_rattle_are_told_once(found):

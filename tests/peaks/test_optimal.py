@@ -538,7 +538,7 @@ def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypat
 
     monkeypatch.setattr(optimal, "at_preload", given)
     curve = study.optimal_curve((10.0, 1000.0), 9, check=False)
-    assert 70.0 < curve.optimum.preload < 70.0 * np.exp(CORNER) and curve.optimum.kind == "end"
+    assert 70.0 < curve.optimum.preload < 70.0 * np.exp(CORNER) and curve.optimum.kind == "edge"
     assert curve.optimum.status == "complete" and curve.no_steady_below < 70.0
     assert len(curve.curves) <= 7 + (10 if np.isnan(slope) else 5)  # down to two that rattle, then halved
 

@@ -219,3 +219,40 @@ def test_the_reference_disk_beside_an_independent_march():
     found = study.kept(study.track(125.0, (285.0, 380.0)))
     assert found.mean == pytest.approx(97e-6, rel=0.05) and 308.0 < found.fall < 312.0
     assert found.lowest < 0.97 * found.mean < 1.03 * found.mean < found.highest
+
+
+class _Levels:
+    frequency, top = np.array([100.0, 110.0]), 1
+
+    def at(self, frequency):
+        return np.array([1.0])
+
+    def start(self, frequency):
+        return np.zeros(2)
+
+
+def test_a_march_that_overflows_on_the_way_has_fallen(monkeypatch):
+    """What stayed before is not lost with it."""
+
+    class Overflows:
+        memory, omega, motion = 10.0, 1.0, None
+
+        def __init__(self, *_):
+            pass
+
+        def sweep(self, *_):
+            raise bd.BdamperError("the march overflows")
+
+    monkeypatch.setattr(room, "March", Overflows)
+    place = room.Walk(None, _Levels(), 4).follow(room.Place(100.0, np.ones(3), True, None), 101.0)
+    assert place.frequency == 101.0 and not place.stays
+
+
+@pytest.mark.parametrize(
+    ("mean", "words"), [(np.nan, ("grows without bound", "steps_per_period")), (0.1, ("100 mm", "harmonics"))]
+)
+def test_a_start_that_goes_astray_says_what_to_use_more_of(monkeypatch, mean, words):
+    walk = room.Walk(None, _Levels(), 4)
+    monkeypatch.setattr(walk, "visit", lambda *_: room.Place(100.0, np.array([mean]), False, None))
+    walk.go(100.0, 1.0)
+    assert all(word in walk.astray for word in words) and not walk.places
