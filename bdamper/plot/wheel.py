@@ -17,6 +17,7 @@ from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import draws
+from bdamper.util.status import HELD
 from bdamper.util.tables import label
 from bdamper.util.text import amount
 from bdamper.wheel.mistuning import Mistuning
@@ -147,7 +148,7 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
     if not peak.found:
         raise BdamperError(f"picture of a peak: expected a converged one, found {peak.status} ({peak.reason})")
     title = title or f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, amplification factor {peak.amplification:.3f}"
-    title += "" if peak.converged else ", dampers held"
+    title += "" if peak.converged else ", dampers held" if peak.springs else f", {peak.status}"
     with drawing(ax, title=title, legend=7.0) as ax:
         shade = np.where(np.arange(len(peak.amplitudes)) == peak.blade, "0.15", "0.65")
         ax.bar(np.arange(len(peak.amplitudes)), peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
@@ -346,19 +347,19 @@ def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, titl
     Returns
     -------
     matplotlib axes
-        Preloads without a peak are crosses at the lower edge; peaks with dampers held are open circles with their error.
+        Preloads without a peak are crosses at the lower edge; held peaks are open circles with their error.
     """
     order = np.argsort(curve.preload)
     x, best = curve.preload[order], curve.candidates
     none = ~np.isfinite(curve.amplitude[order])
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.plot(x, curve.amplitude[order], "-o", color="0.1", markersize=3.5, label="highest blade")
-        held = (curve.springs > 0.0) & np.isfinite(curve.amplitude)
+        held = np.array([s == HELD for s in curve.status]) & np.isfinite(curve.amplitude)
         if held.any():
             height = curve.amplitude[held]
             style: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "w", "color": "0.1", "elinewidth": 0.6}
             error = np.minimum(curve.error[held], 0.9) * height
-            ax.errorbar(curve.preload[held], height, error, fmt="o", **style, label="dampers held, with error")
+            ax.errorbar(curve.preload[held], height, error, fmt="o", **style, label="held, with error")
         ax.plot(x, curve.tuned_amplitude[order], color="0.4", linestyle=DASHED, label="tuned")
         ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
         tuned = int(np.nanargmin(curve.tuned_amplitude))

@@ -87,7 +87,7 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
     def facts(self) -> tuple[Fact, ...]:
         """Where the highest blade is lowest."""
         found, held = (sum(status in names for status in self.status) for names in ((COMPLETE, HELD), (HELD,)))
-        head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads have a peak, {held} with dampers held")
+        head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads have a peak, {held} held")
         i = self.best
         if i is None:
             open_ = ", ".join(f"{self.preload[k]:.6g}" for k in np.sort(self.candidates))

@@ -168,7 +168,7 @@ def peak(
     top, changed = _corrected(equations, search, whole, peaks)
     system = None if top is None else (whole if changed is not None else search).held(top.springs[-1])
     u = None if top is None else top.at.y[:-1]
-    joined = _connected(search, peaks, top) if options.connected and top is not None else "unknown"
+    joined = "not asked" if not options.connected else "unknown" if top is None else _connected(search, peaks, top)
     gap, empty = _gap(points, swept), np.zeros((wheel.n_blades, 0))
     return WheelPeak(
         preload=float(preload),

@@ -18,7 +18,7 @@ from bdamper.util.status import COMPLETE, HELD, Status
 from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
 from bdamper.util.text import amount, height
 
-UNKNOWN = "unknown: its curve could not be followed to an end of the band or back to itself"
+CONNECTED = {"unknown": "unknown: its curve could not be followed to an end of the band or back to itself"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +182,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         Estimate of how much higher the highest peak with free dampers may be, relative: from what weaker springs have
         changed, what the reduced wheel of the search is off the whole one, and what climbs may have missed; 0 where dampers
         are free and all maxima of the sweep were climbed.
-    connected : {"yes", "no", "unknown"}
+    connected : {"yes", "no", "unknown", "not asked"}
         Whether the curve through the peak leads to an end of the band, as far as it was followed.
     interval : (low, high), Hz
         Band of the sweep.
@@ -215,7 +215,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
 
     @property
     def found(self) -> bool:
-        """With dampers free or held."""
+        """Complete or held."""
         return self.status in (COMPLETE, HELD)
 
     @property
@@ -250,11 +250,11 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
             Fact("preload", self.preload, "N"),
             Fact("peak of a wheel", f"{self.status}: {self.reason}"),
             Fact("highest amplitude", self.amplitude, "m"),
-            *([Fact("error by dampers held", 100.0 * self.error, "%")] if self.springs else []),
+            *([Fact("the highest may be higher by", 100.0 * self.error, "%")] if self.error else []),
             Fact("at the frequency", self.frequency, "Hz"),
             Fact("of blade", self.blade),
             Fact("amplification factor", self.amplification),
-            Fact("connected with an end of the band", UNKNOWN if self.connected == "unknown" else self.connected),
+            Fact("connected with an end of the band", CONNECTED.get(self.connected, self.connected)),
             Fact("kept in time", "not tested: a blade may fall from a peak of a curve with many folds"),
         )
 

@@ -177,7 +177,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     audit_share : float
         Probability with which they were, and share of the highest wheels that are audited.
     curve_amplitude : float, m
-        By the thorough search, of the wheels that were audited; in files before 0.7 that of whole curves with dampers held.
+        By the thorough search, of the wheels that were audited; in files before 0.6 that of whole curves with dampers held.
     curve_status : tuple of str
     processor, curve_processor : float, s
         Spent on the peaks and on the audit.
