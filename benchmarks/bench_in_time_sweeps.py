@@ -16,9 +16,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 import bdamper as bd
-from bdamper.plot import colours, new_axes, save_figure
+from bdamper.plot import save_figure
+from bdamper.plot.axes import DASHED, drawing, legend_beside, runs
 from bdamper.stability.time_sweep import TimeSweep
 
 RESULTS = Path(__file__).parent / "results" / "in_time_sweeps.json"
@@ -30,6 +33,12 @@ LEAST = 2.0 * 0.002 * 2.0 * np.pi * 283.02
 """Full bandwidth of the first blade mode, rad/s."""
 KEPT = 600
 """Points of a sweep that are stored."""
+BEAT = 80
+"""Periods that mean and band of a sweep are taken over in the pictures."""
+SWEEPS = {"up": ("tab:orange", "^"), "down": ("tab:blue", "v")}
+"""Colour and marker of a sweep."""
+LINES = (("0.75", 0.9), ("0.55", 0.9), ("k", 1.5))
+"""Colour and width of the curves of `HARMONICS`: the finest is the one to look at."""
 
 
 class Case(NamedTuple):
@@ -99,7 +108,6 @@ def marched(name: str, case: Case) -> dict[str, Any]:
         "sectors": sweep.sectors, "harmonics": case.harmonics, "model": sweep.model_hash,
         "bdamper": sweep.made_with.bdamper, "processor": round(time.process_time() - started, 1),
     }  # fmt: skip
-
 
 
 def tracked(name: str) -> dict[str, Any]:
@@ -192,29 +200,61 @@ def image(stiffness: str, preload: str) -> str:
     return f"in-time-{stiffness.split('_')[0]}-{preload}.png"
 
 
+def outline(sweep: dict[str, Any]) -> list[NDArray]:
+    """Frequency (Hz), lowest, mean and highest amplitude (m) of each stretch between jumps, over `BEAT` periods around
+    every point that is stored."""
+    f, a = np.array(sweep["frequency"]), np.array(sweep["amplitude"])
+    half = max(2, round(0.5 * BEAT * len(f) / sweep["turns"]))
+    cuts = sorted({int(np.argmin(np.abs(f - g))) for g, *_ in sweep["jumps"]})
+    parts = []
+    for first, last in pairwise([0, *cuts, len(f)]):
+        if last - first > 2 * half:
+            ends = np.pad(a[first:last], half, "edge")
+            seen = np.lib.stride_tricks.sliding_window_view(ends, 2 * half + 1)
+            parts.append(np.array([f[first:last], seen.min(axis=1), seen.mean(axis=1), seen.max(axis=1)]))
+    return parts
+
+
+def draw_harmonics(ax: Axes, curve: dict[str, Any], colour: Any, width: float) -> None:
+    """A curve, dashed where the sign of det J says that a blade does not keep to it."""
+    f, a, s, b = (np.array(curve[name]) for name in ("frequency", "amplitude", "stable", "branch"))
+    for branch in np.unique(b):
+        where = np.flatnonzero(b == branch)
+        for first, last in runs(s[where]):
+            part = where[first : last + 2]  # joined to the next stretch
+            if s[part[0]]:
+                ax.plot(f[part], a[part], color=colour, linewidth=width)
+            else:  # a pale line below, so that a stretch shorter than a dash is no gap
+                ax.plot(f[part], a[part], color=colour, linewidth=width, alpha=0.3)
+                ax.plot(f[part], a[part], color=colour, linewidth=width, linestyle=DASHED)
+
+
 def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
-    """Sweeps up and down over the curves, as far as they are there."""
-    sweeps = {way: known[name] for way in ("up", "down") if (name := f"{stiffness}/{preload}/{way}") in known}
+    """Sweeps up and down, as bands of what beats with their means, and the curves of harmonics on them."""
+    sweeps = {way: known[name] for way in SWEEPS if (name := f"{stiffness}/{preload}/{way}") in known}
     curves = known[f"{stiffness}/{preload}"]
     low = min(min(s["frequency"]) for s in sweeps.values())
     high = max(max(s["frequency"]) for s in sweeps.values())
-    ax = new_axes(6.4, 3.6)
-    for h, colour in zip(HARMONICS, colours(len(HARMONICS))):
-        curve = curves[str(h)]
-        f, a, s, b = (np.array(curve[name]) for name in ("frequency", "amplitude", "stable", "branch"))
-        for solid in (True, False):
-            shown = np.where((s == 1) == solid, 1e6 * a, np.nan)
-            apart = np.flatnonzero(np.diff(b)) + 1
-            ax.plot(np.insert(f, apart, np.nan), np.insert(shown, apart, np.nan), "-" if solid else ":", color=colour,
-                    linewidth=1.1, label=f"{h} harmonic{'s' * (h > 1)}" if solid else None)  # fmt: skip
-    for way, sweep in sweeps.items():
-        colour = "k" if way == "up" else "tab:red"
-        ax.plot(sweep["frequency"], 1e6 * np.array(sweep["amplitude"]), color=colour, linewidth=0.8, label=f"sweep {way}")
-    margin = 0.05 * (high - low)
-    ax.set(xlim=(low - margin, high + margin), ylim=(0.0, None), xlabel="Frequency (Hz)", ylabel="Response amplitude (µm)")
-    ax.set_title(f"{preload} N, {stiffness.replace('_', ' ')}", fontsize=9.0)
-    ax.legend(fontsize=7.0)
-    save_figure(ax, IMAGES / image(stiffness, preload), dpi=110)
+    with drawing(size=(6.6, 3.6), title=f"Preload {preload} N, {stiffness.replace('_', ' ')}") as ax:
+        seen = []
+        for way, sweep in sweeps.items():
+            colour, marker = SWEEPS[way]
+            for f, least, mean, most in outline(sweep):
+                ax.fill_between(f, least, most, color=colour, alpha=0.22, linewidth=0.0)
+                ax.plot(f, mean, color=colour, linewidth=1.0, marker=marker, markersize=4.0, markevery=max(1, len(f) // 8))
+                seen += [least.min(), most.max()]
+            ax.plot([], [], color=colour, marker=marker, markersize=4.0, label=f"sweep {way}: mean,\nband: its beat")
+        for h, (colour, width) in zip(HARMONICS, LINES):
+            curve = curves[str(h)]
+            draw_harmonics(ax, curve, colour, width)
+            ax.plot([], [], color=colour, linewidth=width, label=f"{h} harmonic{'s' * (h > 1)}")
+            seen += [a for f, a in zip(curve["frequency"], curve["amplitude"]) if low <= f <= high]
+        ax.plot([], [], color="k", linestyle=DASHED, label="unstable (det J)")
+        margin, least, most = 0.05 * (high - low), min(seen), max(seen)
+        ax.set(xlim=(low - margin, high + margin), ylim=(0.0 if least < 0.4 * most else 0.9 * least, 1.05 * most))
+        ax.set(xlabel="Frequency (Hz)", ylabel="Tip amplitude (m)")
+        legend_beside(ax)
+    save_figure(ax, IMAGES / image(stiffness, preload))
 
 
 def stored() -> dict[str, Any]:
