@@ -243,8 +243,8 @@ class Page:
     def _curve(self, answer: Answer) -> None:
         curve = answer.curve
         assert curve is not None
-        at = "" if answer.question.point is None else " Chosen point: "
-        at = at and f"{at}{height(curve.amplitude[answer.point], curve.frequency[answer.point])}."
+        chosen = answer.full and answer.question.point is not None and len(curve) > 0
+        at = f" Chosen point: {height(curve.amplitude[answer.point], curve.frequency[answer.point])}." if chosen else ""
         whole = answer.full or curve.complete
         told = curve.bottom_line() if whole else "the curve ends early, as long as the slider moves."
         self._say("curve", self.text, answer.full, told + at)
@@ -310,10 +310,13 @@ class Page:
         self.file.data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
 
     def _results(self) -> dict[str, Any]:
-        """What is shown, by the names of its files."""
-        given = f"{self.value('preload'):.3g}-N-engine-order-{self.order.value}"
-        kinds = [("curve", "curve", "curve"), ("loop", "curve", "loops"), ("optimal", "optimal", "optimal")]
-        return {f"{name}-{given}": getattr(self.shown[key], part) for name, key, part in kinds if key in self.shown}
+        """What is shown, by the names of its files, which tell the settings that it was found with."""
+        found: dict[str, Any] = {}
+        for answer in self.shown.values():
+            given = f"{answer.question.preload:.3g}-N-engine-order-{answer.study.engine_order}"
+            parts = {"curve": answer.curve, "loop": answer.loops, "optimal": answer.optimal}
+            found |= {f"{name}-{given}": part for name, part in parts.items() if part is not None}
+        return found
 
     def pictures(self) -> None:
         """Both curves and the loop as pictures."""

@@ -76,6 +76,7 @@ def _chosen(names: list[str], name: str | None, source: Path) -> str:
     return str(name)
 
 
+@reader("a matrix as .mtx")
 def _is_market(source: Path) -> bool:
     with open(source, "rb") as file:
         return file.read(14).lower() == b"%%matrixmarket"
@@ -163,9 +164,7 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     else:
         pairs = as_integers(table[:, :4].ravel(), str(path)).reshape(-1, 2)
         dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
-        ends: NDArray = np.asarray(inverse).reshape(-1, 2)
-        row = ends[:, 0]
-        column = ends[:, 1]
+        row, column = np.asarray(inverse).reshape(-1, 2).T
     n = int(max(row.max(), column.max())) + 1
     if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
         raise mismatch(str(path), "rows and columns counted from 1, all of them used", f"{n} from {len(row)} entries")
@@ -271,6 +270,7 @@ def read_arrays(
         else:
             face_sets[name] = (values,)
     own = _loaded(elements, read_elements)
+    require(not isinstance(own, np.ndarray), f"{what}: elements", "a tuple of arrays, one for each kind", "one array")
     source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
     return replace(
         mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=own or mesh.elements,

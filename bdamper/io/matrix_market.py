@@ -50,8 +50,10 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     words = " ".join(line for _, line in body).split()
     good = len(words) == width * count
     require(good, item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
-    with parsing(item, "numbers after the sizes", "others"):
+    try:
         table = np.array(words, dtype=float).reshape(count, width)
+    except ValueError as error:  # the text of which ends with the first word that is no number
+        raise mismatch(item, "numbers after the sizes", str(error).rpartition(": ")[2]) from None
     if not coordinate:
         if not symmetric:
             return table.reshape(columns, rows).T

@@ -113,6 +113,8 @@ def parsing(item: str, expected: str, found: object) -> Iterator[None]:
     """Turn numbers in the block that do not read as such, or lack, into the error for what was found."""
     try:
         yield
+    except BdamperError:
+        raise
     except (ValueError, IndexError):
         raise mismatch(item, expected, f"'{str(found).strip()[:60]}'") from None
 

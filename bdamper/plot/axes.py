@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from bdamper.util import validate
 from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.tables import label
 from bdamper.util.text import FITTING, PREFIXES, fitting
@@ -75,6 +76,14 @@ def stacked(height: float = 4.8, ratios: tuple[float, float] = (1.0, 1.0)) -> ND
     """Two axes, one below the other, over the same quantity, in the style of this room."""
     with plt.rc_context(PAPER):
         return np.asarray(plt.subplots(2, 1, sharex=True, figsize=(5.6, height), height_ratios=ratios)[1])
+
+
+def given_axes(ax: Any, count: int, of: str) -> list[Any]:
+    """The axes that were given for a picture, or the error where they are not as many as it has."""
+    found = np.ravel(np.asarray(ax, object)).tolist()
+    if len(found) != count or not all(isinstance(each, Axes) for each in found):
+        raise validate.unfit("ax", f"{('one', 'two')[count - 1]} axes for {of}", [type(each).__name__ for each in found])
+    return found
 
 
 def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> None:

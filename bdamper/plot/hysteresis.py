@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
-from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, runs, stacked
+from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, given_axes, runs, stacked
 from bdamper.plot.contact import plot_faces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -146,6 +146,7 @@ def plot_dissipation(
     validate.choice("quantity", quantity, ("equivalent", "energy"))
     x = getattr(result, validate.choice("over", over, ("amplitude", "frequency", "preload")))
     parts = [slice(first, last + 1) for first, last in runs(result.branch)]
+    scale = "log" if x.min() > 0.0 and x.max() > 5.0 * x.min() else "linear"
 
     def line(axes: Axes, values: Any, colour: Any, name: str = "", marker: str = "", style: str = "-") -> None:
         for n, part in enumerate(parts):
@@ -154,20 +155,19 @@ def plot_dissipation(
                       markevery=max(1, len(x) // 12), label=name if n == 0 else None)  # fmt: skip
 
     if quantity == "equivalent":
-        upper, lower = stacked() if ax is None else np.ravel(np.asarray(ax, object))
+        upper, lower = stacked() if ax is None else given_axes(ax, 2, "'equivalent'")
         with drawing(upper, title=title), drawing(lower):
             line(upper, result.stiffness, "0.1")
             line(lower, 100.0 * result.damping_ratio, "0.1")
-            upper.set_ylabel(label(Dissipation, "stiffness"))
-            lower.set(xlabel=label(Dissipation, over), ylabel=label(Dissipation, "damping_ratio", "%"))
+            upper.set(xscale=scale, ylabel=label(Dissipation, "stiffness"))
+            lower.set(xscale=scale, xlabel=label(Dissipation, over), ylabel=label(Dissipation, "damping_ratio", "%"))
         return np.array([upper, lower])
-    with drawing(ax if isinstance(ax, Axes) else None, title=title, legend=7.0) as axes:
+    with drawing(None if ax is None else given_axes(ax, 1, "'energy'")[0], title=title, legend=7.0) as axes:
         faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
         line(axes, result.excitation, "0.7", "work of the excitation")
         for (name, e), colour, marker in zip(faces.items(), colours(len(faces)), MARKERS * len(faces)):
             line(axes, e, colour, f"friction of the {name} face", marker)
         line(axes, result.damping, "0.35", "damping of the modes", style="-.")
-        wide = x.min() > 0.0 and x.max() > 5.0 * x.min()
-        axes.set(xlabel=label(Dissipation, over), xscale="log" if wide else "linear", yscale="log")
+        axes.set(xlabel=label(Dissipation, over), xscale=scale, yscale="log")
         axes.set(ylabel="Energy in a cycle (J)", ylim=(SMALLEST * result.excitation.max(), None))
     return axes

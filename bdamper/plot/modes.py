@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from bdamper.modes.flutter import Flutter
 from bdamper.modes.result import NonlinearMode
-from bdamper.plot.axes import DASHED, colours, drawing, lost, stacked
+from bdamper.plot.axes import DASHED, colours, drawing, given_axes, lost, stacked
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label
 from bdamper.util.text import amount
@@ -33,7 +33,7 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: tuple[Axes, Axes] | None = None
     two matplotlib axes
         Circles are folds, where the amplitude turns; lines are dashed where the motion is no longer that of the mode.
     """
-    upper, lower = stacked() if ax is None else ax
+    upper, lower = stacked() if ax is None else given_axes(ax, 2, "a nonlinear mode")
     with drawing(upper, title=title or f"mode {mode.mode}, preload {amount(mode.preload, 'N')}"):
         for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
             for b in np.unique(mode.branch):

@@ -136,7 +136,8 @@ def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperErro
     except BdamperError:
         raise
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        raise kind(f"{path}: expected {expected}, found something else ({shortened(error)})") from error
+        found = shortened(error) or type(error).__name__
+        raise kind(f"{path}: expected {expected}, found something else ({found})") from error
 
 
 def _read(cls: type[Storable], oldest: int, newest: int, path: FilePath) -> Storable:

@@ -11,6 +11,7 @@ import urllib.request
 from dataclasses import replace
 from queue import Empty, SimpleQueue
 from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +19,11 @@ import pytest
 import bdamper as bd
 from bdamper.app.answers import MOVING, Answers, Question, tiles
 from bdamper.app.page import Page
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks import optimal
 from bdamper.plot.contact import STATUS_COLOURS
 from bdamper.problem.variation import vary
+from bdamper.util.text import height
 
 SHORT = 60.0  # longest wait for an answer, s
 
@@ -209,6 +212,8 @@ class Window:
         browser.get(explorer.address)
         self.wait("return window.Bokeh !== undefined && Bokeh.documents.length > 0")
         self.settle()
+        empty = "could not determine", "could not set initial ranges"  # views, before the first answer
+        self.early = [line for line in self._complaints() if not any(words in line["message"] for words in empty)]
 
     def run(self, script, *given):
         return self.browser.execute_script(f"const get = (n) => Bokeh.documents[0].get_model_by_name(n); {script}", *given)
@@ -233,11 +238,12 @@ class Window:
     def click(self, name):
         self.run("Bokeh.index.find_one(get(arguments[0])).el.shadowRoot.querySelector('button').click()", name)
 
+    def _complaints(self):
+        return [line for line in self.browser.get_log("browser") if line["level"] in ("SEVERE", "WARNING")]
+
     def errors(self):
         """What the console has, besides that views are empty before the first answer."""
-        lines = [line for line in self.browser.get_log("browser") if line["level"] in ("SEVERE", "WARNING")]
-        empty = "could not determine", "could not set initial ranges"
-        return [line for line in lines if not any(words in line["message"] for words in empty)]
+        return self.early + self._complaints()
 
 
 @pytest.fixture(scope="module")
@@ -251,6 +257,48 @@ def explorer(study):
     page = bd.explore(study)
     yield page
     page.close()
+
+
+@pytest.fixture
+def page(study, monkeypatch):
+    """A page in no browser, whose questions nobody answers."""
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    monkeypatch.setattr("bdamper.app.page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
+    return Page(document, study, "study")
+
+
+@pytest.fixture
+def answers(study):
+    found = Answers(study, print)
+    yield found
+    found.ask(None)
+
+
+def test_files_are_named_by_the_settings_of_what_is_in_them(page, answers):
+    page.order.value = "10"
+    page.show(answers.curve(page.question(), 1))
+    page.order.value, page.sliders["preload"].value = "5", 2.7
+    assert list(page._results()) == ["curve-200-N-engine-order-10", "loop-200-N-engine-order-10"]
+
+
+def test_a_chosen_point_is_told_once_it_is_the_one_that_is_shown(page, answers):
+    provisional = answers.curve(replace(page.question(), point=3), 1)
+    page.show(provisional)
+    assert "Resonance" in page.text.text and "Chosen point" not in page.text.text
+    page.show(replace(provisional, full=True, point=3))
+    curve = provisional.curve
+    assert page.text.text.endswith(f" Chosen point: {height(curve.amplitude[3], curve.frequency[3])}.")
+
+
+def test_of_an_empty_curve_the_curve_alone_is_saved(page, answers, monkeypatch):
+    monkeypatch.setattr("bdamper.app.answers.MOVING", ContinuationOptions(budget=1))
+    empty = answers.curve(replace(page.question(), point=3), 1)
+    assert not len(empty.curve)
+    page.show(replace(empty, full=True))
+    assert page.text.text.startswith("No point of this curve was found") and "Chosen" not in page.text.text
+    for click, ending in ((page.pictures, "png"), (page.tables, "csv")):
+        click()
+        assert page.file.data["name"] == [f"curve-200-N-engine-order-5.{ending}"]
 
 
 @pytest.mark.slow

@@ -169,6 +169,30 @@ def test_pictures(study, curve, cycle):
     plt.close("all")
 
 
+def test_wide_ranges_have_a_logarithmic_abscissa(study, curve):
+    found = study.dissipation(curve)
+    wide = replace(found, preload=np.geomspace(100.0, 1000.0, len(found.preload)))
+    for quantity in ("equivalent", "energy"):
+        scales = [{ax.get_xscale() for ax in np.ravel(result.plot(quantity, over="preload"))} for result in (wide, found)]
+        assert scales == [{"log"}, {"linear"}], quantity
+    pair = plt.subplots(2)[1]  # which do not share their abscissa
+    assert list(wide.plot(ax=pair, over="preload")) == list(pair)
+    assert [ax.get_xscale() for ax in pair] == ["log", "log"]
+    plt.close("all")
+
+
+def test_as_many_axes_are_given_as_a_picture_has(study, curve):
+    found, (one, other) = study.dissipation(curve), plt.subplots(2)[1]
+    assert found.plot("energy", ax=one) is one
+    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes for 'equivalent', found \['Axes'\]$"):
+        found.plot(ax=one)
+    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes for 'equivalent', found \['Axes', 'str'\]$"):
+        found.plot(ax=(one, "left"))
+    with pytest.raises(bd.SettingError, match=r"^ax: expected one axes for 'energy', found \['Axes', 'Axes'\]$"):
+        found.plot("energy", ax=(one, other))
+    plt.close("all")
+
+
 def test_a_result_of_another_response_is_refused(study, curve):
     other = study.with_(response=bd.Response("tip", "axial"))
     with pytest.raises(bd.BdamperError, match=r"a result with the response .*axial.*, found one with .*tangential"):

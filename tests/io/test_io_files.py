@@ -29,9 +29,10 @@ from bdamper.io import (
     read_unv,
 )
 from bdamper.io.calculix import read_frd_stress
+from bdamper.io.reading import parsing
 from bdamper.reduction.facets import area_vectors
 from bdamper.reduction.patches import Facets
-from bdamper.util.errors import BdamperError, ModelError
+from bdamper.util.errors import BdamperError, ModelError, mismatch
 from bdamper.util.hdf5 import load
 from examples.calculix.decks import matrix_input, run_job
 from tests.calculix_runs import free_input
@@ -127,6 +128,7 @@ BAD_TEXT = [
     ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "expected 1 entries, .* found 2"),
     ("k.mtx", "%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1.0 2.0\n", "a real matrix"),
     ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 3 1\n1 1 1.0\n", r"a square matrix, found shape \(2, 3\)"),
+    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1,5\n", "after the sizes, found '1,5'$"),
     ("k.npz", "no archive", "a matrix as .npz"),
     ("k.mat", "no MATLAB file", "a MATLAB file of version 5 to 7.2 .save -v7., found no such header"),
     ("k.dat", "1 1 1.0", "the ending .npz, .npy, .mat or .mtx, found '.dat'"),
@@ -167,6 +169,30 @@ def test_bad_tables(tmp_path, bar):
     with pytest.raises(ModelError, match=r"nodes and components of the stiffness matrix, found also \(2, 1\)"):
         read_arrays(tmp_path / "k.mtx", tmp_path / "m.mtx", (np.array([1, 2]), np.zeros((2, 3))))
     assert read_abaqus_matrix(tmp_path / "k.mtx")[1].tolist() == [[1, 1]]
+
+
+def test_a_matrix_that_cannot_be_opened_is_refused(tmp_path, bar, monkeypatch):
+    (tmp_path / "k.mtx").write_text(coordinate_text(bar.stiffness))
+
+    def denied(path, *_, **__):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("bdamper.io.matrices.open", denied, raising=False)
+    with pytest.raises(ModelError, match=r"k\.mtx: expected a matrix as \.mtx, found PermissionError"):
+        read_arrays(tmp_path / "k.mtx", bar.mass, (np.arange(len(bar.nodes)), bar.nodes))
+
+
+def test_elements_of_one_kind_are_in_a_tuple_too(bar):
+    numbers = np.arange(len(bar.nodes))
+    with pytest.raises(ModelError, match=r"elements: expected a tuple of arrays, .*, found one array$"):
+        read_arrays(bar.stiffness, bar.mass, (numbers, bar.nodes), elements=np.arange(16).reshape(2, 8))
+
+
+def test_errors_of_checks_pass_where_numbers_are_parsed():
+    with pytest.raises(ModelError, match=r"^line 3: expected a count of 8, found 7$"), parsing("file", "numbers", "x"):
+        raise mismatch("line 3", "a count of 8", 7)
+    with pytest.raises(ModelError, match=r"^file: expected numbers, found 'x'$"), parsing("file", "numbers", "x"):
+        float("x")
 
 
 # ---- CalculiX ----
@@ -494,7 +520,8 @@ def test_measured_response(universal, tmp_path):
         ("", "nodes|universal file"),
         ("nothing of the kind\n", "nodes|universal file"),
         (block(15, ["         1         0         0        11  x"]), "readable data set|universal file"),
-        (block(15, ["1 0 0 11 0. 0. 0."]) + block(2412, ["1 115 1 1 7 8", "1 2 3"]), "an element of data set 2412"),
+        (block(15, ["1 0 0 11 0. 0. 0."]) + block(2412, ["1 115 1 1 7 8", "1 2 3"]), "nodes of an element, found the end"),
+        (block(15, ["1 0 0 11 0. 0. 0."]) + block(2412, ["1 x 1 1 7 8"]), "an element of data set 2412, found '1 x"),
         (block(55, ["x"] * 12), "readable data set|nodes"),
     ],
 )

@@ -17,7 +17,7 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.curve import Curve
 from bdamper.effects.compare_laws import LawComparison
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Storable, opened
 from bdamper.util.status import current
 from bdamper.util.versions import HERE, Versions
 from tests.plain import plain_study
@@ -83,6 +83,11 @@ class TestReading:
             file.attrs["format"] = "other"
         with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by bdamper, found the format 'other'"):
             bd.load(path)
+
+    def test_errors_without_a_text_are_named(self, tmp_path):
+        h5py.File(path := tmp_path / "result.h5", "w").close()
+        with pytest.raises(bd.BdamperError, match=r"found something else \(MemoryError\)$"), opened(path, "a file"):
+            raise MemoryError
 
     @pytest.mark.parametrize("cls", Storable.__subclasses__(), ids=lambda cls: cls.__name__)
     def test_an_incomplete_file_is_refused(self, tmp_path, cls):
