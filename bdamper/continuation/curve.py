@@ -269,8 +269,10 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
         out = [f"{'Highest response' if self.peak_at_end else what} of {height(top.amplitude, top.frequency)}{load}."]
         if self.peak_at_end:
             out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is no peak.")
-        if self.folds:
-            out.append(f"The curve has {len(self.folds)} folds: the response can jump there.")
+        jumps = [j for way in ("up", "down") for j in self.sweep(way).jumps if j.choices] if self.folds else []
+        size, at = max(((abs(j.after - j.before), j.frequency) for j in jumps), default=(0.0, 0.0))
+        if size > 0.01 * top.amplitude:  # smaller ones are not seen in a picture
+            out.append(f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}.")
         if not self.complete:
             out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
         return " ".join(out)

@@ -8,6 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.slow_sweep import slow_sweep
 from bdamper.util.errors import SettingError
+from bdamper.util.text import amount
 from tests.plain import plain_study
 
 
@@ -22,7 +23,7 @@ def curve(study):
     return study.track(125.0, (250.0, 400.0))
 
 
-def test_a_sweep_keeps_its_branch_until_the_fold(curve):
+def test_a_sweep_keeps_its_branch_until_the_fold(curve, monkeypatch):
     upper, lower = (fold.frequency for fold in curve.folds)
     up, down = curve.sweep("up"), curve.sweep("down")
     assert (np.diff(up.frequency) >= 0.0).all() and (np.diff(down.frequency) <= 0.0).all()
@@ -33,6 +34,12 @@ def test_a_sweep_keeps_its_branch_until_the_fold(curve):
     # outside of the folds both show the same, between them each its branch
     np.testing.assert_array_equal(up.amplitude[up.frequency < 300.0], down.amplitude[down.frequency < 300.0][::-1])
     assert f"jumps at {upper:.6g} Hz" in up.details()
+    largest = max((*up.jumps, *down.jumps), key=lambda jump: abs(jump.after - jump.before))
+    said = f"jumps by up to {amount(abs(largest.after - largest.before), 'm')}, at {amount(largest.frequency, 'Hz')}."
+    assert said in curve.bottom_line()
+    small = replace(up, jumps=(up.jumps[0]._replace(after=up.jumps[0].before + 0.005 * curve.peak.amplitude),))
+    monkeypatch.setattr(type(curve), "sweep", lambda *_: small)
+    assert "jumps" not in curve.bottom_line()  # too little to be seen
 
 
 def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_is_stable(curve):
