@@ -77,7 +77,7 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
     """Where the highest resonance of a mode lies on the lines of engine orders.
 
     A crossing is the highest point of the response along the line, as a slow run-up passes it; the peak at fixed speed
-    beside it, of changes of the excitation frequency alone, may be lower.
+    beside it, of changes of the excitation frequency alone, may be lower.  Drawn by :func:`bdamper.plot.plot_crossings`.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ def richer(settings: Mapping[str, Any]) -> tuple[str, ...]:
     }
     return tuple(
         f"{step['to']} {step['name']}: about {step['time']:g} times the time; changed the peak by {step['change']:g} % "
-        f"(median of {table['scenes']} scenes)"
+        f"(median of {table['scenes']} scenes of the hard disk)"
         for step in table["steps"]
         if own.get(step["setting"]) == step["from"]
     )

@@ -25,7 +25,7 @@ def test_each_setting_has_its_next_step(table):
     five = next(s for s in table["steps"] if s["setting"] == "harmonics" and s["to"] == 5)
     assert lines[0] == (
         f"5 harmonics: about {five['time']:g} times the time; changed the peak by {five['change']:g} % "
-        f"(median of {table['scenes']} scenes)"
+        f"(median of {table['scenes']} scenes of the hard disk)"
     )
     assert [line.split(":")[0] for line in lines] == ["5 harmonics", "12 residual patterns", "20 blade modes"]
 

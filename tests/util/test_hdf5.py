@@ -173,7 +173,9 @@ class TestVersions:
         expected = dict(EXPECTED[name])
         result = bd.load(OLD / f"{name}.h5")
         text = expected.pop("text")
-        assert result.details() == text or name in ("uncertain_curve", "microslip")  # which are tables now
+        lines = result.details().split("\n")  # what richer settings cost is of this version
+        told = "\n".join(line for line in lines if not line.endswith("scenes of the hard disk)"))
+        assert told == text or name in ("uncertain_curve", "microslip")  # which are tables now
         assert result.made_with == Versions("0.1", "unknown", "unknown")
         result.save(tmp_path / "again.h5")  # does not become one of this version by that
         assert bd.load(tmp_path / "again.h5").made_with.bdamper == "0.1"
