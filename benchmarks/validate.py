@@ -11,9 +11,11 @@ import sys
 from pathlib import Path
 
 import matplotlib
+import matplotlib.pyplot as plt
 
 import bdamper as bd
-from bdamper.plot import new_axes, save_figure
+from bdamper.plot import save_figure
+from bdamper.plot.axes import PAPER, fit_units, legend_beside
 from tests.validated import PROBLEMS, Problem, available
 
 matplotlib.use("Agg")
@@ -47,6 +49,19 @@ def section(name: str, problem: Problem) -> str:
     return "\n".join([*lines, f"\n![{name}](images/validated-{slug(name)}.png)\n"])
 
 
+def picture(name: str, problem: Problem) -> None:
+    """The picture of one problem."""
+    with plt.rc_context(PAPER):
+        n = problem.panels
+        size = (5.6, 3.6 if n == 1 else 1.2 + 1.9 * n)
+        axes = plt.subplots(n, 1, sharex=True, squeeze=False, figsize=size)[1][:, 0]
+        problem.draw(axes[0] if n == 1 else axes)
+        legend_beside(axes[0])
+        for ax in axes:
+            fit_units(ax)
+    save_figure(axes, DOCS / "images" / f"validated-{slug(name)}.png")
+
+
 def main() -> None:
     """Compute, write, and say what is wrong."""
     missing = [name for name in PROBLEMS if not available(name)]
@@ -56,9 +71,7 @@ def main() -> None:
     for name, compute in PROBLEMS.items():
         problem = compute()
         parts.append(section(name, problem))
-        ax = new_axes()
-        problem.draw(ax)
-        save_figure(ax, DOCS / "images" / f"validated-{slug(name)}.png", dpi=100)
+        picture(name, problem)
         wrong += [
             f"{name}: {row.quantity}, error {row.error:.1e}" for row in problem.rows if row.agrees == bool(row.differs)
         ]

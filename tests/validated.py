@@ -17,6 +17,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 import bdamper as bd
+from bdamper.plot import colours
+from bdamper.plot.axes import DASHED, MARKERS, STYLES, runs
 from tests.modes import jenkins, wedge
 
 TWO_PI = 2.0 * np.pi
@@ -50,21 +52,53 @@ class Problem:
         Where the reference comes from, and what is compared.
     rows : tuple of Row
     draw : callable
-        Draws the picture into axes.
+        Draws the picture into axes, into a list of them where there are several panels.
+    panels : int
     """
 
     source: str
     measure: str
     rows: tuple[Row, ...]
     draw: Callable[[Any], None]
+    panels: int = 1
 
 
 def _over(ax, x, reference, ours, xlabel, ylabel, log=False):
     """A reference as a line, our points on it."""
     ax.plot(*reference, "-", color="0.6", linewidth=2.5, label="reference")
-    ax.plot(x, ours, "o", color="C0", markersize=1.8 if len(x) > 10 else 5.0, label="bdamper")
+    ax.plot(x, ours, "o", color=colours(1)[0], markersize=3.0 if len(x) > 10 else 6.0, label="bdamper")
     ax.set(xlabel=xlabel, ylabel=ylabel, **({"xscale": "log"} if log else {}))
-    ax.legend(fontsize=7.0)
+
+
+def _parts(ax, x, y, unstable, label, **look):
+    """A curve, dashed where it is not stable."""
+    for first, last in runs(unstable):
+        part = slice(first, last + 2)  # joined to the next stretch
+        ax.plot(x[part], y[part], **{**look, "linestyle": DASHED if unstable[first] else "-"})
+    ax.plot([], [], label=label, **look)
+
+
+def _dashed(ax, text="unstable", colour="k"):
+    """What dashes mean, for the legend."""
+    ax.plot([], [], color=colour, linestyle=DASHED, label=text)
+
+
+def _circles(ax, x, y, label, **look):
+    """Values of the reference, as open marks."""
+    marks = {"linestyle": "none", "marker": "o", "color": "k", "markersize": 7.0, "markerfacecolor": "none"}
+    ax.plot(x, y, **{**marks, "label": label, **look})
+
+
+def _limit(ax, y, text, colour="0.45", right=True, above=True):
+    """A thin level line that bears its name at its right or left end."""
+    ax.axhline(y, color=colour, linewidth=0.9, zorder=0)
+    look = {"ha": "right" if right else "left", "va": "bottom" if above else "top", "fontsize": 7.0, "color": colour}
+    place = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
+    ax.annotate(text, (float(right), y), xytext=(0 if right else 3, 2 if above else -2), **place, **look)
+
+
+OVER_SLIP = "Amplitude over that of first slip"
+"""Name of an axis."""
 
 
 # ---- oscillators ----
@@ -97,10 +131,9 @@ def griffin() -> Problem:
 
     def draw(ax):
         reference = np.transpose([(limit, a) for limit, (a, _) in GRIFFIN.items()] + [LEAST])
-        ax.plot(*np.transpose(found), ".-", label="bdamper")
-        ax.plot(*reference, "o", color="0.5", markerfacecolor="none", label="closed form")
-        ax.set(xlabel="Slip limit", ylabel="Peak", yscale="log")
-        ax.legend(fontsize=7.0)
+        ax.plot(*np.transpose(found), ".-", color=colours(1)[0], label="bdamper")
+        _circles(ax, *reference, "closed form")
+        ax.set(xlabel="Slip limit over the force", ylabel="Peak over force / stiffness", yscale="log")
 
     return Problem(
         'J. H. Griffin, "Friction damping of resonant stresses in gas turbine engine airfoils", J. Eng. Power 102 (1980)',
@@ -111,6 +144,18 @@ def griffin() -> Problem:
 
 DUFFING = {"hardening": (1.0, 0.1, 0.2), "softening": (-0.1, 0.05, 0.06), "NLvib, example 1": (0.1, 0.05, 0.18)}
 """Cubic stiffness, damping, force."""
+
+
+def _duffing_form(k, c, F, top):
+    """Two branches of the closed form up to the peak, (2, n) frequencies (rad/s) and (n,) amplitudes, and its folds."""
+    a = np.linspace(1e-2, top, 20_000)[:-1]
+    p = 1.0 + 0.75 * k * a**2
+    root = np.sqrt(np.maximum((p - 0.5 * c**2) ** 2 - p**2 + (F / a) ** 2, 0.0))
+    squares = p - 0.5 * c**2 + root * np.array([[-1.0], [1.0]])
+    w = np.sqrt(np.where(squares > 0.0, squares, np.nan))
+    turns = [(branch[i + 1], a[i + 1]) for branch in w for i in np.flatnonzero(np.diff(np.sign(np.diff(branch))))
+             if np.isfinite(branch[i : i + 3]).all()]  # fmt: skip
+    return w, a, turns
 
 
 def duffing() -> Problem:
@@ -128,13 +173,19 @@ def duffing() -> Problem:
             Row(f"{name}: peak", top, curve.peak.amplitude, 1e-7),
             Row(f"{name}: folds", 2.0, float(len(curve.folds)), 0.0),
         ]
-        curves.append((name, w, a))
+        peak = np.sqrt(1.0 + 0.75 * k * top**2 - 0.5 * c**2), top
+        curves.append((name, w, a, curve.backward, _duffing_form(k, c, F, top), peak))
 
     def draw(ax):
-        for name, w, a in curves:
-            ax.plot(w, a, label=name)
-        ax.set(xlabel="Frequency (rad/s)", ylabel="Amplitude", yscale="log")
-        ax.legend(fontsize=7.0)
+        called = {"NLvib, example 1": "the system of\nNLvib's example 1"}
+        for i, ((name, w, a, unstable, (freq, height, folds), peak), colour) in enumerate(zip(curves, colours(3))):
+            for branch in freq:
+                ax.plot(branch, height, color="0.85", linewidth=5.0, zorder=0)
+            _parts(ax, w, a, unstable, f"bdamper, {called.get(name, name)}", color=colour)
+            _circles(ax, *np.transpose([peak, *folds]), "closed form: peak, folds" if i == 2 else None)
+        ax.plot([], [], color="0.85", linewidth=5.0, label="closed form")
+        _dashed(ax)
+        ax.set(xlabel="Frequency (rad/s)", ylabel="Amplitude", yscale="log", xlim=(0.3, 2.2), ylim=(0.05, 4.0))
 
     return Problem(
         'G. Duffing (1918), see A. H. Nayfeh and D. T. Mook, "Nonlinear Oscillations" (1979), section 4.1; parameters of '
@@ -149,13 +200,17 @@ def shaw_and_holmes() -> Problem:
     for harmonics in (5, 9, 15):
         study = bd.lumped(1.0, 1e-3, 1.0, contacts=[stop], forces={0: 1e-3}, harmonics=harmonics)
         omega = TWO_PI * study.peak(0.0, (0.2, 0.23)).frequency
-        seen.append((harmonics, abs(omega / (4.0 / 3.0) - 1.0)))
+        seen.append((harmonics, 1e6 * abs(omega / (4.0 / 3.0) - 1.0)))
         why = "few harmonics" if harmonics == 5 else ""
         rows.append(Row(f"frequency (rad/s), {harmonics} harmonics", 4.0 / 3.0, omega, 1e-5, why))
 
     def draw(ax):
-        ax.plot(*np.transpose(seen), "o-")
-        ax.set(xlabel="Harmonics", ylabel="Error of the frequency", yscale="log")
+        ax.plot(*np.transpose(seen), "o", color=colours(1)[0], markersize=6.0)
+        _limit(ax, 10.0, "tolerance")
+        ax.set(
+            xlabel="Number of harmonics", ylabel="Relative error of the frequency (10⁻⁶)", yscale="log", ylim=(0.1, 100.0)
+        )
+        ax.set_xticks([n for n, _ in seen])
 
     return Problem(
         'S. W. Shaw and P. J. Holmes, "A periodically forced piecewise linear oscillator", J. Sound Vib. 90 (1983)',
@@ -184,9 +239,9 @@ def jenkins_mode() -> Problem:
             rows.append(Row(f"{name}: {what} at the worst point", both[worst, k], float(ours[slipping[worst]]), tolerance))
 
     def draw(ax):
-        a = np.geomspace(1.05, 20.0, 60)
-        zeta = [jenkins.exact(x)[1] for x in a]
-        _over(ax, modes[1].amplitude, (a, zeta), modes[1].damping_ratio, "Amplitude over d", "Modal damping ratio", True)
+        a = np.concatenate([[0.5, 1.0], np.geomspace(1.002, 20.0, 80)])
+        zeta = [0.01 / np.sqrt(2.0) if x <= 1.0 else jenkins.exact(x)[1] for x in a]  # stuck, then the exact motion
+        _over(ax, modes[1].amplitude, (a, zeta), modes[1].damping_ratio, OVER_SLIP, "Modal damping ratio", True)
 
     return Problem(
         "definition: M. Krack, Computers & Structures 154 (2015); closed form of one harmonic, and the exact motion, which "
@@ -221,11 +276,13 @@ def limit_cycles() -> Problem:
 
     def draw(ax):
         a = np.geomspace(1.0, 40.0, 200)
-        line = [-jenkins.closed_form(x)[1] for x in a]
-        for k, face in ((1, "C0"), (2, "w")):
-            ax.plot(flow, [c.amplitude[k] for c in found], "o", color="C0", markerfacecolor=face)
-        ax.plot(line, a, "-", color="0.6", zorder=0)
-        ax.set(xlabel="Damping ratio of the flow", ylabel="Amplitude over d", yscale="log", xlim=(-0.125, -0.02))
+        line = np.array([-jenkins.closed_form(x)[1] for x in a])
+        _parts(ax, line, a, np.arange(len(a)) >= np.argmin(line), "closed form, stable", color="0.6", zorder=0)
+        _dashed(ax, "closed form, unstable", "0.6")
+        for k, face, what in ((1, colours(1)[0], "stable"), (2, "w", "unstable")):
+            look = {"color": colours(1)[0], "markerfacecolor": face, "label": f"bdamper, {what}"}
+            ax.plot(flow, [c.amplitude[k] for c in found], "o", **look)
+        ax.set(xlabel="Damping ratio of the flow", ylabel=OVER_SLIP, yscale="log", xlim=(-0.125, -0.02))
 
     return Problem(
         "closed form of the same mode, and a march of the equation of motion by a Runge-Kutta method",
@@ -245,14 +302,14 @@ def two_masses() -> Problem:
     study = bd.lumped(
         [1.0, 0.5], [0.02, 0.01], [[1.5, -0.5], [-0.5, 1.0]], contacts=[face], forces={0: 0.3}, response=0, harmonics=7
     )
-    curve = study.track(0.0, (0.5 / TWO_PI, 2.2 / TWO_PI))
+    fine = bd.ContinuationOptions(max_step=0.02, step=0.02)
+    curve = study.track(0.0, (0.5 / TWO_PI, 2.2 / TWO_PI), options=fine)
     rows = (Row("highest amplitude", PYHARM, curve.peak.amplitude, 1e-6),)
 
     def draw(ax):
-        ax.plot(TWO_PI * curve.frequency, curve.amplitude)
-        ax.plot(TWO_PI * curve.peak.frequency, PYHARM, "o", color="k", markerfacecolor="none", label="pyHarm")
+        ax.plot(TWO_PI * curve.frequency, curve.amplitude, color=colours(1)[0], label="bdamper")
+        _circles(ax, TWO_PI * curve.peak.frequency, PYHARM, "pyHarm, highest\namplitude: 10.00117")
         ax.set(xlabel="Frequency (rad/s)", ylabel="Amplitude", yscale="log")
-        ax.legend(fontsize=7.0)
 
     return Problem(
         "pyHarm-os 1.2.2; `make peers` runs it again", "two masses with a friction element between them, seven harmonics",
@@ -312,16 +369,9 @@ def _nlvib(figures, measure) -> Problem:
 
     def draw(ax):
         for k, (name, omega, square) in enumerate(curves):
-            ax.plot(omega, square, linestyle=("-", "--", ":")[k], label=name)
-        ax.plot(
-            *np.transpose([figure[:2:-1] for figure in figures]),
-            "ok",
-            markersize=5.0,
-            markerfacecolor="none",
-            label="NLvib",
-        )
+            ax.plot(omega, square, color=colours(len(curves))[k], linestyle=STYLES[k], label=name.replace(", ", ",\n"))
+        _circles(ax, *np.transpose([figure[:2:-1] for figure in figures]), "NLvib, highest")
         ax.set(xlabel="Frequency (rad/s)", ylabel="Root mean square", yscale="log")
-        ax.legend(fontsize=7.0)
 
     source = (
         f'M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib; its figures: {NLVIB}'
@@ -347,10 +397,10 @@ def planar_wedge() -> Problem:
     rows, curves = [], []
     for mu, harmonics in ((0.3, 1), (0.5, 3), (0.8, 1)):
         study, program = wedge.study(mu, harmonics), wedge.Program(mu, harmonics)
-        curves.append((mu, study.nonlinear_mode(wedge.LOAD, 3, (1e-5, 4e-4))))
         z = program.branch(program.start(*program.stuck(2), 3e-5), 6e-5 * mu / 0.5)[-1]
         mode = study.nonlinear_mode(wedge.LOAD, 3, (3e-5, float(np.exp(z[-1]))))
         name = f"friction coefficient {mu}, harmonics {harmonics}"
+        curves.append((mu, harmonics, study.nonlinear_mode(wedge.LOAD, 3, (1e-5, 4e-4)), (float(np.exp(z[-1])), z[-2])))
         rows += [
             Row(
                 f"{name}: frequency (Hz) where it slips",
@@ -362,13 +412,15 @@ def planar_wedge() -> Problem:
         ]
 
     def draw(ax):
-        for colour, (mu, mode) in zip(("0.1", "#c55a11", "0.7"), curves):  # dark, middle, light
-            ax.plot(1e6 * mode.amplitude, mode.damping_ratio, color=colour, label=f"friction coefficient {mu}")
-            ax.plot(
-                1e6 * mode.amplitude[mode.folds], mode.damping_ratio[mode.folds], "ok", markersize=3.0, markerfacecolor="w"
-            )
-        ax.set(xlabel="Amplitude (µm)", ylabel="Modal damping ratio", xscale="log")
-        ax.legend(fontsize=7.0)
+        for panel, (mu, harmonics, mode, known) in zip(ax, curves):
+            a, zeta = 1e6 * mode.amplitude, mode.damping_ratio
+            panel.plot(a, zeta, color=colours(1)[0], label="bdamper")
+            panel.plot(a[mode.folds], zeta[mode.folds], "o", color=colours(1)[0], markersize=3.5, markerfacecolor="w",
+                       label="the branch turns")  # fmt: skip
+            _circles(panel, 1e6 * known[0], known[1], "independent program", marker="s", markersize=8.0)
+            panel.set(ylabel="Modal damping ratio", xscale="log", ylim=(0.0, None))
+            panel.set_title(f"Friction coefficient {mu}, {_harmonics(harmonics)}")
+        ax[-1].set_xlabel("Amplitude (µm)")
 
     return Problem(
         'N. N. Balaji and E. Ferhatoglu, "Vibration response variability in friction-damped systems" (parameters from '
@@ -376,7 +428,7 @@ def planar_wedge() -> Problem:
         "third mode of two masses with a free wedge between them; the branch turns at the circles, and three motions have "
         "one amplitude there, which the tests compare for one to three harmonics, too; motions on no branch through a mode "
         "exist and are not looked for ([modes](nonlinear-modes.md))",
-        tuple(rows), draw,
+        tuple(rows), draw, 3,
     )  # fmt: skip
 
 
@@ -426,12 +478,20 @@ def forced_wedge() -> Problem:
         )
 
     def draw(ax):
-        for harmonics, curve in cycles:
-            ax.plot(curve.frequency, 1e6 * curve.amplitude, label=_harmonics(harmonics))
-        ax.plot(np.full(4, DRIVEN), [row.reference for row in rows[:4]], "o", color="k", markerfacecolor="none",
-                label="independent program")  # fmt: skip
+        inset = ax.inset_axes((0.05, 0.56, 0.36, 0.4))
+        inset.yaxis.tick_right()
+        for row, (harmonics, curve), colour, marker in zip(rows, cycles, colours(4), MARKERS):
+            for each in (ax, inset):
+                _parts(each, curve.frequency, 1e6 * curve.amplitude, curve.backward, _harmonics(harmonics), color=colour)
+            _circles(inset, DRIVEN, row.reference, None, marker=marker, color=colour)
+        _circles(ax, [], [], "independent program\n(in the inset)")
+        _dashed(ax, "unstable: runs back\nin frequency")
+        heights = [row.reference for row in rows[:4]]
+        inset.set(xlim=(DRIVEN - 0.5, DRIVEN + 0.5), ylim=(min(heights) - 6.0, max(heights) + 6.0))
+        inset.set_xticks([DRIVEN - 0.4, DRIVEN, DRIVEN + 0.4])
+        inset.tick_params(labelsize=6.0)
+        ax.indicate_inset_zoom(inset, edgecolor="0.3")
         ax.set(xlabel="Frequency (Hz)", ylabel="Amplitude (µm)")
-        ax.legend(fontsize=7.0)
 
     return Problem(
         "the planar wedge of Balaji and Ferhatoglu, the same program in plain NumPy, and a march by a Runge-Kutta method",
@@ -457,19 +517,22 @@ def paper() -> Problem:
         curves.append((mode, curve))
 
     def draw(ax):
-        for mode, curve in curves:
-            (line,) = ax.plot(curve.preload, 100.0 * curve.amplitude / curve.stuck.amplitude, ".-", label=f"mode {mode}")
-            ax.axhline(100.0 / PAPER[mode][0], color=line.get_color(), linewidth=0.8, label="its optimum in the paper")
-        ax.set(xlabel="Preload (N)", ylabel="Resonance (% of the stuck one)", xscale="log", yscale="log")
-        ax.set_yticks([20, 30, 50, 100], ["20", "30", "50", "100"])
-        ax.minorticks_off()
-        ax.legend(fontsize=7.0)
+        height, shift = ax
+        for (mode, curve), colour, marker in zip(curves, colours(3)[::2], MARKERS):
+            look = {"marker": marker, "markersize": 3.5, "color": colour, "label": f"mode {mode}"}
+            height.plot(curve.preload, 100.0 * curve.amplitude / curve.stuck.amplitude, **look)
+            shift.plot(curve.preload, curve.shift_percent, **look)
+            ratio, moved = PAPER[mode]
+            _limit(height, 100.0 / ratio, f"paper, mode {mode}: {100.0 / ratio:.1f} %", colour, above=mode == 1)
+            _limit(shift, moved, f"paper, mode {mode}, stuck: {moved:g} %", colour, right=mode == 2)
+        height.set(ylabel="Peak amplitude\n(% of the stuck peak)", xscale="log", ylim=(0.0, 105.0))
+        shift.set(xlabel="Preload (N)", ylabel="Frequency of the peak\n(% above that without contact)", xscale="log")
 
     return Problem(
         "E. Cigeroglu, N. An, C.-H. Menq, J. Eng. Gas Turbines Power 131 (2009), Figs 8 and 9, with the paper's method "
         "(`bd.PAPER`) on a disk made to have its frequencies",
         "four numbers; a disk made for them shows that the method is the paper's, not that the paper's disk is met",
-        tuple(rows), draw,
+        tuple(rows), draw, 2,
     )  # fmt: skip
 
 
@@ -492,7 +555,8 @@ def whitehead() -> Problem:
 
     def draw(ax):
         n = np.linspace(2.0, 10.0, 50)
-        _over(ax, *np.transpose(seen)[:1], (n, 0.5 * (1.0 + np.sqrt(n))), np.transpose(seen)[1], "Blades", "Amplification")
+        _over(ax, *np.transpose(seen)[:1], (n, 0.5 * (1.0 + np.sqrt(n))), np.transpose(seen)[1], "Number of blades",
+              "Amplification")  # fmt: skip
 
     return Problem(
         'D. S. Whitehead, "Effect of mistuning on the vibration of turbo-machine blades induced by wakes", J. Mech. Eng. '
@@ -531,10 +595,13 @@ def calculix() -> Problem:
     seen.append(("stress of rotation", np.sort(apart / size)))
 
     def draw(ax):
-        for what, error in seen:
-            ax.plot(np.linspace(0.0, 100.0, len(error)), np.sort(error), ".-", label=what)
-        ax.set(xlabel="Modes or nodes (%)", ylabel="Relative difference", yscale="log")
-        ax.legend(fontsize=7.0)
+        for (what, error), marker, colour in zip(seen, MARKERS, colours(3)):
+            ax.plot(1 + np.arange(len(error)), 1e6 * np.sort(error), marker, color=colour, label=what.replace(", ", ",\n"))
+        _limit(ax, 10.0, "tolerance of frequencies")
+        _limit(ax, 300.0, "tolerance of stresses")
+        ax.set(
+            xlabel="Mode or node, sorted by its difference", ylabel="Relative difference from CalculiX (10⁻⁶)", yscale="log"
+        )
 
     return Problem(
         "CalculiX (ccx), an independent finite element program, on the same mesh",
