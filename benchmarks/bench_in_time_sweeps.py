@@ -229,19 +229,32 @@ def draw_harmonics(ax: Axes, curve: dict[str, Any], colour: Any, width: float) -
                 ax.plot(f[part], a[part], color=colour, linewidth=width, linestyle=DASHED)
 
 
+def title(stiffness: str, preload: str, down: dict[str, Any] | None, finest: dict[str, Any]) -> str:
+    """What a picture shows, and where a sweep down falls for good (within 1 Hz) beside the last fold of harmonics."""
+    text = f"Preload {preload} N, {stiffness.replace('_', ' ')}"
+    if down and down["jumps"] and finest["folds"]:
+        g, before, after = down["jumps"][-1]
+        later = [a for f, a in zip(down["frequency"], down["amplitude"]) if f < g - 1.0]
+        if max(later) < np.sqrt(before * after):
+            fold = min(f for f, _ in finest["folds"])
+            text += f": the sweep down falls at {g:.0f} Hz, {HARMONICS[-1]} harmonics fold at {fold:.0f} Hz"
+    return text
+
+
 def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
     """Sweeps up and down, as bands of what beats with their means, and the curves of harmonics on them."""
     sweeps = {way: known[name] for way in SWEEPS if (name := f"{stiffness}/{preload}/{way}") in known}
     curves = known[f"{stiffness}/{preload}"]
     low = min(min(s["frequency"]) for s in sweeps.values())
     high = max(max(s["frequency"]) for s in sweeps.values())
-    with drawing(size=(6.6, 3.6), title=f"Preload {preload} N, {stiffness.replace('_', ' ')}") as ax:
+    head = title(stiffness, preload, sweeps.get("down"), curves[str(HARMONICS[-1])])
+    with drawing(size=(6.6, 3.6), title=head) as ax:
         seen = []
         for way, sweep in sweeps.items():
             colour, marker = SWEEPS[way]
             for f, least, mean, most in outline(sweep):
                 ax.fill_between(f, least, most, color=colour, alpha=0.22, linewidth=0.0)
-                ax.plot(f, mean, color=colour, linewidth=1.0, marker=marker, markersize=4.0, markevery=max(1, len(f) // 8))
+                ax.plot(f, mean, color=colour, linewidth=1.0, marker=marker, markersize=4.0, markevery=KEPT // 12)
                 seen += [least.min(), most.max()]
             ax.plot([], [], color=colour, marker=marker, markersize=4.0, label=f"sweep {way}: mean,\nband: its beat")
         for h, (colour, width) in zip(HARMONICS, LINES):
