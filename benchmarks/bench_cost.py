@@ -151,7 +151,8 @@ class Shown(NamedTuple):
     time : float
         Of a curve, over that with the default settings in the same scene.
     top, at : (3,) float
-        Lower quartile, median and upper quartile of the error (%), of tops and at one frequency; NaN where not compared.
+        Lower quartile, median and upper quartile of the error (%), of tops and at one frequency, there of the scenes whose
+        curve has it; NaN where not compared.
     scenes : int
     """
 
@@ -176,7 +177,7 @@ def rows(known: dict[str, Any]) -> dict[str, list[Shown]]:
             plain = [known[f"{n}/{setting} {DEFAULT[setting]}"]["seconds"] for n in there]
             kept = np.array([known[f"{n}/{judge}"]["mean"] for n in there])
             errors = {name: 100.0 * np.abs(np.array([r[name] for r in found]) / kept - 1.0) for name in ("top", "at")}
-            quartiles = {name: np.quantile(e, (0.25, 0.5, 0.75)) for name, e in errors.items()}
+            quartiles = {name: np.nanquantile(e, (0.25, 0.5, 0.75)) for name, e in errors.items()}
             at = quartiles["at"] if setting == "harmonics" else np.full(3, np.nan)
             time_ = float(np.median([r["seconds"] / s for r, s in zip(found, plain)]))
             out[setting].append(Shown(value, time_, quartiles["top"], at, len(there)))
@@ -214,9 +215,12 @@ def draw(known: dict[str, Any]) -> None:
     """Error over time of a curve, one panel for each setting."""
     found = {setting: values for setting, values in rows(known).items() if values and values[0].scenes > 1}
     with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(1, len(found), figsize=(9.0, 3.4), sharey=True)
+        figure, grid = plt.subplots(2, -(-len(found) // 2), figsize=(7.0, 6.0), sharex=True, sharey=True)
+        axes = grid.ravel()
+        for ax in axes[len(found) :]:
+            ax.remove()
         for ax, (setting, values) in zip(axes, found.items()):
-            looks = {"top": ("o-", "k", "top of the balance"), "at": ("D--", "0.5", "at the frequency of what is kept")}
+            looks = {"top": ("o-", "k", "highest peak"), "at": ("D--", "0.5", "at the frequency of that amplitude")}
             for name, (marks, colour, label) in looks.items():
                 low, middle, high = np.array([getattr(v, name) for v in values]).T
                 if not np.isfinite(middle).any():
@@ -227,18 +231,22 @@ def draw(known: dict[str, Any]) -> None:
             for v in values:
                 text = str(v.value).replace("unit_traction", "unit tractions").replace("residual_modes", "residual modes")
                 usual = v.value == DEFAULT[setting]
-                ax.annotate(f"{text}, default" if usual else text, (v.time, v.top[1]), xytext=(6, -11 if usual else 6),
+                above = np.nanmax([v.top[2], v.at[2]])
+                ax.annotate(f"{text}, default" if usual else text, (v.time, above), xytext=(0, 4),
+                            ha="left" if setting == "method" and usual else "center",
                             textcoords="offset points", fontsize=7.5)  # fmt: skip
-            ax.set(xscale="log", xlim=(0.15, 150.0))
+            ax.set(xscale="log", xlim=(0.15, 80.0))
             ax.set_xticks([0.3, 1.0, 3.0, 10.0, 30.0], minor=False)
             ax.set_xticks([], minor=True)
             ax.xaxis.set_major_formatter("{x:g}")
             ax.set_title(f"{NAMES[setting].capitalize()} ({values[0].scenes} scenes)")
-        axes[0].set_yscale("log")
+        axes[0].set(yscale="log", ylim=(1.0, 130.0))
+        axes[0].set_yticks([1, 2, 5, 10, 20, 50, 100], minor=False)
+        axes[0].set_yticks([], minor=True)
         axes[0].yaxis.set_major_formatter("{x:g}")
-        axes[0].set_ylabel("Error against the amplitude kept (%)")
-        axes[len(axes) // 2].set_xlabel("Time of a curve over that with the default settings")
-        axes[-1].legend(*axes[0].get_legend_handles_labels(), loc="lower right")
+        figure.supylabel("Difference from the highest amplitude that stays in a march in time (%)", fontsize=9.0)
+        figure.supxlabel("Time of a tracking curve over that with the default settings", fontsize=9.0)
+        axes[0].legend(loc="lower right", title="median, quartiles of scenes", title_fontsize=7.5)
         save_figure(figure, IMAGE)
 
 
