@@ -27,7 +27,7 @@ from bdamper.util.text import amount, height
 
 ENDS = {
     "end": "end of the range, the optimum may lie beyond",
-    "edge": "lowest where a steady response was found",
+    "edge": "lowest preload with a steady response",
 }
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
@@ -94,9 +94,8 @@ class OptimumPoint:
     kind : {"smooth", "crossing", "jump", "end", "edge", "unknown", "flat", "none"}
         Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
         the side on which it is gone; the end of the range of preloads, or of those with a value; the edge below which
-        no response is steady; not known, as where the
-        search was interrupted; none, since the preload does not matter (nothing slips, or all of it is bonded), or since no
-        preload has a value.
+        no response is steady; not known, as where the search was interrupted; none, since the preload does not matter
+        (nothing slips, or all of it is bonded), or since no preload has a value.
     uncertainty : float
         Relative, of the preload.
     status : str

@@ -35,7 +35,8 @@ def test_held_peaks_have_facts_and_pictures():
     assert {"highest amplitude", "the highest may be higher by"} <= {fact.name for fact in top.facts()}
     top.plot()
     curve = wheel.optimal_curve([300.0, 2000.0], options=FEW)
-    assert curve.status == ("held", "complete") and curve.error[0] > 0.1 and curve.error[1] == MISSED
+    assert curve.status == ("held", "complete")
+    assert curve.error[0] > 0.1 and 0.021 < curve.error[1] < 0.1  # audits found peaks that were missed by 2.1 %
     assert "held, with error" in [text.get_text() for text in curve.plot().get_legend().get_texts()]
 
 
