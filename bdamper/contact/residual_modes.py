@@ -11,8 +11,8 @@ which is exact for every force in the span of :math:`W`, Hermitian, and positive
 :math:`\tfrac12 a^H S a`: further modal columns :math:`E W` with the modal stiffness :math:`S`.  The modes left out have
 inertia too.  To second order in frequency they answer with
 :math:`R + \omega^2 R_2`, :math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over those in the model, and the coordinates
-represent it with the modal mass :math:`W^H R_2 W`; without known modes they are massless.  Stiffness and mass are made
-diagonal together.
+represent it with the modal mass :math:`W^H R_2 W`; without known modes they are massless, and so are as many of them as
+there are more patterns than such modes.  Stiffness and mass are made diagonal together.
 
 Patterns of a harmonic are the contact forces of its stuck modes,
 :math:`W = R^{-1} G Q` with :math:`(\Omega^2 + G^H R^{-1} G) Q = Q \Lambda`, lowest frequencies first: the stuck frequencies
@@ -41,7 +41,8 @@ from bdamper.util.repr import brief
 MARGIN = 0.1
 """Smallest share of the flexibility of a pattern that residual modes must carry."""
 ROUNDING = 1e-9
-"""Negative flexibility, relative to that of a point, that counts as rounding."""
+"""Negative flexibility, relative to that of a point, and mass, relative to the largest, that count as rounding.  With
+masses of 1e-17 in place of none a march in time leapt from 0.03 to 1.5 mm where it began."""
 
 RESIDUAL = "residual"
 """Name of the body of residual modes among the coordinates of a basis."""
@@ -302,7 +303,7 @@ class ResidualSet:
             left_out, pole, ratio = self.coupling.left_out_modes(harmonic)
             P = (W @ V).conj().T @ left_out[kept] / pole
             mass, turn = np.linalg.eigh(P @ P.conj().T)
-            mass, V = np.maximum(mass, 0.0), V @ turn
+            mass, V = np.where(mass > ROUNDING * mass.max(initial=0.0), mass, 0.0), V @ turn
             damping = np.full(n, float(np.mean(ratio)) if len(ratio) else 0.0)
         # one stiffness for all coordinates, so that they are of the size of the others
         G = (columns @ V * np.sqrt(reference)).reshape(-1, 3, n).astype(complex)
