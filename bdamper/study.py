@@ -52,6 +52,7 @@ from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import FilePath, check_folder, enter_reader, load, opened, written
 from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief, short
+from bdamper.util.status import INTERRUPTED
 from bdamper.util.versions import HERE
 
 SHOWN = (
@@ -249,14 +250,14 @@ class Study(Problem, Comparable):
             Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
         check : {"time", "neighbours", "harmonics", False}
             "time": what a blade keeps at the optimum, by a march in time, in ``curve.kept``; "neighbours": also a factor
-            of 1.2 below and above (``bdamper.peaks.marched.with_kept``).
+            of 1.2 below and above (``bdamper.peaks.marched.with_kept``), and the least of them in ``curve.least_kept``.
             "harmonics": compare with two, four and six more harmonics there and two more elsewhere, in ``curve.ladder``.
         progress : bool
             Show what is being done, and the time left.
         resume : path, optional
             File that keeps every curve, those of the ladder too; work that was interrupted goes on from there.
         quantity : {"amplitude", "margin"}
-            "margin": also that against fatigue of a ``material``, in ``curve.margins``.
+            "margin": also that against fatigue of a ``material``, in ``curve.margins``, with that of what a blade keeps.
         material : Material, optional
 
         Returns
@@ -274,15 +275,14 @@ class Study(Problem, Comparable):
             validate.instance("material", material, Material, "a Material, since quantity is the margin")
             stresses.chosen_sets(self)
         curve = optimal.optimal_curve(self, preload, n, executor=executor, **ways, **shown)
-        if margin and material is not None and not curve.interrupted:
-            curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
-        if curve.interrupted or not check:
-            return curve
-        if check in ("time", "neighbours"):
+        if check in ("time", "neighbours") and not curve.interrupted:
             best = curve.optimum.preload  # NaN where there is no optimum
             places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
-            return marched.with_kept(self, curve, places, progress=progress)
-        return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
+            curve = marched.with_kept(self, curve, places, progress=progress)
+        stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
+        if margin and material is not None and not stopped:
+            curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
+        return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown) if check == "harmonics" and not stopped else curve
 
     peak_sensitivities = sensitivity.peak_sensitivities
     with_kept = marched.with_kept

@@ -37,6 +37,8 @@ CELLS = {f"{preload:g} N, {points} points": (points, preload) for preload in (20
 """Of ``bench_hard_curves``: three harmonics, unit tractions, the lowest preloads, where the damper nearly flies."""
 GROUND = {f"blade on the ground, {modes} modes": modes for modes in (3, 6, 7, 10)}
 """Blade modes, without the inertia of those that are left out up to nine."""
+TYPICAL = {f"typical blade, {preload:g} N, {n} patterns": (n, preload) for preload in (103.6, 518.0) for n in (6, 12, 24)}
+"""Residual patterns, at the optimum of the typical blade and at five times that preload."""
 
 
 def study(stiffness: str, friction: float, engine_order: int = 5) -> bd.Study:
@@ -87,12 +89,7 @@ def beside_a_sweep(name: str) -> dict[str, Any]:
         return out
     tip, away = found.frequency, 8.0
     ends = (tip - away, tip + away / 2.0) if found.direction == "up" else (tip - away / 2.0, tip + away)
-    first = ends[0] if found.direction == "up" else ends[1]
-    near = np.flatnonzero(np.abs(curve.frequency - first) <= max(1.0, np.abs(curve.frequency - first).min()))
-    start = int(near[np.argmax(curve.amplitude[near])])
-    sweep = of.sweep_in_time(
-        preload, ends, up=found.direction == "up", rate=4.0, check=False, start=curve, index=start
-    )  # fmt: skip
+    sweep = of.sweep_in_time(preload, ends, up=found.direction == "up", rate=4.0, check=False, start=curve)
     window = 80
     means = np.convolve(sweep.amplitude, np.ones(window) / window, "valid")
     k = int(means.argmax())
@@ -122,12 +119,24 @@ def on_the_ground(name: str) -> dict[str, Any]:
     return {**record(held.kept(curves[3])), "tops": tops}
 
 
+def on_the_typical_blade(name: str) -> dict[str, Any]:
+    """Peak and what is kept of it with so many residual patterns."""
+    patterns, preload = TYPICAL[name]
+    given = {"friction_coefficient": 0.3, "contact_stiffness": bd.ResidualModes(patterns)}
+    of = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, **given)
+    of.system(preload)
+    begin = time.process_time()
+    curve = of.track(preload, (600.0, 720.0))
+    return {"curve": time.process_time() - begin, **record(of.kept(curve))}
+
+
 def main() -> None:
     """Compute what is missing, and print the tables."""
     known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     asked = sys.argv[1:] if sys.argv[0].endswith("bench_kept.py") else []
     jobs = {f"{name}/{steps}": (walked, name, steps) for steps in (256, 512) for name in CASES}
     jobs |= {name: (on_the_ground, name) for name in GROUND} | {name: (in_a_cell, name) for name in CELLS}
+    jobs |= {name: (on_the_typical_blade, name) for name in TYPICAL}
     jobs |= {name: (beside_a_sweep, name) for name in scenes()}
     for name, (function, *arguments) in jobs.items():
         if name not in known and (not asked or name in asked):
@@ -148,6 +157,11 @@ def main() -> None:
         if r := known.get(name):
             kept = f"{r['mean']:.1f} ({r['lowest']:.1f} to {r['highest']:.1f}) at {r['frequency']:.1f} Hz"
             print(f"| {name} | {r['curve']} | {r['balance']:.1f} | {kept} | {r['status']} |")
+    print("\n| typical blade | peak of the balance (\u00b5m) | kept | time of a curve (s) |\n|---|---|---|---|")
+    for name in TYPICAL:
+        if r := known.get(name):
+            kept = f"{r['mean']:.1f} ({r['lowest']:.1f} to {r['highest']:.1f}) at {r['frequency']:.1f} Hz"
+            print(f"| {name} | {r['balance']:.1f} | {kept} | {r['curve']:.1f} |")
     print("\n| blade modes | 3 harmonics (mm) | 5 | 7 | 9 | 13 | kept | falls at |\n" + "|---" * 8 + "|")
     for name in GROUND:
         if r := known.get(name):

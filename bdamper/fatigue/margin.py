@@ -212,6 +212,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
         Of the largest margin: as refined between the values, or the best of them; NaN where it means nothing.
     best_status : str
         How far the best is known.
+    in_time : tuple of Margins
+        Those of the largest period that a blade keeps, at the preloads where that is known.
     notes : tuple of str
     settings : mapping
     model_hash : str
@@ -237,6 +239,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
     best_value: float = float("nan")
     best_margin: float = float("nan")
     best_status: str = ""
+    in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
@@ -302,6 +305,12 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
         )
 
     @property
+    def kept_lines(self) -> list[str]:
+        """What the margin is in time, where that is known."""
+        why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
+        return [f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why)]
+
+    @property
     def critical_name(self) -> Annotated[list[str], Quantity(name="critical")]:
         """Name of the critical point at each value, empty without a solution."""
         return [self.names[k] if k >= 0 else "" for k in self.critical]
@@ -320,7 +329,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
         value, best = (self.values[j], self.margin[j]) if np.isnan(self.best_value) else (self.best_value, self.best_margin)
         worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
         head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
-        return f"{head}, least {worst}." + (" Below 1 the limit is exceeded." if self.margin[i] < 1.0 else "")
+        limit = ["Below 1 the limit is exceeded."] if self.margin[i] < 1.0 else []
+        return " ".join([f"{head}, least {worst}.", *self.kept_lines, *limit])
 
 
 def margin(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def best_margin(
     ----------
     problem : Problem
     curve : OptimalCurve
-        Of this problem.
+        Of this problem.  Where it has what a blade keeps, ``in_time`` has the margin of that.
     material, criterion, line, on, sets, speed
         As for :func:`bdamper.fatigue.margin.margin`.
 
@@ -60,7 +61,8 @@ def best_margin(
         ``best_value`` is the preload, ``best_status`` tells how far it is known.
     """
     validate.instance("curve", curve, OptimalCurve)
-    found = margin(problem, curve, material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
+    rule: dict[str, Any] = {"criterion": criterion, "line": line, "on": on, "sets": sets, "speed": speed}
+    found = margin(problem, curve, material, **rule)
     assert isinstance(found, MarginCurve)
     problem = of(problem, curve)
     named = sets if sets is None or isinstance(sets, str) else tuple(sets)
@@ -83,6 +85,9 @@ def best_margin(
         rows = np.flatnonzero(np.isfinite(curve.amplitude))
         places = [place(_peak(problem, curve, int(k)), float(curve.preload[k])) for k in rows]
         places, best = least(places, ask, lambda a, b, x: x)
+        kept = {k.preload: k for k in curve.kept if np.isfinite(k.mean)}
+        tops = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
+    own = {"settings": problem.record(), "model_hash": problem.model.hash}
     if curves.interrupted:
         raise KeyboardInterrupt
     at = places[best.index]
@@ -90,7 +95,8 @@ def best_margin(
     where = "at the end of the preloads with a value" if best.kind == "end" else "refined between its neighbours"
     doubt = _doubt(problem, curve, judge, preload, value)
     status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
-    return replace(found, best_value=preload, best_margin=value, best_status=status)
+    in_time = tuple(margin(problem, replace(top, **own), material, kept=kept[p], **rule) for p, top in tops)
+    return replace(found, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
 
 
 def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:

@@ -304,6 +304,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         kinds = [(c, np.array([kind == "maximum" for kind in c.point_kind], bool)) for c in self.curves]
         return tuple((c.preload, float(a)) for c, marked in kinds for a in c.amplitude[marked])
 
+    @property
+    def least_kept(self) -> Kept | None:
+        """Of the preloads with a march in time that at which a blade keeps least; None where fewer than two are known."""
+        known = [k for k in self.kept if np.isfinite(k.mean)]
+        return min(known, key=lambda k: k.mean) if len(known) > 1 else None
+
     def facts(self) -> tuple[Fact, ...]:
         """The optimum and how far it is verified, and the limits without contact and with all closed points stuck."""
         o, bad = self.optimum, int(np.count_nonzero(~np.isfinite(self.amplitude)))
@@ -318,6 +324,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             *(best if np.isfinite(o.preload) else []),
             Fact("optimum is", f"{o.kind}, {o.status}"),
             *(Fact("a blade keeps", k.text) for k in self.kept if k.preload == o.preload),
+            *(Fact("least is kept", f"at {amount(k.preload, 'N')}, {k.text}") for k in (self.least_kept,) if k),
             *(Fact("by experience", line) for line in richer(self.settings)[:1]),
             *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
             *([] if self.error_estimates is None else [Fact("error", error_line(self.error_estimates))]),
@@ -335,6 +342,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         where = f"a preload of {amount(o.preload, 'N')}" + (f", the {ENDS[o.kind]}" if o.kind in ENDS else "")
         out = [f"Least resonance at {where}: {at}, {gain} ({amount(self.free.amplitude, 'm')})."]
         out += [self._said_of(kept) for kept in self.kept]
+        if least := self.least_kept:
+            beyond = ", the last on its side: less may be kept beyond" if least in (self.kept[0], self.kept[-1]) else ""
+            out.append(f"Of these preloads a blade keeps least at {amount(least.preload, 'N')}{beyond}.")
         low, high = self.preloads_within(NEAR_BEST * o.amplitude)
         limit = amount(NEAR_BEST * o.amplitude, "m")
         out.append(f"From {amount(low, 'N')} to {amount(high, 'N')} it stays below {limit}.")
@@ -353,7 +363,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         known = np.isfinite(kept.mean)
         if kept.status == INTERRUPTED and not known:
             return f"{at}What a blade keeps is not known: the march in time was interrupted."
-        said = f"a blade keeps {kept.text}" if known else f"what a blade keeps is {kept.status}"
+        said = f"a blade keeps {kept.text}" if known else f"what a blade keeps is not known, as the march is {kept.status}"
         doubt = f", {kept.status}" if known and word(kept.status) != COMPLETE else ""
         return f"{at}{of}; {said}{doubt}."
 
@@ -382,11 +392,11 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             lines.append(f"  {self.status[0]}")
         lines += [f"  {line}" for line in richer(self.settings)]
         lines += [f"  slow sweeps at {item}" for item in self.swept]
-        lines += [f"  {line}" for item in self.kept for line in str(item).split("\n")]
+        lines += [f"  {line}" for item in self.kept for line in item.details().split("\n")]
         for item in self.margins:
             best = f"largest {item.best_margin:.4g} at {item.best_value:.6g} N, {item.best_status}"
-            of = ", of the balance: study.margin(..., kept=) is that of what a blade keeps" if self.kept else ""
-            lines.append(f"  margin against fatigue ({item.rule}): {best}{of}")
+            lines.append(f"  margin against fatigue ({item.rule}): {best}")
+            lines += [f"    {line}" for line in item.kept_lines]
         told = self.status[0] if self.no_steady_below else None
         open_ = [w for w in self.warnings if w != told and not w.startswith("optimum")]
         if open_:

@@ -278,6 +278,8 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     if seen := [k for k in result.kept if np.isfinite(k.mean)]:
         preload, mean, low, high = np.array([(k.preload, k.mean, k.lowest, k.highest) for k in seen]).T
         ax.errorbar(preload, mean, [mean - low, high - mean], **KEPT)
+    if k := result.least_kept:
+        ax.plot(k.preload, k.mean, "D", color="tab:green", markersize=4.0, label=f"least kept, {amount(k.preload, 'N')}")
     if result.ladder is not None and result.ladder.ranges:
         preload, low, high = np.array(result.ladder.ranges).T
         ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,

@@ -112,6 +112,9 @@ def plot_margin(
         if np.isfinite(curve.best_value):
             best = curve.best_value, curve.best_margin
             axes.plot(*best, "*", color="#c0392b", markeredgecolor="black", markersize=12, label="best margin")
+        if curve.in_time:
+            preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
+            axes.plot(preload, least, "D", color="tab:green", markerfacecolor="w", label="of what a blade keeps in time")
         if k == 0:
             axes.axhline(1.0, color="0.4", linewidth=1.0)
             axes.set_xlabel(f"{curve.over.capitalize()} ({curve.unit})")

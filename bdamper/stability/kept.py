@@ -209,10 +209,11 @@ class Walk:
         own, tip, ends = self.levels.at(start)[0], self.levels.frequency[self.levels.top], self.levels.frequency
         here = self.visit(start, self.levels.start(start), own)
         if not here.stays:
-            more = "harmonics" if here.mean <= own else "steps_per_period"
-            to = f"comes to {amount(here.mean, 'm')}" if np.isfinite(here.mean) else "grows without bound"
-            comes = f"{to}, the balance has {amount(own, 'm')}; use more {more}"
-            self.astray = f"where the march begins, at {start:.6g} Hz, the motion {comes}"
+            at, has = f"at {start:.6g} Hz, beside the peak,", f"where the balance has {amount(own, 'm')}"
+            falls = f"{at} a blade comes to {amount(here.mean, 'm')} in time {has}: use more harmonics"
+            to = f"to {amount(here.mean, 'm')}" if np.isfinite(here.mean) else "without bound"
+            gains = f"{at} the march grows {to} {has}, an error of its steps and no motion: use more steps_per_period"
+            self.astray = falls if here.mean <= RULES.grown * own else gains
         while here.stays:
             self.places.append(here)
             beyond = (here.frequency - tip) * np.sign(step) > 0.0
@@ -329,7 +330,7 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     cost = replace(ring.cost, **watch.read())
     none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=cost)
     if best is None:
-        why = f"no motion stays, {left}" if left else "no motion stays"
+        why = left or "no motion stays in steps of half the length: use more steps_per_period"
         return replace(none, status=INTERRUPTED if work.interrupted else because(NOT_FOUND, why))
     return replace(
         none, mean=best.mean, lowest=float(best.amplitude.min()), highest=float(best.amplitude.max()), fall=walk.fall,

@@ -24,6 +24,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve, track
 from bdamper.problem.problem import Problem, matching
 from bdamper.stability.disturbances import TWO_PI
+from bdamper.stability.kept import Levels
 from bdamper.stability.march import BOUNDS, March
 from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
@@ -281,7 +282,7 @@ def sweep_in_time(
         A tracking curve of this study at this preload, from one of whose solutions the march starts.  By default the
         lowest solution between folds that is found at the first frequency, as by :meth:`Curve.sweep`.
     index : int, optional
-        Of the point of that curve; by default the one nearest to the first frequency.  The march settles at the first
+        Of the point of that curve; by default the highest solution at the first frequency.  The march settles at the first
         frequency before the sweep begins.
     steps_per_period : int, optional
         256 by default.
@@ -351,7 +352,9 @@ def _start(
     if sought:
         i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
     elif index is None:
-        i = int(np.abs(start.frequency - first).argmin())
+        levels = Levels(start)
+        first = min(max(first, levels.end(-1.0)), levels.end(1.0))
+        return problem, levels.start(first), first
     else:
         i = validate.whole("index", index, -len(start), len(start) - 1)
     return problem, start.unknowns[i], float(start.frequency[i])

@@ -7,7 +7,7 @@ from typing import Any
 
 from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Fact, draw
+from bdamper.util.plotting import Fact, Summarised, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE
 from bdamper.util.text import amount
@@ -15,7 +15,7 @@ from bdamper.util.text import amount
 
 @brief
 @dataclass(frozen=True)
-class Kept(Storable, kind="bdamper-kept"):
+class Kept(Summarised, Storable, kind="bdamper-kept"):
     """The highest amplitude that a blade keeps at one preload, by a march in time toward the tip of the response.
 
     Parameters
@@ -34,7 +34,7 @@ class Kept(Storable, kind="bdamper-kept"):
     diameters : tuple of int
         Nodal diameters that took part.
     status : str
-        "complete", "interrupted", or "incomplete: " with the reason.
+        "complete", "interrupted", or "incomplete: " and "not found: " with the reason.
     cost : Cost
     settings : mapping
     model_hash : str
@@ -86,18 +86,16 @@ class Kept(Storable, kind="bdamper-kept"):
             Fact("highest period", self.highest, "m"),
             Fact("at the frequency", self.frequency, "Hz"),
             Fact("falls at", self.fall, "Hz"),
-            Fact("periods marched", self.periods),
+            Fact("periods marched", f"{self.periods} {self.direction}".rstrip()),
+            Fact("nodal diameters", ", ".join(map(str, self.diameters))),
             Fact("kept is", self.status),
         )
 
-    def __str__(self) -> str:
-        head = f"at {self.preload:g} N a blade keeps {self.text} at {self.frequency:.6g} Hz, {self.status}"
+    def bottom_line(self) -> str:
+        at, balance = f"At {amount(self.preload, 'N')}", f"the harmonic balance has {amount(self.balance, 'm')}"
         if self.mean != self.mean:
-            return f"at {self.preload:g} N a blade keeps: {self.status}"
+            return f"{at} it is not known what a blade keeps, and nothing confirms that {balance}: {self.status}."
+        head = f"{at} a blade keeps {self.text} at {amount(self.frequency, 'Hz')}; {balance}."
         if not self.marched:
-            return f"{head}\n  contacts stay closed and no fold is near: the peak of the harmonic balance is kept"
-        fall = f", falls at {self.fall:.6g} Hz" if self.fall == self.fall else ", does not fall"
-        return (
-            f"{head}\n  marched {self.direction}{fall}; the balance has {amount(self.balance, 'm')}; {self.periods} "
-            f"periods, nodal diameters {', '.join(map(str, self.diameters))}\n  {self.cost}"
-        )
+            return f"{head} Contacts stay closed and no fold is near, so its peak is kept."
+        return head if self.fall != self.fall else f"{head} The motion falls at {amount(self.fall, 'Hz')}."

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper import study as study_room
 from bdamper.fatigue import AISI_1050
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.peaks import best_margin
 from bdamper.util.errors import SettingError
+from bdamper.util.kept import Kept
+from bdamper.util.text import amount
 from tests.fatigue.test_margins import with_stress
 
 
@@ -37,6 +41,32 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
     assert "margin against fatigue" in curve.details()
     curve.save(tmp_path / "curve.h5")
     assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
+
+
+def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
+    """The largest period is a fifth above the balance at one preload, and not known at another."""
+    p, top = curve.optimum.preload, curve.optimum.amplitude
+    known = Kept(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
+    found = study.best_margin(replace(curve, kept=(known, Kept(*(np.nan,) * 4, 300.0, top))), AISI_1050)
+    (one,) = found.in_time
+    assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
+    said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: a blade keeps up to"
+    assert said in found.bottom_line() and said in replace(curve, margins=(found,)).details()
+    assert "of what a blade keeps in time" in found.plot().get_legend_handles_labels()[1]
+    plt.close("all")
+    found.save(tmp_path / "margins.h5")
+    assert bd.load(tmp_path / "margins.h5").in_time[0].least == one.least
+    assert curve.margins[0].in_time == ()
+
+
+def test_the_margin_is_asked_for_after_the_march(study, monkeypatch):
+    """Not where the march was interrupted: then there is an end of it."""
+    monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: curve.kept)
+    for status, margins in (("complete", 1), ("interrupted", 0)):
+        kept = Kept(*(np.nan,) * 4, 90.0, 1e-6, status=status)
+        monkeypatch.setattr(study_room.marched, "with_kept", lambda s, c, *_, kept=kept, **__: replace(c, kept=(kept,)))
+        found = study.optimal_curve((40.0, 400.0), 3, quantity="margin", material=AISI_1050)
+        assert found.kept == (kept,) and found.margins == ((kept,),) * margins
 
 
 def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):

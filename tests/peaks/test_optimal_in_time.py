@@ -9,6 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.peaks import marched
 from bdamper.util.kept import Kept
+from bdamper.util.text import amount
 from tests.plain import plain_study
 
 
@@ -48,7 +49,20 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check="neighbours")
     best = curve.optimum.preload
     np.testing.assert_allclose([k.preload for k in found.kept], [best / 1.2, best, best * 1.2])
-    assert found.bottom_line().count("a blade keeps") == 3 and found.bottom_line().count("At ") == 2
+    said, least = found.bottom_line(), found.least_kept
+    assert said.count("; a blade keeps") == 3 and said.count("At ") == 2
+    assert least.mean == min(k.mean for k in found.kept) and least in found.kept
+    at = amount(least.preload, "N")
+    ends = least.preload != best
+    assert f"Of these preloads a blade keeps least at {at}{', the last on its side' * ends}" in said
+    assert ("least is kept", f"at {at}, {least.text}") in [fact[:2] for fact in found.facts()]
+    assert f"least kept, {at}" in found.plot()[0].get_legend_handles_labels()[1]
+    plt.close("all")
+    low, middle, high = found.kept
+    lower = replace(found, kept=(low, replace(middle, mean=0.5 * low.mean), high))
+    assert lower.least_kept.preload == best and "the last on its side" not in lower.bottom_line()
+    lone = replace(found, kept=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
+    assert lone.least_kept is None and "keeps least" not in lone.bottom_line()
 
 
 def test_what_cannot_be_marched_says_why(study, curve, monkeypatch):
@@ -66,4 +80,5 @@ def test_the_bottom_line_says_what_is_open(study, curve):
     known = Kept(9e-6, 8e-6, 1e-5, 300.0, best.preload, 1e-5, periods=9, status="incomplete: some steps failed")
     assert "(8 to 10), incomplete: some steps failed." in replace(curve, kept=(known,)).bottom_line()
     none = Kept(*(np.nan,) * 4, best.preload, 1e-5, status="not found: no motion stays")
-    assert "; what a blade keeps is not found: no motion stays." in replace(curve, kept=(none,)).bottom_line()
+    said = replace(curve, kept=(none,)).bottom_line()
+    assert "; what a blade keeps is not known, as the march is not found: no motion stays." in said

@@ -8,6 +8,7 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.stability import kept as room
 from bdamper.stability.kept import Levels
+from bdamper.util.text import amount
 from tests.stability.test_march import structure
 from tests.stability.test_time_sweep import F0, W0, one_mass
 
@@ -50,7 +51,9 @@ def test_one_mass_keeps_its_branch_to_the_fold(bent, walked):
     on = Levels(curve).at(walked.frequency)
     assert walked.mean == pytest.approx(on[0], rel=0.02) and walked.highest < 1.01 * walked.mean
     assert walked.balance == curve.peak.amplitude and 0.9 < walked.factor <= 1.01
-    assert "falls at" in str(walked) and walked.text in str(walked)
+    said = walked.bottom_line()
+    assert "The motion falls at" in said and f"a blade keeps {walked.text}" in said and said.split(";")[0] in str(walked)
+    assert "nodal diameters" in walked.details() and f"{walked.periods} down" in walked.details()
 
 
 def test_a_kept_motion_marks_a_picture(bent, walked):
@@ -64,7 +67,7 @@ def test_where_contacts_stay_closed_the_peak_is_kept():
     curve = study.track(0.0, (9.5, 10.5))
     found = study.kept(curve)
     assert not found.marched and found.mean == found.highest == curve.peak.amplitude and found.factor == 1.0
-    assert "the peak of the harmonic balance is kept" in str(found)
+    assert found.bottom_line().endswith("Contacts stay closed and no fold is near, so its peak is kept.")
 
 
 def test_a_contact_without_friction_that_opens_is_marched():
@@ -100,8 +103,11 @@ def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
     study, curve = bent
     visit = room.Walk.visit
     monkeypatch.setattr(room.Walk, "visit", lambda *given: visit(*given)._replace(stays=False))
-    status = study.with_(harmonics=5).kept(curve).status
-    assert status.startswith("not found: no motion stays, where the march begins, at ") and "use more harmonics" in status
+    found = study.with_(harmonics=5).kept(curve)
+    assert " in time where the balance has " in found.status and found.status.endswith("use more harmonics")
+    balance = f"the harmonic balance has {amount(curve.peak.amplitude, 'm')}: not found: at "
+    said = f"At 0 N it is not known what a blade keeps, and nothing confirms that {balance}"
+    assert found.bottom_line().startswith(said)
 
 
 def test_a_motion_that_grows_beyond_all_bounds_says_so(bent, monkeypatch):
@@ -109,7 +115,7 @@ def test_a_motion_that_grows_beyond_all_bounds_says_so(bent, monkeypatch):
     study, curve = bent
     monkeypatch.setattr(room, "RULES", room.Rules(grown=0.9))
     status = study.with_(harmonics=5).kept(curve).status
-    assert status.startswith("not found: no motion stays, where the march begins, at ")
+    assert status.startswith("not found: at ") and status.endswith("an error of its steps and no motion: use more steps_per_period")
 
 
 def test_a_response_so_flat_that_it_has_no_half_width_is_walked_along():
@@ -134,6 +140,13 @@ def test_the_walk_ends_beyond_the_tip_where_there_is_nothing_to_fall_to():
     assert levels.alone(on, -0.1), "to the other side there is none"
     levels.frequency[3:] += 3.0
     assert levels.alone(on, 0.1) and not levels.alone(on._replace(amplitude=np.full(80, 1.2)), 0.1), "off its branch"
+
+
+def test_a_motion_that_stays_in_long_steps_alone_says_so(bent, monkeypatch):
+    study, curve = bent
+    monkeypatch.setattr(room.Walk, "best", lambda _: None)
+    status = study.with_(harmonics=5).kept(curve).status
+    assert status == "not found: no motion stays in steps of half the length: use more steps_per_period"
 
 
 def test_the_way_from_one_frequency_to_the_next_is_a_sweep(bent, monkeypatch):
@@ -249,7 +262,7 @@ def test_a_march_that_overflows_on_the_way_has_fallen(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("mean", "words"), [(np.nan, ("grows without bound", "steps_per_period")), (0.1, ("100 mm", "harmonics"))]
+    ("mean", "words"), [(np.nan, ("grows without bound", "no motion", "steps_per_period")), (0.1, ("100 mm", "harmonics"))]
 )
 def test_a_start_that_goes_astray_says_what_to_use_more_of(monkeypatch, mean, words):
     walk = room.Walk(None, _Levels(), 4)
