@@ -282,7 +282,9 @@ class Study(Problem, Comparable):
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
         if margin and material is not None and not stopped:
             curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
-        return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown) if check == "harmonics" and not stopped else curve
+        if check != "harmonics" or stopped:
+            return curve
+        return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
 
     peak_sensitivities = sensitivity.peak_sensitivities
     with_kept = marched.with_kept

@@ -17,6 +17,9 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
+from bdamper.stability.kept import Levels
+from bdamper.stability.march import March
+from bdamper.stability.time_integration import ring_of
 from benchmarks.bench_hard_curves import study as hard_study
 
 RESULTS = Path(__file__).parent / "results" / "kept.json"
@@ -33,6 +36,16 @@ CASES = {
 """Contact stiffness, friction coefficient, preload (N), and the mean (\u00b5m) that an independent march has kept."""
 
 
+SLOWLY = {
+    "unit tractions, mu 0.4, 500 N, slow sweep": ("unit tractions, mu 0.4, 500 N", (339.0, 350.0), 1.5),
+    "residual modes, mu 0.23, 78.6 N, slow sweep": ("residual modes, mu 0.23, 78.6 N", (310.0, 326.0), 3.0),
+}
+"""Case, frequencies and rate (Hz/s) of slow sweeps of the two cases that differ from the independent march."""
+STARTED = {
+    f"unit tractions, mu 0.4, 500 N, from the balance/{n}": ("unit tractions, mu 0.4, 500 N", 342.4, n) for n in (512, 1664)
+}
+"""Case, frequency and steps a period of motions that start from the harmonic balance."""
+AGAIN = {f"unit tractions, mu 0.4, 125 N, again {k}": ("unit tractions, mu 0.4, 125 N", k) for k in range(1, 5)}
 CELLS = {f"{preload:g} N, {points} points": (points, preload) for preload in (20.0, 50.0) for points in (9, 24, 48)}
 """Of ``bench_hard_curves``: three harmonics, unit tractions, the lowest preloads, where the damper nearly flies."""
 GROUND = {f"blade on the ground, {modes} modes": modes for modes in (3, 6, 7, 10)}
@@ -73,6 +86,41 @@ def record(kept: Any) -> dict[str, Any]:
         "fall": kept.fall, "balance": 1e6 * kept.balance, "direction": kept.direction, "periods": kept.periods,
         "status": kept.status, "processor": kept.cost.processor,
     }  # fmt: skip
+
+
+def slowly(name: str) -> dict[str, Any]:
+    """A case in a slow sweep down, in steps of half the length: means and ranges (\u00b5m) of each half hertz."""
+    case, ends, rate = SLOWLY[name]
+    stiffness, friction, preload, _ = CASES[case]
+    of = study(stiffness, friction)
+    start = of.track(preload, BAND[5])
+    sweep = of.sweep_in_time(preload, ends, up=False, rate=rate, check=False, start=start, steps_per_period=512)
+    means = np.convolve(sweep.amplitude, np.ones(80) / 80, "valid")
+    k, out = int(means.argmax()), {}
+    for f in np.arange(ends[0], ends[1] + 0.1, 0.5):
+        there = 1e6 * sweep.amplitude[np.abs(sweep.frequency - f) < 0.25]
+        out[f"{f:.1f}"] = [float(there.mean()), float(there.min()), float(there.max())]
+    return {"highest": 1e6 * float(means[k]), "at": float(sweep.frequency[k + 40]), "means": out}
+
+
+def from_the_balance(name: str) -> dict[str, Any]:
+    """Means and ranges (\u00b5m) of each 80 periods at one frequency, from the solution with three harmonics."""
+    case, frequency, steps = STARTED[name]
+    stiffness, friction, preload, _ = CASES[case]
+    of = study(stiffness, friction)
+    levels = Levels(of.track(preload, BAND[5]))
+    march = March(ring_of(of, preload), 2.0 * np.pi * frequency, levels.start(frequency), steps)
+    march.run(480)
+    means = [[float(a.mean()), float(a.min()), float(a.max())] for a in 1e6 * march.amplitude.reshape(-1, 80)]
+    return {"balance": 1e6 * float(levels.at(frequency)[0]), "means": means}
+
+
+def again(name: str) -> dict[str, Any]:
+    """A case at a preload that differs by so little that rounding alone decides."""
+    case, k = AGAIN[name]
+    stiffness, friction, preload, _ = CASES[case]
+    of = study(stiffness, friction)
+    return record(of.kept(of.track(preload * (1.0 + 1e-7 * k), BAND[5])))
 
 
 def beside_a_sweep(name: str) -> dict[str, Any]:
@@ -137,6 +185,8 @@ def main() -> None:
     jobs = {f"{name}/{steps}": (walked, name, steps) for steps in (256, 512) for name in CASES}
     jobs |= {name: (on_the_ground, name) for name in GROUND} | {name: (in_a_cell, name) for name in CELLS}
     jobs |= {name: (on_the_typical_blade, name) for name in TYPICAL}
+    for function, named in ((slowly, SLOWLY), (from_the_balance, STARTED), (again, AGAIN)):
+        jobs |= {name: (function, name) for name in named}
     jobs |= {name: (beside_a_sweep, name) for name in scenes()}
     for name, (function, *arguments) in jobs.items():
         if name not in known and (not asked or name in asked):
@@ -157,6 +207,14 @@ def main() -> None:
         if r := known.get(name):
             kept = f"{r['mean']:.1f} ({r['lowest']:.1f} to {r['highest']:.1f}) at {r['frequency']:.1f} Hz"
             print(f"| {name} | {r['curve']} | {r['balance']:.1f} | {kept} | {r['status']} |")
+    for name in filter(known.get, SLOWLY):
+        r = known[name]
+        print(f"\n{name}: highest mean of 80 periods {r['highest']:.1f} at {r['at']:.1f} Hz")
+        print(", ".join(f"{f} Hz {mean:.1f} ({low:.0f} to {high:.0f})" for f, (mean, low, high) in r["means"].items()))
+    for name in filter(known.get, STARTED):
+        print(f"\n{name}:", ", ".join(f"{mean:.1f} ({low:.0f} to {high:.0f})" for mean, low, high in known[name]["means"]))
+    for name in filter(known.get, AGAIN):
+        print(f"\n{name}: {known[name]['mean']:.1f}, falls at {known[name]['fall']:.1f} Hz")
     print("\n| typical blade | peak of the balance (\u00b5m) | kept | time of a curve (s) |\n|---|---|---|---|")
     for name in TYPICAL:
         if r := known.get(name):

@@ -417,10 +417,16 @@ class LeastMargin:
         Rule(self.criterion, self.line, self.on)
 
     def __call__(self, problem: Problem, unknowns: NDArray, omega: float, preload: float) -> float:
+        return self.margins(problem, unknowns, omega, preload).least
+
+    def margins(
+        self, problem: Problem, unknowns: NDArray, omega: float, preload: float, kept: Kept | None = None
+    ) -> Margins:
+        """At every point, of what a blade keeps where that is given."""
         at = _Point(np.append(unknowns, omega), omega / (2.0 * np.pi), preload)
         rule = Rule(self.criterion, self.line, self.on)
         cycle = over_cycle.stress(problem, at, sets=self.sets, speed=self.speed)
-        return of_cycle(cycle, self.material, rule).least
+        return of_cycle(_as_kept(cycle, kept), self.material, rule)
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
         """The margins along a curve."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -61,8 +60,7 @@ def best_margin(
         ``best_value`` is the preload, ``best_status`` tells how far it is known.
     """
     validate.instance("curve", curve, OptimalCurve)
-    rule: dict[str, Any] = {"criterion": criterion, "line": line, "on": on, "sets": sets, "speed": speed}
-    found = margin(problem, curve, material, **rule)
+    found = margin(problem, curve, material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
     assert isinstance(found, MarginCurve)
     problem = of(problem, curve)
     named = sets if sets is None or isinstance(sets, str) else tuple(sets)
@@ -86,8 +84,7 @@ def best_margin(
         places = [place(_peak(problem, curve, int(k)), float(curve.preload[k])) for k in rows]
         places, best = least(places, ask, lambda a, b, x: x)
         kept = {k.preload: k for k in curve.kept if np.isfinite(k.mean)}
-        tops = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
-    own = {"settings": problem.record(), "model_hash": problem.model.hash}
+        tops = [(p, there.top.peak.y) for p in kept for there in curves.follow([p]) if there.known and there.top]
     if curves.interrupted:
         raise KeyboardInterrupt
     at = places[best.index]
@@ -95,7 +92,7 @@ def best_margin(
     where = "at the end of the preloads with a value" if best.kind == "end" else "refined between its neighbours"
     doubt = _doubt(problem, curve, judge, preload, value)
     status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
-    in_time = tuple(margin(problem, replace(top, **own), material, kept=kept[p], **rule) for p, top in tops)
+    in_time = tuple(judge.margins(problem, y[:-1], float(y[-1]), p, kept[p]) for p, y in tops)
     return replace(found, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
 
 

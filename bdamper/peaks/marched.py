@@ -97,18 +97,14 @@ def with_kept(
         places = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
     else:
         places = [float(p) for p in validate.numbers("preload", preload, above=0.0, unit="N")]
-    found = {k.preload: k for k in curve.kept}
-    with LongWork() as work:
+    none = {p: Kept(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places}
+    found = none | {k.preload: k for k in curve.kept}
+    with LongWork():
         for p in each(places, progress, "marching in time", "preload"):
-            tracked = _tracked(problem, curve, p)
-            none = Kept(*(np.nan,) * 4, p, tracked.peak.amplitude if len(tracked) else np.nan, status=INTERRUPTED)
-            found.setdefault(p, none)
             try:
-                found[p] = in_time.kept(problem, tracked)
+                found[p] = in_time.kept(problem, _tracked(problem, curve, p))
             except BdamperError as error:
-                found[p] = replace(none, status=because(NOT_FOUND, error))
-    if work.interrupted:
-        found = {p: Kept(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places} | found
+                found[p] = replace(none[p], status=because(NOT_FOUND, error))
     return replace(curve, kept=tuple(found[p] for p in sorted(found)))
 
 

@@ -360,12 +360,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         numbers = self.settings.get("harmonics", ())
         of = f"{amount(kept.balance, 'm')} with {len(numbers)} harmonic{'s' if len(numbers) != 1 else ''}"
         at = "" if kept.preload == self.optimum.preload else f"At {amount(kept.preload, 'N')} "
-        known = np.isfinite(kept.mean)
-        if kept.status == INTERRUPTED and not known:
-            return f"{at}What a blade keeps is not known: the march in time was interrupted."
-        said = f"a blade keeps {kept.text}" if known else f"what a blade keeps is not known, as the march is {kept.status}"
-        doubt = f", {kept.status}" if known and word(kept.status) != COMPLETE else ""
-        return f"{at}{of}; {said}{doubt}."
+        doubt = f", {kept.status}" if word(kept.status) != COMPLETE else ""
+        return f"{at}{of}; a blade keeps {kept.text}{doubt}." if np.isfinite(kept.mean) else kept.bottom_line()
 
     def details(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))

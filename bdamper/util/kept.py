@@ -80,22 +80,18 @@ class Kept(Summarised, Storable, kind="bdamper-kept"):
 
     def facts(self) -> tuple[Fact, ...]:
         """Amplitude with its range, and where the motion falls."""
-        return (
-            Fact("a blade keeps", self.mean, "m"),
-            Fact("lowest period", self.lowest, "m"),
-            Fact("highest period", self.highest, "m"),
-            Fact("at the frequency", self.frequency, "Hz"),
-            Fact("falls at", self.fall, "Hz"),
-            Fact("periods marched", f"{self.periods} {self.direction}".rstrip()),
-            Fact("nodal diameters", ", ".join(map(str, self.diameters))),
-            Fact("kept is", self.status),
-        )
+        metres = (Fact(name, getattr(self, name), "m") for name in ("mean", "lowest", "highest", "balance"))
+        others = Fact("frequency", self.frequency, "Hz"), Fact("fall", self.fall, "Hz"), Fact("preload", self.preload, "N")
+        return (*metres, *others, Fact("nodal diameters", ", ".join(map(str, self.diameters))), Fact("status", self.status))
 
     def bottom_line(self) -> str:
-        at, balance = f"At {amount(self.preload, 'N')}", f"the harmonic balance has {amount(self.balance, 'm')}"
+        at = f"At {amount(self.preload, 'N')}"
         if self.mean != self.mean:
-            return f"{at} it is not known what a blade keeps, and nothing confirms that {balance}: {self.status}."
-        head = f"{at} a blade keeps {self.text} at {amount(self.frequency, 'Hz')}; {balance}."
+            why = self.status.partition(": ")[2] or self.status
+            return f"{at} it is not known what a blade keeps, so nothing confirms the peak of the harmonic balance: {why}."
+        peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
+        doubt = f" ({self.status})" if self.status != COMPLETE else ""
+        head = f"{at} a blade keeps {self.text} at {amount(self.frequency, 'Hz')}; {peak}{doubt}."
         if not self.marched:
-            return f"{head} Contacts stay closed and no fold is near, so its peak is kept."
+            return f"{head} Contacts stay closed and no fold is near, so it is kept."
         return head if self.fall != self.fall else f"{head} The motion falls at {amount(self.fall, 'Hz')}."

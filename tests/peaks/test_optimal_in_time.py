@@ -81,4 +81,5 @@ def test_the_bottom_line_says_what_is_open(study, curve):
     assert "(8 to 10), incomplete: some steps failed." in replace(curve, kept=(known,)).bottom_line()
     none = Kept(*(np.nan,) * 4, best.preload, 1e-5, status="not found: no motion stays")
     said = replace(curve, kept=(none,)).bottom_line()
-    assert "; what a blade keeps is not known, as the march is not found: no motion stays." in said
+    assert f"At {amount(best.preload, 'N')} it is not known what a blade keeps, so" in said
+    assert "nothing confirms the peak of the harmonic balance: no motion stays." in said

@@ -8,7 +8,6 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.stability import kept as room
 from bdamper.stability.kept import Levels
-from bdamper.util.text import amount
 from tests.stability.test_march import structure
 from tests.stability.test_time_sweep import F0, W0, one_mass
 
@@ -53,7 +52,7 @@ def test_one_mass_keeps_its_branch_to_the_fold(bent, walked):
     assert walked.balance == curve.peak.amplitude and 0.9 < walked.factor <= 1.01
     said = walked.bottom_line()
     assert "The motion falls at" in said and f"a blade keeps {walked.text}" in said and said.split(";")[0] in str(walked)
-    assert "nodal diameters" in walked.details() and f"{walked.periods} down" in walked.details()
+    assert walked.details().count("diameters") == walked.details().count("mean") == 1
 
 
 def test_a_kept_motion_marks_a_picture(bent, walked):
@@ -67,7 +66,7 @@ def test_where_contacts_stay_closed_the_peak_is_kept():
     curve = study.track(0.0, (9.5, 10.5))
     found = study.kept(curve)
     assert not found.marched and found.mean == found.highest == curve.peak.amplitude and found.factor == 1.0
-    assert found.bottom_line().endswith("Contacts stay closed and no fold is near, so its peak is kept.")
+    assert found.bottom_line().endswith("Contacts stay closed and no fold is near, so it is kept.")
 
 
 def test_a_contact_without_friction_that_opens_is_marched():
@@ -105,8 +104,7 @@ def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
     monkeypatch.setattr(room.Walk, "visit", lambda *given: visit(*given)._replace(stays=False))
     found = study.with_(harmonics=5).kept(curve)
     assert " in time where the balance has " in found.status and found.status.endswith("use more harmonics")
-    balance = f"the harmonic balance has {amount(curve.peak.amplitude, 'm')}: not found: at "
-    said = f"At 0 N it is not known what a blade keeps, and nothing confirms that {balance}"
+    said = "At 0 N it is not known what a blade keeps, so nothing confirms the peak of the harmonic balance: at "
     assert found.bottom_line().startswith(said)
 
 
@@ -115,7 +113,7 @@ def test_a_motion_that_grows_beyond_all_bounds_says_so(bent, monkeypatch):
     study, curve = bent
     monkeypatch.setattr(room, "RULES", room.Rules(grown=0.9))
     status = study.with_(harmonics=5).kept(curve).status
-    assert status.startswith("not found: at ") and status.endswith("an error of its steps and no motion: use more steps_per_period")
+    assert status.startswith("not found: at ") and "an error of its steps and no motion: use more steps" in status
 
 
 def test_a_response_so_flat_that_it_has_no_half_width_is_walked_along():
