@@ -147,6 +147,24 @@ def test_a_motion_that_stays_in_long_steps_alone_says_so(bent, monkeypatch):
     assert status == "not found: no motion stays in steps of half the length: use more steps_per_period"
 
 
+def test_shorter_steps_are_taken_wherever_they_could_find_more(monkeypatch):
+    """The highest in long steps loses a tenth in short ones, the second falls; a fourth cannot be higher than the third."""
+    walk, asked, short = room.Walk(None, _Levels(), 4), [], {101.0: 9.0, 102.0: np.nan, 103.0: 9.7, 104.0: 9.3}
+    motion = room.Motion(*[None] * len(room.Motion._fields))
+    walk.places = [room.Place(f, np.array([m]), True, motion) for f, m in zip(short, (10.0, 9.9, 9.8, 9.4))]
+
+    def visit(frequency, start, own, finer):
+        asked.append(frequency)
+        return room.Place(frequency, np.array([short[frequency]]), bool(np.isfinite(short[frequency])), motion)
+
+    monkeypatch.setattr(walk, "visit", visit)
+    walk.fall = 99.0
+    assert walk.best().frequency == 103.0 and asked == [101.0, 102.0, 103.0]
+    assert walk.fall == 99.0, "what fell lies before it"
+    walk.places.reverse()
+    assert walk.best().frequency == 103.0 and walk.fall == 102.0
+
+
 def test_the_way_from_one_frequency_to_the_next_is_a_sweep(bent, monkeypatch):
     """A jump of the frequency would throw off motions that a slow sweep keeps."""
     swept, sweep = [], room.March.sweep
