@@ -237,8 +237,8 @@ def title(stiffness: str, preload: str, down: dict[str, Any] | None, finest: dic
         later = [a for f, a in zip(down["frequency"], down["amplitude"]) if f < g - 1.0]
         if max(later) < np.sqrt(before * after):
             fold = min(f for f, _ in finest["folds"])
-            text += f": the sweep down falls at {g:.0f} Hz, {HARMONICS[-1]} harmonics fold at {fold:.0f} Hz"
-    return text
+            return f"{text}: the sweep down falls at {g:.0f} Hz, {HARMONICS[-1]} harmonics fold at {fold:.0f} Hz"
+    return f"{text}: sweeps beat where {HARMONICS[-1]} harmonics are steady"
 
 
 def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
@@ -256,13 +256,13 @@ def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
                 ax.fill_between(f, least, most, color=colour, alpha=0.22, linewidth=0.0)
                 ax.plot(f, mean, color=colour, linewidth=1.0, marker=marker, markersize=4.0, markevery=KEPT // 12)
                 seen += [least.min(), most.max()]
-            ax.plot([], [], color=colour, marker=marker, markersize=4.0, label=f"sweep {way}: mean,\nband: its beat")
+            ax.plot([], [], color=colour, marker=marker, markersize=4.0, label=f"sweep {way}: mean\nand range, {BEAT} periods")
         for h, (colour, width) in zip(HARMONICS, LINES):
             curve = curves[str(h)]
             draw_harmonics(ax, curve, colour, width)
             ax.plot([], [], color=colour, linewidth=width, label=f"{h} harmonic{'s' * (h > 1)}")
             seen += [a for f, a in zip(curve["frequency"], curve["amplitude"]) if low <= f <= high]
-        ax.plot([], [], color="k", linestyle=DASHED, label="unstable (det J)")
+        ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
         margin, least, most = 0.05 * (high - low), min(seen), max(seen)
         ax.set(xlim=(low - margin, high + margin), ylim=(0.0 if least < 0.4 * most else 0.9 * least, 1.05 * most))
         ax.set(xlabel="Frequency (Hz)", ylabel="Tip amplitude (m)")

@@ -20,6 +20,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
+from bdamper.plot import save_figure
+from bdamper.plot.axes import MARKERS, colours, drawing
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.bonded import reference_frequencies
@@ -95,22 +97,16 @@ def main() -> None:
             flush=True,
         )
     if arguments.figure:
-        from bdamper.plot import new_axes, save_figure
-
-        ax = new_axes()
-        last = rows[-1]
-        for key, label, marker in (
-            ("stiffness", "normal stiffness", "o"),
-            ("normal", "normal force", "s"),
-            ("area", "contact area", "D"),
-            ("reduced", "bonded frequency", "^"),
-            ("peak", "peak", "v"),
-        ):
-            values = [getattr(r, key) / getattr(last, key) for r in rows]
-            ax.semilogx([r.points for r in rows], values, marker + "-", label=label)
-        ax.set_xlabel("Contact points on a face")
-        ax.set_ylabel(f"Relative to {last.points} points")
-        ax.legend()
+        last, few = rows[-1], rows[0]
+        shown = {"area": "contact area", "normal": "normal force", "reduced": "bonded frequency",
+                 "stiffness": "normal stiffness", "peak": "peak amplitude"}  # fmt: skip
+        title = f"{few.points} points a face: peak {100.0 * (few.peak / last.peak - 1.0):+.0f} % against {last.points} points"
+        with drawing(title=title, legend=7.0) as ax:
+            for (key, label), colour, marker in zip(shown.items(), colours(len(shown)), MARKERS):
+                values = [100.0 * (getattr(r, key) / getattr(last, key) - 1.0) for r in rows]
+                ax.plot([r.points for r in rows], values, marker + "-", color=colour, markersize=5.0, label=label)
+            ax.set(xscale="log", xlabel="Contact points on a face", ylabel=f"Difference from {last.points} points (%)")
+            ax.set_xticks([r.points for r in rows], minor=False)
         save_figure(ax, arguments.figure)
 
 

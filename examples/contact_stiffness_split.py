@@ -19,6 +19,9 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.effects.microslip import Microslip, microslip
+from bdamper.plot import save_figure
+from bdamper.plot.axes import STYLES, colours, drawing
+from bdamper.util.text import amount
 
 PRELOADS = (1500.0, 4000.0, 10000.0)
 CHOICES: tuple[str | bd.ResidualModes, ...] = (
@@ -60,7 +63,9 @@ class Row:
 
 def name_of(choice: str | bd.ResidualModes) -> str:
     """Text for a table."""
-    return choice if isinstance(choice, str) else f"{choice.patterns} patterns, share {choice.share:g}"
+    if isinstance(choice, str):
+        return {"unit_traction": "unit tractions", "eq4": "equation (4)"}[choice]
+    return f"{choice.patterns} patterns, share {choice.share:g}"
 
 
 def split_study(
@@ -119,15 +124,13 @@ def print_microslip(points: int, figure: str | None) -> None:
             + (f"{c.force[-1]:>9g}" if c.complete else f"{c.force[-1]:>9g}  slides below {last:g} N")
         )  # fmt: skip
     if figure:
-        from bdamper.plot import new_axes, save_figure
-
-        ax = new_axes(6.0, 3.4)
-        for name, c in curves.items():
-            style = {"color": "black", "linewidth": 2.0} if name.startswith("all") else {"linewidth": 1.0}
-            ax.plot(c.force[1:], 1e-6 * c.stiffness, label=name, **style)
-        ax.set_xlabel("Tangential force (N)")
-        ax.set_ylabel("Tangential stiffness (N/µm)")
-        ax.legend(fontsize="small")
+        title = f"Damper seated with {MICROSLIP_PRELOAD:g} N, pushed along its axis until it slides"
+        with drawing(title=title, legend=7.0) as ax:
+            for k, ((name, c), colour) in enumerate(zip(curves.items(), colours(len(curves)))):
+                whole = name == list(curves)[-1]
+                look = {"color": "k", "linewidth": 2.5, "zorder": 1} if whole else {"color": colour, "linestyle": STYLES[k % 6]}
+                ax.plot(c.force[1:], c.stiffness, label="whole flexibility" if whole else name, **look)
+            ax.set(xlabel="Force along the axis (N)", ylabel="Stiffness along the axis (N/m)")
         save_figure(ax, figure)
 
 
@@ -150,16 +153,15 @@ def main() -> None:
             + ("" if r.status == "complete" else f"  {r.status}")
         )
     if arguments.figure:
-        from bdamper.plot import new_axes, save_figure
-
-        ax = new_axes(6.0, 3.4)
         names = [name_of(c) for c in CHOICES]
-        for marker, preload in zip("osD", PRELOADS):
-            here = {r.method: r.amplitude for r in rows if r.preload == preload}
-            ax.plot(names, [here[n] / here[names[-1]] for n in names], marker, label=f"{preload:g} N")
-        ax.set_ylabel("Peak relative to 16 patterns")
-        ax.tick_params(axis="x", rotation=30)
-        ax.legend()
+        with drawing(title="Residual modes agree from five patterns on, other stiffnesses do not", legend=7.0) as ax:
+            for marker, preload, colour in zip("osD", PRELOADS, colours(len(PRELOADS))):
+                here = {r.method: r.amplitude for r in rows if r.preload == preload}
+                change = [100.0 * (here[n] / here[names[-1]] - 1.0) for n in names]
+                ax.plot(change, names, marker, color=colour, markersize=5.0, label=f"preload {amount(preload, 'N')}")
+            ax.axvline(0.0, color="0.6", linewidth=1.0, zorder=0)
+            ax.set(xlabel="Peak amplitude, difference from 16 patterns (%)", ylabel="Contact stiffness")
+            ax.invert_yaxis()
         save_figure(ax, arguments.figure)
 
 

@@ -111,7 +111,7 @@ LEAST = 1.470413, 2.91702888
 
 def griffin() -> Problem:
     rows, found = [], []
-    for limit in (0.5, 0.8, 1.1, 1.5, 2.0, 2.5):
+    for limit in np.arange(0.5, 2.6, 0.125):
         contact = bd.Contact(0, kt=1.0, mu=0.5, preload=2.0 * limit)
         peak = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=1).peak(0.0, (0.1, 0.3))
         found.append((limit, peak.amplitude))
@@ -133,7 +133,8 @@ def griffin() -> Problem:
         reference = np.transpose([(limit, a) for limit, (a, _) in GRIFFIN.items()] + [LEAST])
         ax.plot(*np.transpose(found), ".-", color=colours(1)[0], label="bdamper")
         _circles(ax, *reference, "closed form")
-        ax.set(xlabel="Slip limit over the force", ylabel="Peak over force / stiffness", yscale="log")
+        ax.set(xlabel="Slip limit (multiples of the exciting force)", yscale="log")
+        ax.set(ylabel="Peak amplitude (multiples of force / stiffness)", title="One mass with friction: peaks meet the closed form")
 
     return Problem(
         'J. H. Griffin, "Friction damping of resonant stresses in gas turbine engine airfoils", J. Eng. Power 102 (1980)',
@@ -555,8 +556,10 @@ def whitehead() -> Problem:
 
     def draw(ax):
         n = np.linspace(2.0, 10.0, 50)
-        _over(ax, *np.transpose(seen)[:1], (n, 0.5 * (1.0 + np.sqrt(n))), np.transpose(seen)[1], "Number of blades",
-              "Amplification")  # fmt: skip
+        ax.plot(n, 0.5 * (1.0 + np.sqrt(n)), color="0.6", linewidth=2.5, label="bound, (1 + √N)/2")
+        ax.plot(*np.transpose(seen), "o", color=colours(1)[0], label="worst pattern found")
+        ax.set(xlabel="Number of blades N", ylabel="Amplification of the worst blade")
+        ax.set_title("Mistuning without friction: the worst wheels reach Whitehead's bound")
 
     return Problem(
         'D. S. Whitehead, "Effect of mistuning on the vibration of turbo-machine blades induced by wakes", J. Mech. Eng. '

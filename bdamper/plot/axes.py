@@ -39,6 +39,11 @@ STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (
 """Lines that are told apart in grey; dashes and dots alone have their meaning."""
 DASHED = (0, (3, 1.5))
 """Line of what is unstable."""
+LIMITS: dict[str, dict[str, Any]] = {
+    "free": {"color": "0.6", "linewidth": 1.0},
+    "stuck": {"color": "0.45", "linewidth": 1.0},
+}
+"""Lines of the limits without contact and with all contacts stuck; that of the tuned wheel is like the latter."""
 
 
 def new_axes(width: float = 5.6, height: float = 3.6) -> Axes:
@@ -171,6 +176,15 @@ def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArra
     """What lies between two lines, where both are known."""
     known = np.isfinite(low) & np.isfinite(high)
     ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
+
+
+def limit_line(ax: Axes, name: str, x: Any, y: Any, at: float) -> None:
+    """A limit, or both, as a thin line that bears its name above one of its points."""
+    look = LIMITS.get(name, LIMITS["stuck"])
+    ax.plot(x, y, **look)
+    height = float(y[np.argmin(np.abs(np.asarray(x) - at))])
+    ax.annotate(name, (at, height), xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.0,
+                color=look["color"])  # fmt: skip
 
 
 def lost(

@@ -18,7 +18,7 @@ from bdamper.effects.hysteresis import Dissipation
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
-from bdamper.plot.axes import DASHED, STYLES, colours, drawing, legend_beside, runs, stacked
+from bdamper.plot.axes import DASHED, LIMITS, STYLES, colours, drawing, legend_beside, limit_line, runs, stacked
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
@@ -29,11 +29,6 @@ from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
 from bdamper.util.text import amount, percent
 
-LIMITS: dict[str, dict[str, Any]] = {
-    "free": {"color": "0.6", "linewidth": 1.0},
-    "stuck": {"color": "0.45", "linewidth": 1.0},
-}
-"""Lines of the limits without contact and with all contacts stuck."""
 AT_EDGE = 1e-6
 """Relative distance in frequency within which a point lies at the edge of a part."""
 MOST_NAMED = 5
@@ -90,14 +85,6 @@ def _only_highest(curve: Curve) -> bool:
     return curve.peak_at_end or any(part.low - AT_EDGE * f <= f <= part.high + AT_EDGE * f for part in curve.left_out)
 
 
-def _draw_limit(ax: Axes, name: str, x: Any, y: Any, at: float) -> None:
-    """A limit, or both, as a thin line that bears its name."""
-    look = LIMITS.get(name, LIMITS["stuck"])
-    ax.plot(x, y, **look)
-    ax.annotate(name, (at, float(np.max(y))), xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.0,
-                color=look["color"])  # fmt: skip
-
-
 def plot_curves(
     curves: Sequence[Curve],
     ax: Axes | None = None,
@@ -132,7 +119,7 @@ def plot_curves(
     with drawing(ax, title=title) as ax:
         for curve in curves:
             if curve.kind != "tracking" and len(curve):
-                _draw_limit(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
+                limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
         gaps: list[Any] = []
         many = labels is None and len(tracking) > MOST_NAMED
         for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
@@ -249,7 +236,7 @@ def plot_optimal(
             levels = {"free or stuck": max(levels.values())}
         for name, level in levels.items():
             at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
-            _draw_limit(ax, name, result.preload[[0, -1]], [level, level], at)
+            limit_line(ax, name, result.preload[[0, -1]], [level, level], at)
         _mark_gaps(ax, result)
         _mark_checks(ax, result)
         _mark_optimum(ax, result)

@@ -232,9 +232,11 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
     """
     best, names = result.recommended, result.varied
     others = ", ".join(spaced(name) for name in names)
+    ratio, within = result.richest.seconds / best.seconds, percent(result.tolerance)
+    found = "none is faster" if best is result.richest else f"{ratio:.2g} times faster than the reference"
     title = title or f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}"
     handles: dict[str, Any] = {}
-    with drawing(ax, size=(5.2, 4.2), title=title) as ax:
+    with drawing(ax, size=(5.2, 4.2), title=f"{title}\nwithin {within}: {found}") as ax:
         shades = colours(len(names))
         for r in result.runs[1:]:
             k = names.index(r.part) if r.part in names else -1
@@ -242,7 +244,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
             look["markersize"] = 9.0 if r.part == COMBINED else 5.0
             marker = MARKERS[k] if k >= 0 else "*" if r.part == COMBINED else "P"
             handles.setdefault(
-                f"{spaced(r.part)}, reference {result.richest.values[k]}" if k >= 0 else r.part,
+                f"{spaced(r.part)} alone, reference {result.richest.values[k]}" if k >= 0 else r.part,
                 Line2D([], [], marker=marker, **look),
             )
             place, y = ax.transData, 100.0 * r.error
@@ -257,14 +259,12 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
                 ring: dict[str, Any] = {"color": "k", "markerfacecolor": "none", "linestyle": "none", "markersize": 12.0}
                 ax.plot(r.seconds, y, "o", transform=place, **ring)
                 values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, r.values))
-                handles[f"fastest within {percent(result.tolerance)}:\n{values}"] = Line2D([], [], marker="o", **ring)
-        if best is result.richest:
-            handles[f"none faster within {percent(result.tolerance)}"] = Line2D([], [], linestyle="none")
+                handles[f"fastest within {within}:\n{values}"] = Line2D([], [], marker="o", **ring)
         line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9}
         handles["time of the reference"] = ax.axvline(result.richest.seconds, linestyle="-.", **line)
         if result.uncertainty > EQUAL:
-            handles["uncertainty of the reference"] = ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], **line)
-        handles[f"tolerance, {percent(result.tolerance)}"] = ax.axhline(100.0 * result.tolerance, **line)
+            handles[f"uncertainty of the reference, {percent(result.uncertainty)}"] = ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], **line)
+        handles[f"tolerance, {within}"] = ax.axhline(100.0 * result.tolerance, **line)
         ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)")
         ax.margins(x=0.12, y=0.12)  # for the names
         ax.legend(handles.values(), handles.keys(), fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)

@@ -20,7 +20,7 @@ from bdamper.util.text import amount
 
 SMALLEST = 1e-4
 """Energy that is shown, relative to the largest."""
-NAMES = {"t1": "along t1", "t2": "along t2", "n": "normal"}
+NAMES = {"t1": "in the face along t1", "t2": "in the face along t2", "n": "normal to the face"}
 OF_WHOLE = {"xlabel": "Motion of the response (m)", "ylabel": "All contact forces as one force there (N)"}
 """Labels of the loop of all contacts."""
 
@@ -64,10 +64,11 @@ def plot_hysteresis(
         raise validate.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
     loops = [result.loop(place, direction) for place in places]
     whole = places == [WHOLE]
-    title = title or f"{result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
+    lost = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
+    title = title or f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}"
     with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
         for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
-            ax.plot(x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
+            ax.plot(x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=f"{_name(result, place)},\nloses {amount(lost[place], 'J')} a cycle")
         of = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
         ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {of} (m)", "ylabel": f"Force {of} (N)"})
     return ax

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import DASHED, MARKERS, band, colours, drawing, lost, over_preload
+from bdamper.plot.axes import MARKERS, STYLES, band, colours, drawing, limit_line, lost, over_preload
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
@@ -26,7 +26,7 @@ from bdamper.wheel.results import WheelCurve, WheelPeak
 from bdamper.wheel.sample_result import MistunedSample
 
 PERCENTILES = (50.0, 95.0, 99.0)
-_FACTOR = "Amplification, worst blade"
+_FACTOR = "Amplification of the worst blade"
 
 
 @draws(Mistuning)
@@ -63,7 +63,7 @@ def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve 
     curve : WheelCurve
     ax : matplotlib axes, optional
     tuned : Curve, optional
-        Of the tuned wheel at the same preload, ``wheel.tuned().track(...)``, dashed.
+        Of the tuned wheel at the same preload, ``wheel.tuned().track(...)``: a thin line that bears its name.
     title : str
 
     Returns
@@ -76,13 +76,13 @@ def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve 
         frequency, amplitude = np.insert(curve.frequency, apart, np.nan), np.insert(curve.amplitude, apart, np.nan, axis=0)
         lines = ax.plot(frequency, amplitude, color="0.75", linewidth=0.5)
         lines[0].set_label("single blades")
-        ax.plot(frequency, amplitude[:, blade], color="0.4", linewidth=0.9, label=f"blade {blade}")
+        ax.plot(frequency, amplitude[:, blade], color=colours(3)[1], linewidth=0.9, label=f"blade {blade}")
         ax.plot(frequency, amplitude.max(axis=1), color="k", label="highest blade")
         if len(curve.folds):
             at = curve.folds
             ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
         if tuned is not None:
-            ax.plot(tuned.frequency, tuned.amplitude, color="k", linestyle=DASHED, label="tuned")
+            limit_line(ax, "tuned", tuned.frequency, tuned.amplitude, tuned.peak.frequency)
         ax.set(xlabel=label(WheelCurve, "frequency"), ylabel="Amplitude (m)")
     return ax
 
@@ -152,7 +152,7 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
     with drawing(ax, title=title, legend=7.0) as ax:
         shade = np.where(np.arange(len(peak.amplitudes)) == peak.blade, "0.15", "0.65")
         ax.bar(np.arange(len(peak.amplitudes)), peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
-        ax.axhline(peak.tuned_amplitude, color="k", linestyle=DASHED, label="tuned peak")
+        ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
         ax.set(xlabel="Blade", ylabel="Amplitude (m)")
     return ax
 
@@ -222,7 +222,7 @@ def plot_sample(
     -------
     matplotlib axes
     """
-    styles = ("-.", ":", "--", "-")
+    styles = STYLES[3::-1]
     x = 100.0 * sample.standard_deviation
     bands = {q: sample.percentile(q) for q in percentiles[-len(styles) :]}
     with drawing(ax, title=title or f"{len(sample)} wheels", legend=7.0) as ax:
@@ -273,7 +273,8 @@ def plot_sample_tail(
     x = sample.amplification[:, i, j]
     x = x[np.isfinite(x)]
     fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
-    title = title or f"{100.0 * sample.standard_deviation[i]:g} %, {amount(float(sample.preload[j]), 'N')}, {len(x)} wheels"
+    apart = f"blade frequencies {100.0 * sample.standard_deviation[i]:g} % apart"
+    title = title or f"{len(x)} wheels, {apart}, preload {amount(float(sample.preload[j]), 'N')}"
     with drawing(ax, title=title, legend=7.0) as ax:
         _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
         at = np.linspace(fit.threshold, fit.bound, 2000)
@@ -281,8 +282,9 @@ def plot_sample_tail(
         in_a_bar = len(x) * (edges[1] - edges[0])
         ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, bound {fit.bound:.3g}")
         low, value, high = sample.percentile(95.0)[:, i, j]
-        ax.axvline(value, color="k", linestyle=DASHED, label=f"95 % of wheels, {value:.3g}")
-        ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0)
+        ax.axvline(value, color="0.45", linewidth=1.0, label=f"95 % of wheels: at most {value:.3g}")
+        ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0, label="how sure that is")
+        ax.yaxis.get_major_locator().set_params(integer=True)
         ax.set(xlabel=_FACTOR, ylabel="Number of wheels")
     return ax
 
@@ -318,16 +320,16 @@ def plot_sample_preload(
     i, _ = sample.cell(standard_deviation, None)
     order = np.argsort(sample.preload)
     x = sample.preload[order]
-    title = title or f"{len(sample)} wheels, standard deviation {100.0 * sample.standard_deviation[i]:g} %"
+    title = title or f"{len(sample)} wheels, blade frequencies {100.0 * sample.standard_deviation[i]:g} % apart"
     with drawing(ax, title=title, legend=7.0) as ax:
         for k, (q, colour) in enumerate(zip(percentiles, colours(len(percentiles))[::-1])):
             low, value, high = sample.percentile(q, quantity)[:, i, order]
-            ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"worst blade, {q:g} % of wheels")
+            ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"{q:g} % of wheels: at most")
             band(ax, x, low, high, colour)
             best = int(np.argmin(value))
             ax.plot(x[best], value[best], "*", color=colour, markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)
         tuned = sample.tuned_amplitude[order] / (1.0 if quantity == "amplitude" else sample.tuned_amplitude[order])
-        ax.plot(x, tuned, color="k", linestyle=DASHED, label="tuned")
+        limit_line(ax, "tuned wheel", x, tuned, x[-1])
         over_preload(ax, MistunedSample)
         if quantity == "amplification":
             ax.set(yscale="linear", ylabel=_FACTOR)
@@ -360,7 +362,7 @@ def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, titl
             style: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "w", "color": "0.1", "elinewidth": 0.6}
             error = np.minimum(curve.error[held], 0.9) * height
             ax.errorbar(curve.preload[held], height, error, fmt="o", **style, label="held, with error")
-        ax.plot(x, curve.tuned_amplitude[order], color="0.4", linestyle=DASHED, label="tuned")
+        limit_line(ax, "tuned wheel", x, curve.tuned_amplitude[order], x[-1])
         ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
         tuned = int(np.nanargmin(curve.tuned_amplitude))
         ax.plot(curve.preload[tuned], curve.tuned_amplitude[tuned], "*", color="0.4", markersize=10.0)
