@@ -256,7 +256,7 @@ def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
                 ax.fill_between(f, least, most, color=colour, alpha=0.22, linewidth=0.0)
                 ax.plot(f, mean, color=colour, linewidth=1.0, marker=marker, markersize=4.0, markevery=KEPT // 12)
                 seen += [least.min(), most.max()]
-            ax.plot([], [], color=colour, marker=marker, markersize=4.0, label=f"sweep {way}: mean\nand range, {BEAT} periods")
+            ax.plot([], [], color=colour, marker=marker, markersize=4.0, label=f"sweep {way}, mean\nand range")
         for h, (colour, width) in zip(HARMONICS, LINES):
             curve = curves[str(h)]
             draw_harmonics(ax, curve, colour, width)

@@ -134,7 +134,7 @@ def griffin() -> Problem:
         ax.plot(*np.transpose(found), ".-", color=colours(1)[0], label="bdamper")
         _circles(ax, *reference, "closed form")
         ax.set(xlabel="Slip limit (multiples of the exciting force)", yscale="log")
-        ax.set(ylabel="Peak amplitude (multiples of force / stiffness)", title="One mass with friction: peaks meet the closed form")
+        ax.set(ylabel="Peak amplitude (multiples of force / stiffness)", title="Peaks of one mass meet the closed form")
 
     return Problem(
         'J. H. Griffin, "Friction damping of resonant stresses in gas turbine engine airfoils", J. Eng. Power 102 (1980)',

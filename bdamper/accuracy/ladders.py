@@ -37,7 +37,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
-from bdamper.util.text import percent, spaced
+from bdamper.util.text import amount, percent, spaced
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
@@ -170,7 +170,7 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         ]
         for r in self.runs:
             known = np.isfinite(r.amplitude)
-            answer = f"{r.amplitude:>13.5g} m{r.frequency:>10.5g} Hz" if known else f"{'not known':>15}{'':>13}"
+            answer = f"{amount(r.amplitude, 'm', 4):>15}{r.frequency:>10.5g} Hz" if known else f"{'not known':>15}{'':>13}"
             error = percent(r.error) if known and r is not self.richest else ""
             marks = [r.part] if r.part in (RICHEST, COMBINED) else []
             marks += [OWN] * (r.values == self.own) + [f"for {percent(self.tolerance)}"] * (r is self.recommended)

@@ -39,6 +39,7 @@ from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.text import amount
 
 METHODS = ("residual_modes", "unit_traction", "eq4")
 CERTIFIED = 1e-10
@@ -210,7 +211,8 @@ class StiffnessComparison(Plottable):
 
     def bottom_line(self) -> str:
         normal = [np.median([f.stiffness[:, 2] for f in faces.values()]) for faces in self.stiffness.values()]
-        return f"Normal contact stiffness by {len(normal)} methods: {min(normal):.3g} to {max(normal):.3g} N/m (medians)."
+        ends = f"{amount(min(normal), 'N/m')} to {amount(max(normal), 'N/m')}"
+        return f"Normal contact stiffness by {len(normal)} methods: {ends} (medians)."
 
     def details(self) -> str:
         lines = ["contact stiffness, median over the face, N/m (share of fallbacks, %)"]

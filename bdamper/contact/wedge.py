@@ -223,7 +223,7 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="
         for i, name in enumerate(self.interfaces):
             here = self.owner == i
             whole = self.area[here].sum()
-            share = f"{force[name]:.6g} N on {100 * area[name] / whole:.3g} % of {1e6 * whole:.4g} mm2"
-            most = 1e-6 * self.pressure[here].max(), 1e6 * self.distance[here].max()
-            lines.append(f"  {name}: {share}, pressure up to {most[0]:.4g} MPa, gap up to {most[1]:.3g} um")
+            share = f"{amount(force[name], 'N', 4)} on {100 * area[name] / whole:.3g} % of {1e6 * whole:.4g} mm2"
+            most = amount(self.pressure[here].max(), "Pa", 4), amount(self.distance[here].max(), "m")
+            lines.append(f"  {name}: {share}, pressure up to {most[0]}, gap up to {most[1]}")
         return "\n".join(lines)

@@ -35,15 +35,9 @@ from bdamper.util.repr import brief, short
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.status import COMPLETE, FAILED, Statuses, all_complete, because, left_undone, word
 from bdamper.util.tables import Column, Tabular
-from bdamper.util.text import amount, spaced
+from bdamper.util.text import UNITS, amount, spaced
 from bdamper.util.versions import HERE
 
-UNITS = {
-    "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
-    "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
-    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad",
-}  # fmt: skip
-"""Units of settings and answers; what is not listed is a plain number or a name."""
 Values = Mapping[str, Any]
 Task = Callable[[Problem, float | None], Values]
 """The question: a function of a problem and a preload (None if the sweep has none) that returns named numbers, texts or
@@ -255,7 +249,8 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
         for name in self.quantities:
             array = self.array(name)
             if array.dtype.kind == "f" and array.ndim == len(self.shape) and np.isfinite(array).any():
-                lines.append(f"  {name}: {np.nanmin(array):.6g} to {np.nanmax(array):.6g}")
+                ends = (amount(end(array), UNITS.get(name, ""), 4) for end in (np.nanmin, np.nanmax))
+                lines.append(f"  {spaced(name)}: {' to '.join(ends)}")
         lines += [f"  {text}" for text in dict.fromkeys(failed)]
         if warned:
             lines.append(f"  first warning: {warned[0]}")
@@ -263,7 +258,8 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
 
 
 def _as_words(point: Mapping[str, Any]) -> str:
-    return ", ".join(f"{spaced(name)} {short(value)}" for name, value in point.items())
+    texts = {n: amount(v, UNITS.get(n, "")) if isinstance(v, float) else short(v) for n, v in point.items()}
+    return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
 
 
 def _named(task: Any) -> str:

@@ -223,7 +223,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
             Fact("response amplitude", self.amplitude, "m"),
             Fact("work of the excitation", self.excitation, "J per cycle"),
             Fact("lost to modal damping", self.damping, "J per cycle"),
-            *(Fact(f"lost at {name}", energy, "J per cycle") for name, energy in self.by_interface.items()),
+            *(Fact(f"lost at {n}", e, "J per cycle") for n, e in self.by_interface.items() if e > NOTHING * self.lost),
             Fact("equivalent stiffness", self.stiffness, "N/m"),
             Fact("equivalent damping ratio", 100.0 * self.damping_ratio, "%"),
         )

@@ -36,7 +36,7 @@ from bdamper.io.model_groups import (
 from bdamper.io.model_parts import PARTS, read_body, read_mesh, read_stress, write_body, write_mesh, write_stress
 from bdamper.model.checks import require
 from bdamper.model.model import Model
-from bdamper.model.validation import check_model
+from bdamper.model.validation import as_checked, check_model
 from bdamper.util.errors import ModelError
 from bdamper.util.hdf5 import check_folder, enter_reader, opened, written
 
@@ -142,7 +142,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     with opened(path, "a readable HDF5 file", ModelError) as file:
         model = read_model(file)
     check_model(model, where=str(path))
-    return model
+    return as_checked(model)
 
 
 enter_reader(FORMAT, load_model)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bdamper.model.model import Model, SurfaceMesh
+from bdamper.model.validation import as_checked
 from bdamper.util.errors import ModelError
 
 
@@ -32,4 +33,4 @@ def local_model(model: Model) -> Model:
             "a wheel needs a local basis of blade and disk, and no body of the model carries one; "
             "bladed_disk(wheel=LocalSizes()) of bdamper.fe and build_model(wheel=nodes of the blade) make it"
         )
-    return replace(model, bodies=bodies, meshes=meshes, stress=stress)
+    return as_checked(replace(model, bodies=bodies, meshes=meshes, stress=stress))

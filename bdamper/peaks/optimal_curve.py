@@ -338,9 +338,10 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         o, at = self.optimum, height(self.optimum.amplitude, self.optimum.frequency)
         if not np.isfinite(o.preload):
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}."
-        gain = f"{self.free.amplitude / o.amplitude:.3g} times less than without contact"
+        gain = f", {self.free.amplitude / o.amplitude:.3g} times less than without contact"
+        gain = f"{gain} ({amount(self.free.amplitude, 'm')})" if np.isfinite(self.free.amplitude) else ""
         where = f"a preload of {amount(o.preload, 'N')}" + (f", the {ENDS[o.kind]}" if o.kind in ENDS else "")
-        out = [f"Least resonance at {where}: {at}, {gain} ({amount(self.free.amplitude, 'm')})."]
+        out = [f"Least resonance at {where}: {at}{gain}."]
         out += [self._said_of(kept) for kept in self.kept]
         if least := self.least_kept:
             beyond = ", the last on its side: less may be kept beyond" if least in (self.kept[0], self.kept[-1]) else ""

@@ -12,14 +12,14 @@ from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import FuncFormatter
 
 from bdamper.accuracy.ladders import COMBINED, AccuracyCost
-from bdamper.design.sweep import UNITS, SweepResult
+from bdamper.design.sweep import SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
 from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, legend_beside, lost, plain_number
 from bdamper.util.errors import SettingError
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
-from bdamper.util.text import amount, percent, spaced
+from bdamper.util.text import UNITS, amount, percent, spaced
 
 LEFT_OUT = "0.55"
 """Colour of the name of an effect that may be left out."""
@@ -263,7 +263,8 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
         line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9}
         handles["time of the reference"] = ax.axvline(result.richest.seconds, linestyle="-.", **line)
         if result.uncertainty > EQUAL:
-            handles[f"uncertainty of the reference, {percent(result.uncertainty)}"] = ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], **line)
+            name = f"uncertainty of the reference, {percent(result.uncertainty)}"
+            handles[name] = ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], **line)
         handles[f"tolerance, {within}"] = ax.axhline(100.0 * result.tolerance, **line)
         ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)")
         ax.margins(x=0.12, y=0.12)  # for the names

@@ -12,7 +12,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, Status
 from bdamper.util.tables import Column, Cycles, Metre, Newton, Second, Tabular, from_rows
-from bdamper.util.text import percent
+from bdamper.util.text import amount, percent
 
 COMPARED = 3
 """Rungs, the last that are known, that have to agree."""
@@ -183,16 +183,16 @@ class Ladder(Plottable, Tabular):
             text = "convergence with harmonics not known"
         else:
             what = "not converged to" if self.error > self.tolerance else "fewer than three answers to compare for"
-            text = f"{what} {percent(self.tolerance)}: {low:.4g} to {high:.4g} m with {numbers} harmonics"
+            text = f"{what} {percent(self.tolerance)}: {amount(low, 'm')} to {amount(high, 'm')} with {numbers} harmonics"
             if self.by_frequency:
                 at = [r.frequency for r in rungs]
-                text += f", {min(at):.6g} to {max(at):.6g} Hz"
+                text += f", {amount(min(at), 'Hz')} to {amount(max(at), 'Hz')}"
         text += "".join(f"; {r.harmonics} harmonics not known ({r.status})" for r in self.rungs if not r.known)
         if self.preloads is not None:
             low, high = self.preloads
-            place = f"from {low:.4g} to {high:.4g} N"
+            place = f"from {amount(low, 'N')} to {amount(high, 'N')}"
             if low == 0.0 or high == np.inf:
-                place = f"at {high:.4g} N or below" if low == 0.0 else f"at {low:.4g} N or above"
+                place = f"at {amount(high, 'N')} or below" if low == 0.0 else f"at {amount(low, 'N')} or above"
             text += f"; with {self.answer + 2} harmonics the optimum lies {place}"
         return text + (f"; {self.limit}" if self.limit and not self.converged else "")
 
@@ -211,7 +211,7 @@ class Ladder(Plottable, Tabular):
             time = f"{r.seconds:>8.2f} s" if r.seconds else f"{'':>10}"
             if r.known:
                 change = percent(r.change, True) if np.isfinite(r.change) else ""
-                text = f"{place}{r.amplitude:>13.5g} m{r.frequency:>10.5g} Hz{change:>12}{time}"
+                text = f"{place}{amount(r.amplitude, 'm', 4):>15}{r.frequency:>10.5g} Hz{change:>12}{time}"
             else:
                 text = f"{place}{'not known':>15}{'':>25}{time}"
             lines.append(text + ("  answer" if self._is_answer(r) else ""))

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.status import left_undone
-from bdamper.util.text import aligned, amount, spaced
+from bdamper.util.text import UNITS, aligned, amount, spaced
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
 
@@ -105,7 +105,8 @@ class Summarised:
         facts = [(fact.name, fact.to_digits(6)) for fact in self.facts()]
         told = {*(name for name, _ in facts)}
         single = [(spaced(f.name), getattr(self, f.name)) for f in fields(cast(Any, self))]
-        facts += [(n, str(v)) for n, v in single if isinstance(v, int | float | str) and str(v) and n not in told]
+        known = [Fact(n, v, UNITS.get(n, "")) for n, v in single if isinstance(v, int | float | str) and str(v)]
+        facts += [(fact.name, fact.to_digits(6)) for fact in known if fact.name not in told | {"model hash"}]
         texts = [text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text]
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         texts += left_undone(status, "parts") if isinstance(status, tuple) else []
@@ -116,7 +117,7 @@ class Summarised:
 
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]
-        lines = aligned(rows) if rows else self.details().split("\n")[1:]
+        lines = aligned(rows) if rows else [t for t in self.details().split("\n")[1:] if " of the processor: " not in t]
         sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line())  # a number stays with its unit
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
         shown = lines[:9] + ["details() has the rest"]
@@ -124,7 +125,7 @@ class Summarised:
 
     def _table(self) -> list[tuple[str, ...]]:
         """Head, which may be empty, and rows of the table."""
-        return [(), *((fact.name, fact.text) for fact in self.facts())]
+        return [(), *((fact.name, fact.text) for fact in self.facts() if fact.value == fact.value)]
 
     def _shown(self) -> Any:
         """What the picture is of; None for no picture."""

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from bdamper.util.errors import BdamperError, needed
 from bdamper.util.hdf5 import FilePath, check_folder, plain
-from bdamper.util.text import aligned, spaced
+from bdamper.util.text import PREFIXES, aligned, fitting, spaced
 from bdamper.util.versions import HERE
 
 
@@ -177,10 +177,12 @@ class Tabular:
         """The table as lines, if it is no longer than :data:`FEW_ROWS`."""
         table = self._flat()
         values = [np.asarray(column.values).tolist() for column in table.values()]
-        cells = [[f"{v:.5g}" if isinstance(v, float) else str(v) for v in column] for column in values]
+        largest = [max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0) for column in values]
+        scale = [fitting(most, column.unit) if most < np.inf else " " for most, column in zip(largest, table.values())]
+        cells = [[f"{v / PREFIXES[s]:.4g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
         if not cells or len(cells[0]) > FEW_ROWS:
             return []
-        head = [f"{spaced(name)} ({c.unit})" if c.unit else spaced(name) for name, c in table.items()]
+        head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]
         return aligned([head, *zip(*cells)], "  ")
 
     def _attributes(self) -> dict[str, Any]:

@@ -14,6 +14,12 @@ def percent(value: float, sign: bool = False) -> str:
     return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"
 
 
+UNITS = {
+    "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
+    "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
+    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "load": "N",
+}  # fmt: skip
+"""Units of settings and answers; what is not listed is a plain number or a name."""
 FITTING = {"m": "nµm ", "N": "m kM", "N/m": " kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}
 """Prefixes that the number of a unit may take; a kilogram counts as a thousand grams."""
 PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, " ": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}

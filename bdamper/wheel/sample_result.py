@@ -140,11 +140,11 @@ class BestPreload:
     wheels: int
 
     def __str__(self) -> str:
-        tuned = f"tuned {self.tuned_preload:.4g} N, {self.tuned_amplitude:.4g} m"
+        tuned = f"tuned {amount(self.tuned_preload, 'N')}, {amount(self.tuned_amplitude, 'm')}"
         return (
-            f"best preload for the worst blade in {self.percentile:g} % of {self.wheels} wheels, standard deviation "
-            f"{100.0 * self.standard_deviation:g} %: {self.preload:.4g} N ({self.low:.4g} to {self.high:.4g} N, "
-            f"{self.kind} of the preloads asked), {self.amplitude} m; {tuned}"
+            f"Best preload for the worst blade in {self.percentile:g} % of {self.wheels} wheels, standard deviation "
+            f"{100.0 * self.standard_deviation:g} %: {amount(self.preload, 'N')} ({self.low:.4g} to {self.high:.4g} N, "
+            f"{self.kind} of the preloads asked), {amount(self.amplitude.value, 'm')}; {tuned}"
         )
 
 
@@ -331,7 +331,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     def bottom_line(self) -> str:
         middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 99.0))
         spread, load = f"{100.0 * float(self.standard_deviation[-1]):.3g} %", amount(self.preload[-1], "N")
-        ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if np.isfinite(upper).all() else ", not bounded by the sample"
+        ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if np.isfinite(upper).all() else " (no upper bound from so few)"
         return (
             f"Blades that differ by {spread} raise the highest amplitude by the factor {middle[1]:.3g} in half of "
             f"{len(self)} wheels and by {upper[1]:.3g}{ends} in one of a hundred, at a preload of {load}."
