@@ -144,7 +144,7 @@ class BestPreload:
         return (
             f"Best preload for the worst blade in {self.percentile:g} % of {self.wheels} wheels, standard deviation "
             f"{100.0 * self.standard_deviation:g} %: {amount(self.preload, 'N')} ({self.low:.4g} to {self.high:.4g} N, "
-            f"{self.kind} of the preloads asked), {amount(self.amplitude.value, 'm')}; {tuned}"
+            f"{self.kind} of the preloads asked), {Interval(*(1e6 * x for x in self.amplitude))} µm; {tuned}"
         )
 
 
