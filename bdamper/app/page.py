@@ -310,10 +310,11 @@ class Page:
         self.file.data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
 
     def _results(self) -> dict[str, Any]:
-        """What is shown, by the names of its files, which tell the settings that it was found with."""
+        """What is shown, by the names of its files, which tell its settings and what is provisional."""
         found: dict[str, Any] = {}
         for answer in self.shown.values():
             given = f"{answer.question.preload:.3g}-N-engine-order-{answer.study.engine_order}"
+            given += "" if answer.full else "-provisional"
             parts = {"curve": answer.curve, "loop": answer.loops, "optimal": answer.optimal}
             found |= {f"{name}-{given}": part for name, part in parts.items() if part is not None}
         return found

@@ -34,7 +34,7 @@ from scipy.spatial.transform import Rotation
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import triangle_to_full
 from bdamper.io.reading import Lines, check_count, parsing, reader
-from bdamper.model.checks import require
+from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
@@ -247,7 +247,7 @@ def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matri
         columns.append(column.astype(np.int64) - 1)
         values.append(value.astype(float))
     i, j, entries = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-    require(np.isfinite(entries).all(), f"{file.source}: {item}", "finite numbers", "others")
+    check_all(np.isfinite(entries), entries, "finite numbers", f"{file.source}: {item}")
     return triangle_to_full(np.minimum(i, j), np.maximum(i, j), entries, n_eq)
 
 
@@ -491,7 +491,7 @@ def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArr
         raise mismatch(item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values")
     out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
     out[out == 2.0**100] = 0.0
-    require(np.isfinite(out).all(), item, "finite displacements", "others")
+    check_all(np.isfinite(out), out, "finite displacements", item)
     for j, number in enumerate(numbers.tolist()):
         if number in axes:
             out[j] = axes[number].T @ out[j]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import as_integers, triangle_to_full
 from bdamper.io.reading import LARGEST_COUNT, Lines, parsing, read_body, reader
-from bdamper.model.checks import require
+from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
@@ -201,7 +201,7 @@ class _Deck:
         unique = dict(zip(self.numbers, self.positions))
         numbers = np.array(list(unique), dtype=np.int64)
         nodes = np.array(list(unique.values()), float)
-        require(np.isfinite(nodes).all(), f"{self.source}: *NODE", "finite positions", "others")
+        check_all(np.isfinite(nodes), nodes, "finite positions", f"{self.source}: *NODE")
         sets = {name: np.unique(np.array(m, dtype=np.int64)) for name, m in self.node_sets.items() if m}
         for name, members in self.node_surfaces.items():
             known = [sets[m.upper()] for m in members if m.upper() in sets]
@@ -267,7 +267,7 @@ def _triplets(path: Path, n: int) -> sp.csr_matrix:
     if len(row) == 0 or min(row.min(), column.min()) < 0 or max(row.max(), column.max()) >= n:
         found = f"{max(row.max(initial=0), column.max(initial=0)) + 1} and down to {min(row.min(initial=0), 0) + 1}"
         raise mismatch(str(path), f"rows and columns 1 to {n}, as many as lines of the .dof file", found)
-    require(np.isfinite(table[:, 2]).all(), str(path), "finite numbers", "others")
+    check_all(np.isfinite(table[:, 2]), table[:, 2], "finite numbers", str(path))
     return triangle_to_full(row, column, table[:, 2], n)
 
 
@@ -294,7 +294,7 @@ def _condensed(
     require(found == n, f"{body.source}: elements C3D8I", f"{n} rows of their internal nodes in the matrices", found)
     outer, inner = np.flatnonzero(~internal), np.flatnonzero(internal)
     own = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
-    require(own.data.shape[0] == n // 9, f"{body.source}: elements C3D8I", "one block of nine rows for each", "others")
+    require(own.data.shape[0] == n // 9, f"{body.source}: elements C3D8I", "one block of nine rows for each", len(own.data))
     inverse = sp.bsr_matrix((np.linalg.inv(own.data), own.indices, own.indptr)).tocsr()
     shapes = sp.vstack([sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr")
     order = np.concatenate([outer, inner])
@@ -369,8 +369,9 @@ def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
     stress = [(own, values) for _, own, values in file.found["STRESS"]]
     require(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
     for k, (own, _) in enumerate(stress):
+        found = f"{len(own)} rows of {len(np.unique(own))} nodes, not of the mesh: {np.setdiff1d(own, file.numbers)[:3]}"
         good = len(np.unique(own)) == len(own) and np.isin(own, file.numbers).all()
-        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", "others")
+        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", found)
     return stress
 
 
@@ -401,7 +402,7 @@ class _Frd:
             except ValueError:
                 raise self.lines.error(f"a node number and {n_values} values", f"'{line[:60]}'") from None
         out = np.array(values, float).reshape(-1, n_values)
-        self.lines.require(np.isfinite(out).all(), "finite values in the block above", "others")
+        self.lines.require(np.isfinite(out).all(), "finite values in the block above", out[~np.isfinite(out)][:1])
         return np.array(numbers, np.int64), out
 
     def _element_block(self) -> None:
@@ -453,5 +454,6 @@ class _Frd:
         elif found and found[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
             key, own, real = found[-1]
             nodes, values = self._rows(head, n_values)
-            require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
+            same, item = np.array_equal(own, nodes), f"{self.source}: mode {mode}"
+            require(same, item, "the same nodes in both parts", f"{own} and {nodes}")
             found[-1] = (key, own, real + 1j * values)

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.model.checks import require
+from bdamper.model.checks import check_all, require
 from bdamper.util import validate
 from bdamper.util.errors import mismatch
 from bdamper.util.repr import brief
@@ -82,8 +82,8 @@ class Modes:
         if self.shapes.shape != (n, 3, m):
             raise mismatch(item, f"shapes ({n}, 3, {m}) for {n} nodes and {m} frequencies", self.shapes.shape)
         require(len(np.unique(self.numbers)) == n, item, "each node once", "a repeated node number")
-        if not (np.isfinite(self.frequency).all() and np.isfinite(self.shapes).all()):
-            raise mismatch(item, "finite frequencies and shapes", "others")
+        for values in (self.frequency, self.shapes):
+            check_all(np.isfinite(values), values, "finite frequencies and shapes", item)
         if self.modal_mass is not None:
             mass = np.asarray(self.modal_mass)
             if mass.shape != (m,) or not (np.isfinite(mass).all() and np.all(mass > 0)):
@@ -106,8 +106,8 @@ def modes_by_diameter(given: Iterable[tuple[int, float, float, NDArray, NDArray]
     out = []
     for d, group in groupby(sorted(given, key=lambda mode: mode[:2]), key=lambda mode: mode[0]):
         _, frequency, mass, nodes, shapes = zip(*group)
-        if any(not np.array_equal(nodes[0], other) for other in nodes):
-            raise mismatch(f"{source}: modes of nodal diameter {d}", "the same nodes in every mode", "others")
+        if others := [other for other in nodes if not np.array_equal(nodes[0], other)]:
+            raise mismatch(f"{source}: modes of nodal diameter {d}", f"the nodes {nodes[0]} in every mode", others[0])
         masses = np.array(mass) if min(mass) > 0.0 else None
         out.append(Modes(d, np.array(frequency), nodes[0], np.stack(shapes, axis=2), masses, source))
     return tuple(out)

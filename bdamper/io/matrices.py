@@ -16,7 +16,7 @@ from bdamper.io.fe_body import FEBody, by_kind
 from bdamper.io.matlab import read_mat
 from bdamper.io.matrix_market import read_market
 from bdamper.io.reading import BODIES, LARGEST_COUNT, check_count, read_body, reader
-from bdamper.model.checks import require
+from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
@@ -132,7 +132,7 @@ def number_table(text: str, item: str, columns: tuple[int, ...]) -> NDArray:
         rows.append(row)
     require(bool(rows), item, "at least one line of numbers", "none")
     table = np.array(rows)
-    require(np.isfinite(table).all(), item, "finite numbers", "others")
+    check_all(np.isfinite(table), table, "finite numbers", item)
     return table
 
 

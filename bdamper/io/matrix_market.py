@@ -63,7 +63,7 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     index = table[:, :2]
     whole = np.isfinite(index).all() and np.all(index == np.floor(index))
     if count and not (whole and index.min() >= 1 and np.all(index.max(axis=0) <= (rows, columns))):
-        raise mismatch(item, f"rows 1 to {rows} and columns 1 to {columns}", "others")
+        raise mismatch(item, f"rows 1 to {rows} and columns 1 to {columns}", f"{index.min():g} to {index.max():g}")
     row, column = index.astype(np.int64).T - 1
     value = table[:, 2]
     if symmetric:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.reading import parsing
-from bdamper.model.checks import require
+from bdamper.model.checks import check_all, require
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError, mismatch
 from bdamper.util.hdf5 import Storable
@@ -67,8 +67,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         item, n = self.source or self.name, len(self.frequency)
         if np.shape(self.response) != (n,) or n == 0:
             raise mismatch(item, "as many responses as frequencies, at least one", np.shape(self.response))
-        if not (np.isfinite(self.frequency).all() and np.isfinite(self.response).all()):
-            raise mismatch(item, "finite frequencies and responses", "others")
+        for values in (np.asarray(self.frequency), np.asarray(self.response)):
+            check_all(np.isfinite(values), values, "finite frequencies and responses", item)
 
     @property
     def amplitude(self) -> NDArray:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from bdamper.io.fe_body import ElementKind, FEBody, Modes, by_kind
 from bdamper.io.matrices import square_matrix, triangle_to_full
 from bdamper.io.reading import check_count, reader
-from bdamper.model.checks import require
+from bdamper.model.checks import check_all, require
 from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.hdf5 import FilePath
 
@@ -93,7 +93,7 @@ def read_bdf(path: Path) -> FEBody:
     require(bool(model.nodes), str(path), "grid points (GRID)", "none")
     labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
     numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
-    require(np.isfinite(nodes).all(), f"{path}: GRID", "finite positions", "others")
+    check_all(np.isfinite(nodes), nodes, "finite positions", f"{path}: GRID")
     elements, kinds, skipped = [], [], Counter[str]()
     for element in model.elements.values():
         corners = _SOLIDS.get(element.type)

@@ -139,7 +139,7 @@ class PreparedBody:
         if numbers.ndim != 1 or nodes.shape != (len(numbers), 3) or len(numbers) == 0:
             raise self.error("nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
         self.require(numbers.dtype.kind in "iu", "nodes", "whole node numbers", numbers.dtype)
-        self.require(np.isfinite(nodes).all(), "nodes", "finite positions", "others")
+        self.require(np.isfinite(nodes).all(), "nodes", "finite positions", nodes[~np.isfinite(nodes)][:1])
         unique, count = np.unique(numbers, return_counts=True)
         if len(unique) < len(numbers):
             raise self.error("nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")

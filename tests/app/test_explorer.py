@@ -276,8 +276,10 @@ def answers(study):
 
 def test_files_are_named_by_the_settings_of_what_is_in_them(page, answers):
     page.order.value = "10"
-    page.show(answers.curve(page.question(), 1))
+    page.show(provisional := answers.curve(page.question(), 1))
     page.order.value, page.sliders["preload"].value = "5", 2.7
+    assert [*page._results()] == [f"{part}-200-N-engine-order-10-provisional" for part in ("curve", "loop")]
+    page.show(replace(provisional, full=True))
     assert list(page._results()) == ["curve-200-N-engine-order-10", "loop-200-N-engine-order-10"]
 
 
