@@ -15,7 +15,7 @@ from bdamper.effects import richer
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.ladder import Ladder, Rung
 from bdamper.util.status import word
-from bdamper.util.text import percent
+from bdamper.util.text import amount, percent
 from tests import models
 from tests.plain import plain_study
 
@@ -64,10 +64,8 @@ class TestCurve:
         assert abs(curve.ladder.rungs[-1].change) < 0.02 and not curve.ladder.converged
         one, three, five = (p.amplitude for p in peaks(study, 1, 3, 5))
         assert (low, high) == pytest.approx((min(three, five), one), rel=1e-9)
-        assert (
-            curve.complete
-            and f"not converged to 2 %: {low:.4g} to {high:.4g} m with 1, 3 and 5 harmonics" in curve.details()
-        )
+        ends = f"{amount(low, 'm')} to {amount(high, 'm')}"
+        assert curve.complete and f"not converged to 2 %: {ends} with 1, 3 and 5 harmonics" in curve.details()
 
     def test_begins_with_the_harmonics_of_the_study(self, study):
         curve = study.with_(harmonics=2).track(*PLACE, tolerance=0.2)

@@ -33,6 +33,7 @@ from bdamper.util.tables import (
     label,
     quantities,
 )
+from bdamper.util.text import height
 from tests.plain import plain_study
 
 
@@ -218,8 +219,8 @@ class TestNotebook:
         assert Empty()._repr_html_() == "<div><pre>a &lt; b</pre></div>"
 
     def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
-        assert str(curve.peak).startswith(f"peak: {curve.peak.amplitude:.6g} m at {curve.peak.frequency:.6g} Hz (point")
-        assert repr(study.track(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: 0.00")
+        assert str(curve.peak).startswith(f"peak: {height(curve.peak.amplitude, curve.peak.frequency)} (point")
+        assert repr(study.track(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: ")
 
 
 class TestDifferences:
