@@ -106,7 +106,6 @@ def main() -> None:
                 values = [100.0 * (getattr(r, key) / getattr(last, key) - 1.0) for r in rows]
                 ax.plot([r.points for r in rows], values, marker + "-", color=colour, markersize=5.0, label=label)
             ax.set(xscale="log", xlabel="Contact points on a face", ylabel=f"Difference from {last.points} points (%)")
-            ax.set_xticks([r.points for r in rows], minor=False)
         save_figure(ax, arguments.figure)
 
 

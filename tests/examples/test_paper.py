@@ -366,9 +366,10 @@ def test_test_rig(tmp_path, monkeypatch):
     # "predictions with more blade modes are very close to each other": from 10 to 20, not to 40
     assert more.optimum.amplitude == pytest.approx(rig.optimum.amplitude, rel=0.01)
     assert more.optimum.preload == pytest.approx(rig.optimum.preload, rel=0.01)
-    assert most.optimum.amplitude < 0.75 * rig.optimum.amplitude
+    assert most.optimum.amplitude == pytest.approx(0.65 * rig.optimum.amplitude, rel=0.01)
+    assert most.optimum.preload == pytest.approx(38.8, rel=0.01)
     # converged no steady response is expected where these optima lie
-    assert not converged.optimum.verified and converged.no_steady_below > 2000.0 > 100.0 > rig.optimum.preload
+    assert not converged.optimum.verified and converged.no_steady_below == pytest.approx(2435.0, rel=0.01)
     # where the bladed disk is locked, the rig slips
     ratio, slip = out["at_normalised_load"](rig, 100.0)
     assert ratio < 0.9 and slip > 0.02
