@@ -186,7 +186,7 @@ def test_accuracy_explains_its_lines(times):
     )
     ax = plot_accuracy(AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, (), 1))
     assert legend_texts(ax) == [
-        "harmonics, reference 5", "contact points, reference 24", "combination",
+        "harmonics alone, reference 5", "contact points alone, reference 24", "combination",
         "fastest within 1 %:\nharmonics 3\ncontact points 9", "time of the reference", "tolerance, 1 %",
     ]  # fmt: skip
     assert [text.get_text() for text in ax.texts] == ["3", "1", "9", ""]
