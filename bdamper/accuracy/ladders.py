@@ -37,7 +37,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
-from bdamper.util.text import amount, percent, spaced
+from bdamper.util.text import aligned, amount, percent, spaced
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
@@ -160,23 +160,21 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
 
     def details(self) -> str:
         steps = ", ".join(f"{spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
-        width = [max(len(spaced(n)), *(len(r.values[i]) for r in self.runs)) + 2 for i, n in enumerate(self.varied)]
-        head = "".join(f"{spaced(n):>{w}}" for n, w in zip(self.varied, width))
+        rows = [(*map(spaced, self.varied), "amplitude", "frequency", "error", "time", "")]
+        for r in self.runs:
+            known = np.isfinite(r.amplitude)
+            answer = (amount(r.amplitude, "m", 4), amount(r.frequency, "Hz", 5)) if known else ("not known", "")
+            error = percent(r.error) if known and r is not self.richest else ""
+            marks = [r.part] if r.part in (RICHEST, COMBINED) else []
+            marks += [OWN] * (r.values == self.own) + [f"for {percent(self.tolerance)}"] * (r is self.recommended)
+            seconds = f"{r.seconds:.3g} s" if np.isfinite(r.seconds) else ""
+            rows.append((*r.values, *answer, error, seconds, ", ".join(filter(None, [*marks, r.reason]))))
         lines = [
             f"{self.quantity}, preload {self.preload:g} N, {self.interval[0]:.5g} to {self.interval[1]:.5g} Hz",
             f"  {self._conclusion()}{'; interrupted by the user, other runs may suffice' if self.interrupted else ''}",
             f"  the richest itself is uncertain by its last steps: {steps}",
-            f"  {head}{'amplitude':>15}{'frequency':>13}{'error':>9}{'time':>11}",
+            *aligned(rows, "  "),
         ]
-        for r in self.runs:
-            known = np.isfinite(r.amplitude)
-            answer = f"{amount(r.amplitude, 'm', 4):>15}{r.frequency:>10.5g} Hz" if known else f"{'not known':>15}{'':>13}"
-            error = percent(r.error) if known and r is not self.richest else ""
-            marks = [r.part] if r.part in (RICHEST, COMBINED) else []
-            marks += [OWN] * (r.values == self.own) + [f"for {percent(self.tolerance)}"] * (r is self.recommended)
-            values = "".join(f"{v:>{w}}" for v, w in zip(r.values, width))
-            seconds = f"{r.seconds:>9.3g} s" if np.isfinite(r.seconds) else f"{'':>11}"
-            lines.append(f"  {values}{answer}{error:>9}{seconds}  {', '.join([*marks, r.reason])}".rstrip(", "))
         return "\n".join(lines)
 
 

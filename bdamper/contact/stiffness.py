@@ -211,8 +211,7 @@ class StiffnessComparison(Plottable):
 
     def bottom_line(self) -> str:
         normal = [np.median([f.stiffness[:, 2] for f in faces.values()]) for faces in self.stiffness.values()]
-        ends = f"{amount(min(normal), 'N/m')} to {amount(max(normal), 'N/m')}"
-        return f"Normal contact stiffness by {len(normal)} methods: {ends} (medians)."
+        return f"Median normal stiffness by method: {amount(min(normal), 'N/m')} to {amount(max(normal), 'N/m')}."
 
     def details(self) -> str:
         lines = ["contact stiffness, median over the face, N/m (share of fallbacks, %)"]

@@ -41,11 +41,11 @@ class Jump(NamedTuple):
     choices: int
 
     def __str__(self) -> str:
-        where = f"at {self.frequency:.6g} Hz from {self.before:.4g} m"
+        where = f"at {self.frequency:.6g} Hz from {amount(self.before, 'm')}"
         if not self.choices:
             return f"ends {where}: no stable solution is known there"
         among = f", the nearest of {self.choices} stable solutions" if self.choices > 1 else ""
-        return f"jumps {where} to {self.after:.4g} m{among}"
+        return f"jumps {where} to {amount(self.after, 'm')}{among}"
 
 
 @brief
@@ -80,11 +80,7 @@ class SlowSweep(Summarised):
         return f"Slow sweep {self.direction}: highest {top}{jumps}."
 
     def details(self) -> str:
-        if not len(self.frequency):
-            return f"sweep {self.direction}: {self.note}"
-        i = int(np.argmax(self.amplitude))
-        head = f"sweep {self.direction}: highest {self.amplitude[i]:.6g} m at {self.frequency[i]:.6g} Hz ({self.note})"
-        return "\n".join([head, *(f"  {jump}" for jump in self.jumps)])
+        return "\n".join([self.bottom_line(), f"  {self.note}", *(f"  {jump}" for jump in self.jumps)])
 
 
 class _Landing(NamedTuple):

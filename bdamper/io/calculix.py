@@ -369,9 +369,8 @@ def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
     stress = [(own, values) for _, own, values in file.found["STRESS"]]
     require(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
     for k, (own, _) in enumerate(stress):
-        found = f"{len(own)} rows of {len(np.unique(own))} nodes, not of the mesh: {np.setdiff1d(own, file.numbers)[:3]}"
         good = len(np.unique(own)) == len(own) and np.isin(own, file.numbers).all()
-        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", found)
+        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", own)
     return stress
 
 
@@ -454,6 +453,5 @@ class _Frd:
         elif found and found[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
             key, own, real = found[-1]
             nodes, values = self._rows(head, n_values)
-            same, item = np.array_equal(own, nodes), f"{self.source}: mode {mode}"
-            require(same, item, "the same nodes in both parts", f"{own} and {nodes}")
+            require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", f"nodes {own} in both parts", nodes)
             found[-1] = (key, own, real + 1j * values)

@@ -273,8 +273,8 @@ def plot_sample_tail(
     x = sample.amplification[:, i, j]
     x = x[np.isfinite(x)]
     fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
-    apart = f"blade frequencies {100.0 * sample.standard_deviation[i]:g} % apart"
-    title = title or f"{len(x)} wheels, {apart}, preload {amount(float(sample.preload[j]), 'N')}"
+    spread = f"{100.0 * sample.standard_deviation[i]:g} % apart, {amount(float(sample.preload[j]), 'N')}"
+    title = title or f"{len(x)} wheels, blade frequencies {spread}"
     with drawing(ax, title=title, legend=7.0) as ax:
         _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
         at = np.linspace(fit.threshold, fit.bound, 2000)

@@ -121,8 +121,7 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
         met = np.isfinite(self.order_free) | np.isfinite(self.order_stuck)
         rows = list(zip(self.order[met], self.order_mode[met], self.order_free[met], self.order_stuck[met]))
         named = [f"order {n} with mode {m} at {rpm(a)} (free) to {rpm(b)} (stuck)" for n, m, a, b in rows[:3]]
-        times = "once" if len(rows) == 1 else f"{len(rows)} times"
-        head = f"From {rpm(self.speed[0])} to {rpm(self.speed[-1])} engine orders meet modes {times}"
+        head = f"From {rpm(self.speed[0])} to {rpm(self.speed[-1])} engine orders meet {'modes' if rows else 'no mode'}"
         return f"{head}{': ' if rows else ''}{', '.join(named)}{' ...' if len(rows) > len(named) else ''}."
 
     def details(self) -> str:

@@ -12,7 +12,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, Status
 from bdamper.util.tables import Column, Cycles, Metre, Newton, Second, Tabular, from_rows
-from bdamper.util.text import amount, percent
+from bdamper.util.text import aligned, amount, percent
 
 COMPARED = 3
 """Rungs, the last that are known, that have to agree."""
@@ -202,17 +202,11 @@ class Ladder(Plottable, Tabular):
     def details(self) -> str:
         own = sum(r.seconds for r in self.rungs if self._is_answer(r))
         times = f"processor time: answer {own:.3g} s, others {self.seconds:.3g} s"
-        head = f"{'harmonics':>9}{'preload':>13}{'amplitude':>15}{'frequency':>13}{'change':>12}{'time':>10}"
-        lines = [self.note, times, head]
+        rows = [("harmonics", "preload", "amplitude", "frequency", "change", "time", "")]
         for r in (*self.rungs, *self.others):
-            if r is next(iter(self.others), None):
-                lines.append("  at other preloads")
-            place = f"{r.harmonics:>9}{r.preload:>11.5g} N"
-            time = f"{r.seconds:>8.2f} s" if r.seconds else f"{'':>10}"
-            if r.known:
-                change = percent(r.change, True) if np.isfinite(r.change) else ""
-                text = f"{place}{amount(r.amplitude, 'm', 4):>15}{r.frequency:>10.5g} Hz{change:>12}{time}"
-            else:
-                text = f"{place}{'not known':>15}{'':>25}{time}"
-            lines.append(text + ("  answer" if self._is_answer(r) else ""))
-        return "\n".join(lines)
+            found = (amount(r.amplitude, "m", 4), amount(r.frequency, "Hz", 5)) if r.known else ("not known", "")
+            change = percent(r.change, True) if np.isfinite(r.change) else ""
+            time = f"{r.seconds:.2f} s" if r.seconds else ""
+            of = "answer" if self._is_answer(r) else ""
+            rows.append((str(r.harmonics), amount(r.preload, "N", 5), *found, change, time, of))
+        return "\n".join([self.note, times, *aligned(rows)])

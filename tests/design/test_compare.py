@@ -12,6 +12,7 @@ import bdamper as bd
 from bdamper.design import compare
 from bdamper.io import Measurement
 from bdamper.plot import plot_together
+from bdamper.util.text import amount
 from tests.plain import plain_study
 
 INTERVAL = (350.0, 358.0)
@@ -37,7 +38,7 @@ def test_each_design_has_its_own_curve(study, found, tmp_path):
     assert [name for name, *_ in found.differences["heavier"].settings] == ["model"]
     assert found.columns()["design"].values.tolist().count("smooth") == len(alone)
     text = found.details().splitlines()
-    assert text[2].startswith("smooth") and f"{alone.peak.amplitude:.6g} m" in text[2] and text[2].endswith("complete")
+    assert text[2].startswith("smooth") and amount(alone.peak.amplitude, "m") in text[2] and text[2].endswith("complete")
     found.save(tmp_path / "designs.h5")
     assert str(bd.load(tmp_path / "designs.h5")) == str(found)
 

@@ -165,7 +165,8 @@ def test_pictures(study, curve, cycle):
         units = "(N)", "(mN)", "(mJ)", "(µJ)", "(nm)", "(µm)", "(m)", "(mm)", "(kN/m)", "(%)", "(J)", "(Hz)", "(periods)"
         assert ax.get_ylabel().endswith(units), ax.get_ylabel()
         assert ax.get_xlabel().endswith(units) or not ax.get_xlabel()
-    assert [t.get_text() for t in axes[1].get_legend().get_texts()] == ["left face", "right face"]
+    texts = [t.get_text().split(",")[0] for t in axes[1].get_legend().get_texts()]
+    assert texts == ["left face", "right face"] and "J a cycle" in axes[1].get_legend().get_texts()[0].get_text()
     plt.close("all")
 
 

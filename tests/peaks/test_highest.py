@@ -11,6 +11,7 @@ from bdamper.peaks.highest import AT_END, _tops, highest, highest_of_curve, maxi
 from bdamper.peaks.interval import resonance_interval
 from bdamper.peaks.newton import coarse_options
 from bdamper.plot import plot_response_map
+from bdamper.util.text import amount
 from tests.models import wedge_model
 from tests.plain import plain_study
 
@@ -57,7 +58,7 @@ def test_a_closed_branch_is_named_and_never_counted(study, curve):
     assert [p.amplitude for p in found.detached] == [counted.peak.amplitude]
     apart = replace(curve, branch=branch, closed=(1,))
     assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached[0].index == top
-    assert f"detached: {curve.peak.amplitude:.6g} m" in apart.details()
+    assert f"detached: {amount(curve.peak.amplitude, 'm')}" in apart.details()
     with pytest.raises(bd.BdamperError, match="connected"):
         highest(system, y, curve.point_kind, branch, closed=(0, 1, 2))
     assert replace(curve, closed=(0,)).peak.index == top  # nothing else is there
