@@ -128,8 +128,10 @@ def print_microslip(points: int, figure: str | None) -> None:
         with drawing(title=title, legend=7.0) as ax:
             for k, ((name, c), colour) in enumerate(zip(curves.items(), colours(len(curves)))):
                 whole = name == list(curves)[-1]
-                look = {"color": "k", "linewidth": 2.5, "zorder": 1} if whole else {"color": colour}
-                ax.plot(c.force[1:], c.stiffness, linestyle=STYLES[k % 6 * (not whole)], label=name, **look)
+                look = {"color": colour, "label": name}
+                if whole:
+                    look = {"color": "k", "label": "whole flexibility", "linewidth": 2.5, "zorder": 1}
+                ax.plot(c.force[1:], c.stiffness, linestyle=STYLES[k % 6 * (not whole)], **look)
             ax.set(xlabel="Force along the axis (N)", ylabel="Stiffness along the axis (N/m)")
         save_figure(ax, figure)
 
