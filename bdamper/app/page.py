@@ -314,9 +314,8 @@ class Page:
         found: dict[str, Any] = {}
         for answer in self.shown.values():
             given = f"{answer.question.preload:.3g}-N-engine-order-{answer.study.engine_order}"
-            given += "" if answer.full else "-provisional"
             parts = {"curve": answer.curve, "loop": answer.loops, "optimal": answer.optimal}
-            found |= {f"{name}-{given}": part for name, part in parts.items() if part is not None}
+            found |= {f"{name}-{given}{'-provisional' * (not answer.full)}": p for name, p in parts.items() if p is not None}
         return found
 
     def pictures(self) -> None:

@@ -64,7 +64,7 @@ def plot_hysteresis(
         raise validate.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
     loops = [result.loop(place, direction) for place in places]
     whole = places == [WHOLE]
-    lost = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
+    lost: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
     title = title or f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}"
     with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
         for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):

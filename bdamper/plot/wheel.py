@@ -284,7 +284,7 @@ def plot_sample_tail(
         low, value, high = sample.percentile(95.0)[:, i, j]
         ax.axvline(value, color="0.45", linewidth=1.0, label=f"95 % of wheels: at most {value:.3g}")
         ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0, label="how sure that is")
-        ax.yaxis.get_major_locator().set_params(integer=True)
+        ax.locator_params(axis="y", integer=True)
         ax.set(xlabel=_FACTOR, ylabel="Number of wheels")
     return ax
 
