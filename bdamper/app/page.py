@@ -315,7 +315,7 @@ class Page:
         for answer in self.shown.values():
             given = f"{answer.question.preload:.3g}-N-engine-order-{answer.study.engine_order}"
             parts = {"curve": answer.curve, "loop": answer.loops, "optimal": answer.optimal}
-            found |= {f"{name}-{given}{'-provisional' * (not answer.full)}": p for name, p in parts.items() if p is not None}
+            found |= {f"{n}-{given}{'-provisional' * (not answer.full)}": p for n, p in parts.items() if p is not None}
         return found
 
     def pictures(self) -> None:
