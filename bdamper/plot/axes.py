@@ -178,7 +178,7 @@ def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArra
     ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
 
 
-def limit_line(ax: Axes, name: str, x: Any, y: Any, at: float) -> None:
+def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[float] | NDArray, at: float) -> None:
     """A limit, or both, as a thin line that bears its name above one of its points."""
     look = LIMITS.get(name, LIMITS["stuck"])
     ax.plot(x, y, **look)
