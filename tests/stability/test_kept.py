@@ -242,12 +242,15 @@ def test_every_nodal_diameter_that_the_model_carries_is_marched():
 
 @pytest.mark.slow
 def test_the_reference_disk_beside_an_independent_march():
-    """Unit tractions at 125 N: 97 \u00b5m, and falls between 308 and 311 Hz."""
+    """Unit tractions at 125 N: 97 \u00b5m, and falls between 308 and 312 Hz.
+
+    It beats by 3 % at 314 Hz, and by 7 % at 312 Hz; rounding decides which of the two is higher.
+    """
     study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4,
                      contact_stiffness="unit_traction")  # fmt: skip
     found = study.kept(study.track(125.0, (285.0, 380.0)))
     assert found.mean == pytest.approx(97e-6, rel=0.05) and 308.0 < found.fall < 312.0
-    assert found.lowest < 0.97 * found.mean < 1.03 * found.mean < found.highest
+    assert found.lowest < 0.98 * found.mean < 1.02 * found.mean < found.highest
 
 
 class _Levels:
