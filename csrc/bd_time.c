@@ -77,6 +77,7 @@ static size_t cut(bd_time *t) {
                 {&t->change, r * k},
                 {&t->given, r * k},
                 {&t->basis, (BD_TIME_VECTORS + 1) * r * k},
+                {&t->eased, BD_TIME_VECTORS * r * k},
                 {&t->steps[0].V, r * rows},
                 {&t->steps[0].Vt, r * rows},
                 {&t->steps[0].C, 2 * r * r * f},

@@ -64,7 +64,7 @@ typedef struct bd_time {
     double *y, *z;                             /* (n_family, 2, rows) amplitudes of motion and force */
     double *M;                                 /* (n_sector, rank/8, rank, 8) inverse of I + V' D V */
     double *p, *residual, *change, *given;     /* (n_sector, most) */
-    double *basis;                             /* (BD_TIME_VECTORS + 1, n_sector, most) of GMRES */
+    double *basis, *eased;                     /* (BD_TIME_VECTORS + 1, n_sector, most) of GMRES; C times them */
     int *stale;                                /* (n_sector) M is to be made anew */
     bd_time_step steps[2];                     /* of an instant, and of a step */
     double largest;                            /* force on the patterns so far */

@@ -67,14 +67,19 @@ BD_INLINE void spread(const bd_time *t, size_t n, const double *y, double *out) 
     for (size_t k = 0; 2 * k <= sectors; ++k) {
         const size_t other = (sectors - k) % sectors;
         const double *phase = t->phase + 2 * k * (size_t)t->n_family;
-        for (size_t i = 0; i < n; i += BD_WIDTH) {
-            bd_vec even = bd_all(0.0), odd = even;
-            for (int f = 0; f < t->n_family; ++f) {
-                even += bd_all(phase[2 * f]) * bd_load(y + 2 * (size_t)f * n + i);
-                odd += bd_all(phase[2 * f + 1]) * bd_load(y + (2 * (size_t)f + 1) * n + i);
+        for (size_t i = 0; i < n; i += 8) {
+            bd_vec even[PART], odd[PART];
+            for (int v = 0; v < PART; ++v) even[v] = odd[v] = bd_all(0.0);
+            const double *re = y + i;
+            for (int f = 0; f < t->n_family; ++f, re += 2 * n)
+                for (int v = 0; v < PART; ++v) {
+                    even[v] += bd_all(phase[2 * f]) * bd_load(re + v * BD_WIDTH);
+                    odd[v] += bd_all(phase[2 * f + 1]) * bd_load(re + n + v * BD_WIDTH);
+                }
+            for (int v = 0; v < PART; ++v) {
+                bd_store(out + k * n + i + v * BD_WIDTH, even[v] - odd[v]);
+                if (other != k) bd_store(out + other * n + i + v * BD_WIDTH, even[v] + odd[v]);
             }
-            bd_store(out + k * n + i, even - odd);
-            if (other != k) bd_store(out + other * n + i, even + odd);
         }
     }
 }
@@ -82,7 +87,7 @@ BD_INLINE void spread(const bd_time *t, size_t n, const double *y, double *out) 
 /* z (n_family, 2, n) = sum over sectors of x exp(-i k d phi), x (n_sector, n). */
 BD_INLINE void gather(const bd_time *t, size_t n, const double *x, double *z) {
     const size_t sectors = (size_t)t->n_sector;
-    memset(z, 0, sizeof(double) * 2 * n * (size_t)t->n_family);
+    const bd_vec none = bd_all(0.0);
     for (size_t k = 0; 2 * k <= sectors; ++k) {
         const size_t other = (sectors - k) % sectors;
         const double *phase = t->phase + 2 * k * (size_t)t->n_family;
@@ -94,8 +99,8 @@ BD_INLINE void gather(const bd_time *t, size_t n, const double *x, double *z) {
             }
             for (int f = 0; f < t->n_family; ++f) {
                 double *re = z + 2 * (size_t)f * n + i, *im = re + n;
-                bd_store(re, bd_load(re) + bd_all(phase[2 * f]) * even);
-                bd_store(im, bd_load(im) - bd_all(phase[2 * f + 1]) * odd);
+                bd_store(re, (k ? bd_load(re) : none) + bd_all(phase[2 * f]) * even);
+                bd_store(im, (k ? bd_load(im) : none) - bd_all(phase[2 * f + 1]) * odd);
             }
         }
     }

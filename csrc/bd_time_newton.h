@@ -67,21 +67,25 @@ static void renew(bd_time *t, const bd_time_step *step, size_t k) {
     t->stale[k] = 0;
 }
 
-/* M of a sector after one entry of D, that of two rows of its points, has changed. */
-static void update_inverse(bd_time *t, const bd_time_step *step, size_t k, size_t row, size_t column, double change) {
-    const size_t r = (size_t)step->rank;
-    const double *v = step->Vt + row * r, *u = step->Vt + column * r;
-    double *M = t->M + k * r * r, a[BD_TIME_MOST], b[BD_TIME_MOST];
+/* M of a sector after one row of D, that of a point, has changed by `change` (3). */
+static void update_inverse(bd_time *t, const bd_time_step *step, size_t k, size_t row, const double *change) {
+    const size_t r = (size_t)step->rank, p = row % t->stride;
+    const double *v = step->Vt + row * r;
+    double *M = t->M + k * r * r, a[BD_TIME_MOST], b[BD_TIME_MOST], u[BD_TIME_MOST] = {0.0};
+    for (size_t d = 0; d < 3; ++d)
+        if (change[d] != 0.0) add(r, change[d], step->Vt + (d * t->stride + p) * r, u);
     multiply_blocks(r, M, v, a);
-    const double below = 1.0 + change * dot(r, u, a);
+    const double below = 1.0 + dot(r, u, a);
     if (!(fabs(below) > BD_TIME_SINGULAR)) {
         t->stale[k] = 1;
         return;
     }
     for (size_t j = 0; j < r; ++j) {
+        const double *m = M + 8 * j;
         bd_vec sum = bd_all(0.0);
-        for (size_t i = 0; i < r; i += BD_WIDTH) sum += bd_load(u + i) * bd_load(M + i / 8 * 8 * r + j * 8 + i % 8);
-        b[j] = -change / below * total(sum);
+        for (size_t i = 0; i < r; i += 8, m += 8 * r)
+            for (size_t l = 0; l < 8; l += BD_WIDTH) sum += bd_load(u + i + l) * bd_load(m + l);
+        b[j] = -total(sum) / below;
     }
     for (size_t i = 0; i < r; i += 8)
         for (size_t j = 0; j < r; ++j, M += 8) add(8, b[j], a + i, M);
@@ -101,10 +105,15 @@ BD_NOT_INLINE void update_points(bd_time *t, const bd_time_step *step, size_t k,
             largest = larger(fabs(known[j * s]), largest);
         }
         if (!(change > 0.05 * largest)) continue;
-        for (size_t j = 0; j < 9; ++j) {
-            const double by = D[j] - known[j * s];
-            known[j * s] = D[j];
-            if (by != 0.0 && !t->stale[k]) update_inverse(t, step, k, j / 3 * s + p + i, j % 3 * s + p + i, by);
+        for (size_t d = 0; d < 3; ++d) {
+            double by[3];
+            for (size_t e = 0; e < 3; ++e) {
+                double *of = known + (3 * d + e) * s;
+                by[e] = D[3 * d + e] - *of;
+                *of = D[3 * d + e];
+            }
+            if ((by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0) && !t->stale[k])
+                update_inverse(t, step, k, d * s + p + i, by);
         }
     }
 }
@@ -140,25 +149,23 @@ BD_INLINE void precondition(const bd_time *t, size_t r, const double *in, double
     for (size_t k = 0; k < (size_t)t->n_sector; ++k) multiply_blocks(r, t->M + k * r * r, in + k * r, out + k * r);
 }
 
-/* change: a solution of (I + T C) change = residual to a tenth, by GMRES. */
+/* change: a solution of (I + T C) change = residual to a tenth, by GMRES; given: C change. */
 static void correct(bd_time *t, const bd_time_step *step) {
     enum { M = BD_TIME_VECTORS };
     const size_t r = (size_t)step->rank, n = r * (size_t)t->n_sector;
     double H[M + 1][M], c[M], s[M], g[M + 1];
     double *v = t->basis;
-    memset(t->change, 0, sizeof(double) * n);
     precondition(t, r, t->residual, v);
     const double size = sqrt(dot(n, v, v));
-    if (!(size > 0.0)) return;
-    for (size_t i = 0; i < n; ++i) v[i] /= size;
+    for (size_t i = 0; size > 0.0 && i < n; ++i) v[i] /= size;
     g[0] = size;
     int m = 0;
     while (m < M && fabs(g[m]) > BD_TIME_LINEAR * size) {
-        double *now = v + (size_t)m * n, *next = now + n;
-        comply(t, step, now, t->given);
-        for (size_t i = 0; i < n; ++i) t->change[i] = t->given[i] - now[i];
+        double *now = v + (size_t)m * n, *next = now + n, *eased = t->eased + (size_t)m * n;
+        comply(t, step, now, eased);
+        for (size_t i = 0; i < n; ++i) t->change[i] = eased[i] - now[i];
         precondition(t, r, t->change, next);
-        for (size_t i = 0; i < n; ++i) next[i] = t->given[i] - next[i];
+        for (size_t i = 0; i < n; ++i) next[i] = eased[i] - next[i];
         for (int i = 0; i <= m; ++i) {
             H[i][m] = dot(n, v + (size_t)i * n, next);
             add(n, -H[i][m], v + (size_t)i * n, next);
@@ -180,10 +187,12 @@ static void correct(bd_time *t, const bd_time_step *step) {
         for (size_t i = 0; i < n; ++i) next[i] /= length;
     }
     memset(t->change, 0, sizeof(double) * n);
+    memset(t->given, 0, sizeof(double) * n);
     for (int i = m - 1; i >= 0; --i) {
         for (int j = i + 1; j < m; ++j) g[i] -= H[i][j] * g[j];
         g[i] /= H[i][i];
         add(n, g[i], v + (size_t)i * n, t->change);
+        add(n, g[i], t->eased + (size_t)i * n, t->given);
     }
 }
 
@@ -239,7 +248,6 @@ static void solve(bd_time *t, const bd_time_step *step, double tolerance, int pr
             }
         multiply(sectors, r, rows, t->tried, step->Vt, t->residual);
         correct(t, step);
-        comply(t, step, t->change, t->given);
         multiply(sectors, rows, r, t->given, step->V, t->reach);
         memcpy(t->x, t->base, sizeof(double) * rows * sectors);
     } else {
@@ -254,7 +262,6 @@ static void solve(bd_time *t, const bd_time_step *step, double tolerance, int pr
         const double scale = larger(sqrt(dot(n, t->p, t->p)), 1e-6 * t->largest);
         if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_NEWTON) break;
         correct(t, step);
-        comply(t, step, t->change, t->given);
         multiply(sectors, rows, r, t->given, step->V, t->reach);
         size = search(t, step, size);
     }

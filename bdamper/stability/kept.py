@@ -52,7 +52,7 @@ class Rules:
         Another solution below this part of the amplitude is another level, and no ripple of the branch.
     drop, grown : float
         Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none, and
-        above which it has grown: 23 times where unresolved contacts gain energy.
+        above which it has grown: 23 times where residual modes had masses of rounding.
     apart : float
         From the tip, relative to its frequency, at least, where a response so flat that it has no half width is begun with.
     near : float
