@@ -182,7 +182,7 @@ def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[fl
     """A limit, or both, as a thin line that bears its name above one of its points."""
     look = LIMITS.get(name, LIMITS["stuck"])
     ax.plot(x, y, **look)
-    height = float(y[np.argmin(np.abs(np.asarray(x) - at))])
+    height = float(np.asarray(y)[np.argmin(np.abs(np.asarray(x) - at))])
     ax.annotate(name, (at, height), xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.0,
                 color=look["color"])  # fmt: skip
 
