@@ -59,13 +59,14 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     assert curve.margins[0].in_time == ()
 
 
-def test_the_margin_is_asked_for_after_the_march(study, monkeypatch):
+def test_the_margin_is_asked_for_after_the_march(study, curve, monkeypatch):
     """Not where the march was interrupted: then there is an end of it."""
+    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
     monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: curve.kept)
     for status, margins in (("complete", 1), ("interrupted", 0)):
         kept = Kept(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(study_room.marched, "with_kept", lambda s, c, *_, kept=kept, **__: replace(c, kept=(kept,)))
-        found = study.optimal_curve((40.0, 400.0), 3, quantity="margin", material=AISI_1050)
+        found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
         assert found.kept == (kept,) and found.margins == ((kept,),) * margins
 
 
