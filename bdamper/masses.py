@@ -90,10 +90,8 @@ class Contact:
         if slides != (self.kt > 0.0) or slides != (self.mu > 0.0):
             found = f"tangential={self.tangential!r}, kt={self.kt:g}, mu={self.mu:g}"
             raise SettingError(f"contact: expected tangential, kt > 0 and mu > 0 together, found {found}")
-        if closes != (self.kn > 0.0):
-            raise SettingError(
-                f"contact: expected normal and kn > 0 together, found normal={self.normal!r}, kn={self.kn:g}"
-            )
+        expected = "normal and kn > 0 together"
+        validate.require(closes == (self.kn > 0.0), "contact", expected, f"normal={self.normal!r}, kn={self.kn:g}")
         if not closes and not (self.preload > 0.0 and self.gap == 0.0):
             raise SettingError(
                 "contact: expected a preload > 0 and no gap where the normal load is constant (no normal), found "
@@ -170,11 +168,11 @@ def lumped(
     modes = _Modes(mass, damping, stiffness, locations)
     contacts = _checked_contacts(contacts)
     cubic = {} if cubic is None else validate.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
-    if not contacts and not cubic:
-        raise SettingError("contacts: expected at least one contact or cubic spring, found none")
+    validate.require(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
     faces = _faces(contacts, cubic, modes)
-    excitation, patterns = _excitation(modes, forces)
-    seen = Response(modes.name(response) if response is not None else _largest(modes, forces))
+    given = _forces(modes, forces)
+    excitation, patterns = _excitation(modes, given)
+    seen = Response(modes.name(response if response is not None else max(given, key=lambda key: abs(given[key]))))
     coefficients = {c.mu for c in contacts} or {0.0}
     return Study(
         _model(modes, faces, patterns, loads),
@@ -224,10 +222,8 @@ class _Modes:
         omega2, self.shapes = scipy.linalg.eigh(K, M)
         self.springs: list[tuple[NDArray, float]] = []
         size = float(np.abs(omega2).max())
-        if omega2[0] < -ROUNDING * size:
-            raise SettingError(
-                f"stiffness: expected a positive semidefinite matrix, found a mode of {omega2[0]:.3g} rad2/s2"
-            )
+        expected = "a positive semidefinite matrix"
+        validate.require(not omega2[0] < -ROUNDING * size, "stiffness", expected, f"a mode of {omega2[0]:.3g} rad2/s2")
         self.omega2 = np.where(omega2 <= ROUNDING**1.5 * size, 0.0, omega2)
         self.damping_ratio, self.drag = self._damped(C)
         given = {f"x{i}": i for i in range(self.n)} if locations is None else locations
@@ -291,12 +287,9 @@ class _Modes:
         i = self.freedom(value, "response or force")
         if isinstance(value, str):
             return value
-        return next((name for name, at in self.locations.items() if at == i), None) or self._new(f"x{i}", i)
-
-    def _new(self, name: str, i: int) -> str:
-        name = self.free(name)
-        self.locations[name] = i
-        return name
+        known = next((name for name, at in self.locations.items() if at == i), None) or self.free(f"x{i}")
+        self.locations[known] = i
+        return known
 
     def free(self, name: str) -> str:
         """The name, or one like it that no location has."""
@@ -309,8 +302,7 @@ class _Modes:
         if isinstance(row, np.ndarray):  # in modal coordinates already
             return row
         if isinstance(row, tuple):
-            if len(row) != 2:
-                raise validate.unfit(what, "two freedoms, of which it is the difference", row)
+            validate.that(len(row) == 2, what, "two freedoms, of which it is the difference", row)
             factors = [(row[0], 1.0), (row[1], -1.0)]
         elif isinstance(row, Mapping):
             factors = [(key, validate.number(f"{what}, factor of {key!r}", value)) for key, value in row.items()]
@@ -319,8 +311,7 @@ class _Modes:
         out = np.zeros(self.n)
         for key, factor in factors:
             out[self.freedom(key, what)] += factor
-        if not out.any():
-            raise validate.unfit(what, "a motion of some freedom", row)
+        validate.that(out.any(), what, "a motion of some freedom", row)
         return np.asarray(out @ self.shapes)
 
 
@@ -353,19 +344,12 @@ def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
         if isinstance(number, bool) or not isinstance(number, int | float | complex) or not np.isfinite(number):
             raise validate.unfit(f"force on {key!r}", "a finite real or complex number in N", value)
         out[key] = complex(number)
-    if not out:
-        raise SettingError("forces: expected a force on at least one freedom, found none")
+    validate.require(out, "forces", "a force on at least one freedom", "none")
     return out
 
 
-def _largest(modes: _Modes, forces: Any) -> str:
-    given = _forces(modes, forces)
-    return modes.name(max(given, key=lambda key: abs(given[key])))
-
-
-def _excitation(modes: _Modes, forces: Any) -> tuple[Excitation, dict[str, NDArray]]:
+def _excitation(modes: _Modes, given: Mapping[Any, complex]) -> tuple[Excitation, dict[str, NDArray]]:
     """The excitation, and the place at which it acts if it is spread over several freedoms."""
-    given = _forces(modes, forces)
     largest = max(abs(value) for value in given.values())
     if len(given) == 1:
         ((key, value),) = given.items()
@@ -407,8 +391,7 @@ def _model(
         f = np.zeros(modes.n)
         for key, value in validate.instance("loads", loads, Mapping, "a mapping of freedoms to numbers").items():
             f += validate.number(f"load on {key!r}", value) * modes.motion(key, "loads")
-        if not f.any():
-            raise SettingError(f"loads: expected a static force on some freedom, found {dict(loads)}")
+        validate.require(f.any(), "loads", "a static force on some freedom", dict(loads))
         elastic = modes.omega2 > 0.0
         rest = shapes[..., elastic] @ (f[elastic] / modes.omega2[elastic])
         load = BodyLoad(np.array([0.0, 0.0, 1.0]), f, rest)

@@ -239,7 +239,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 23_300, 280
+CODE, CONSTANTS = 22_980, 280
 """Lines with code and numeric constants of modules that the package may have."""
 
 
@@ -455,9 +455,9 @@ def test_public_functions_say_what_they_take():
 
 LONGEST_DOCSTRING = 30
 LONG = {
-    "Crossings", "Curve", "FEBody", "Hysteresis", "MarginCurve", "MistunedSample", "OptimalCurve",
-    "Settings", "WheelPeak", "accuracy_cost", "bladed_disk", "build_model", "from_fe", "lumped",
-    "mistuned_sample", "settle", "stability.disturbances", "stability.floquet", "sweep_in_time",
+    "Curve", "FEBody", "Hysteresis", "MistunedSample", "OptimalCurve", "Settings", "WheelPeak", "accuracy_cost",
+    "bladed_disk", "build_model", "from_fe", "lumped", "mistuned_sample", "settle", "stability.disturbances",
+    "stability.floquet", "sweep_in_time",
 }  # fmt: skip
 """Names with longer docstrings, which shall become fewer."""
 NAMED = re.compile(

@@ -127,14 +127,12 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
 
 def _preload_of(problem: Problem, peak: Peak, preload: float | None) -> float:
     """The preload of a converged peak of this problem, that it carries or that is given."""
-    if not peak.converged:
-        raise SettingError(f"peak: expected a converged one, found status '{peak.status}'")
+    validate.require(peak.converged, "peak", "a converged one", f"status '{peak.status}'")
     preload = peak.parameter if preload is None else problem.check_preload(preload)
     if not np.isfinite(preload):
         raise SettingError("preload is required: this peak has no stored preload")
     n = problem.system(preload).n_unknowns
-    if len(peak.y) != n + 1:
-        raise SettingError(f"peak: expected one of this study with {n} unknowns, found {len(peak.y) - 1}")
+    validate.require(len(peak.y) == n + 1, "peak", f"one of this study with {n} unknowns", len(peak.y) - 1)
     return preload
 
 

@@ -215,11 +215,9 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
 def make_ladders(problem: Problem, vary: Any) -> dict[str, list[Value]]:
     """Values of each thing that is varied, from the cheapest to the richest; see :func:`accuracy_cost`."""
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
-    if not isinstance(vary, Iterable):
-        raise validate.unfit("vary", "names of settings, or a mapping of them to values", vary)
+    validate.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
     given = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
-    if not given:
-        raise validate.unfit("vary", "at least one setting of a study", vary)
+    validate.that(given, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem) if f.init} - {"model"}
     out: dict[str, list[Value]] = {}
     for name, values in given.items():

@@ -6,26 +6,3 @@ analysis of section 3.1; `PointArrays`, the parameters of all points under one o
 of motion take them; `wedge_friction`, the range of normal forces that statics leaves open; `ContactMap`, a static state
 over the faces.
 """
-
-from bdamper.contact.laws import Sampled
-from bdamper.contact.points import PointArrays
-from bdamper.contact.preload import PreloadState, StaticSystem, static_state
-from bdamper.contact.preload_forces import solve_static_contact, static_contact_problem
-from bdamper.contact.residual_modes import ResidualModes
-from bdamper.contact.stiffness import PerArea, contact_stiffness
-from bdamper.contact.wedge import ContactMap, wedge_friction
-
-__all__ = [
-    "ContactMap",
-    "PerArea",
-    "PointArrays",
-    "PreloadState",
-    "ResidualModes",
-    "Sampled",
-    "StaticSystem",
-    "contact_stiffness",
-    "solve_static_contact",
-    "static_contact_problem",
-    "static_state",
-    "wedge_friction",
-]

@@ -37,8 +37,7 @@ class Sampled:
 def check_evaluation(evaluation: str | Sampled, harmonics: int) -> None:
     """Refuse what is no evaluation, or too few samples for the highest harmonic."""
     if isinstance(evaluation, Sampled):
-        if evaluation.n_time < 4 * harmonics + 4:
-            expected = f"Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
-            raise validate.unfit("evaluation", expected, evaluation.n_time)
+        expected = f"Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
+        validate.that(evaluation.n_time >= 4 * harmonics + 4, "evaluation", expected, evaluation.n_time)
     elif not isinstance(evaluation, str) or evaluation != "exact":
         raise validate.unfit("evaluation", '"exact" or Sampled(n_time)', evaluation)

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from bdamper.model.checks import require
 from bdamper.model.coupling import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validate
-from bdamper.util.errors import SettingError, mismatch
+from bdamper.util.errors import mismatch
 from bdamper.util.repr import brief
 
 MARGIN = 0.1
@@ -256,8 +256,7 @@ class ResidualSet:
         """
         active = active_components(coupling, friction)
         kept = active.ravel()
-        if not kept.any():
-            raise SettingError("residual modes: expected an interface with friction, found none")
+        validate.require(kept.any(), "residual modes", "an interface with friction", "none")
         point = np.where(kept, np.diag(coupling.residual_flexibility(1)).real, 0.0)
         bare = cls(coupling, options, active, point.reshape(-1, 3), 1.0, static)
         largest = max(bare._point_share(l) for l in (0, 1))

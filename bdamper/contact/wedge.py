@@ -22,6 +22,7 @@ from scipy.spatial import ConvexHull, QhullError
 from bdamper.contact.preload import OPEN, PreloadState
 from bdamper.contact.preload_forces import force_bounds, friction_limits
 from bdamper.model.coupling import Coupling
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
@@ -97,8 +98,7 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
         If no free body carries a load, or no forces at the friction interfaces are in equilibrium with it.
     """
     bodies = [b for b in coupling.model.bodies.values() if b.kind == "free" and b.load is not None]
-    if not bodies:
-        raise SettingError("wedge friction: expected a free body with a load, found none")
+    validate.require(bodies, "wedge friction", "a free body with a load", "none")
     names = coupling.friction_faces
     basis = coupling.basis(0)
     f, _ = coupling.load()

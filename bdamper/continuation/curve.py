@@ -9,8 +9,8 @@ is the plain rule of one fold after another; ``stable``, where it was computed, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,12 @@ from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError
 from bdamper.util.estimates import ErrorEstimates, error_line
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, INTERRUPTED, Status
-from bdamper.util.tables import ROW, Amplitude, Hertz, Kinds, Metres, Numbers, Quantity, Radians, Shares, Tabular
+from bdamper.util.status import INTERRUPTED, Status
+from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Metres, Numbers, Quantity, Radians, Shares, Tabular
 from bdamper.util.text import amount, height
 
 
@@ -57,7 +57,7 @@ class Fold:
 
 @brief
 @dataclass(frozen=True)
-class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row="point"):
+class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-curve"):
     """A response curve; every point of it is a converged solution.
 
     ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
@@ -125,8 +125,6 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
     reason: str
     cost: Cost
     left_out: tuple[LeftOut, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
     start_log: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     stable: Numbers | None = None
@@ -135,24 +133,6 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
     closed: tuple[int, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.frequency)
-
-    @property
-    def complete(self) -> bool:
-        """Whether solutions cover the interval that was asked for, gaps of a thousandth of it aside; see ``left_out``."""
-        return self.status == COMPLETE
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether Ctrl-C has ended the curve."""
-        return self.status == INTERRUPTED
-
-    @property
-    def amplitude(self) -> Amplitude:
-        """(n,) float, m: amplitude of the harmonic of the excitation."""
-        return np.abs(self.harmonics[:, 1])
 
     @property
     def phase(self) -> Radians:

@@ -6,7 +6,6 @@ The response is sampled in equal steps of phase around each resonance, and its m
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from scipy.optimize import minimize_scalar
 
 from bdamper.continuation.curve import Curve
 from bdamper.harmonic_balance.linear import NEAREST, around, linear_maximum, linear_resonances
-from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.plausible import check_interval
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
@@ -49,37 +47,11 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
 
 
 def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
+    """The linear response over an interval (Hz), with springs of shape (n_points, 3) in N/m in place of the contact."""
+    watch = Stopwatch()
     low, high = (2.0 * np.pi * f for f in validate.interval("frequency", frequency))
     check_interval(problem, frequency, preload)
-    system, settings = problem.system(preload), problem.record(None)
-    return linear_curve(system, kind, (low, high), springs, preload, settings, problem.model.hash)
-
-
-def linear_curve(
-    system: HarmonicSystem,
-    kind: str,
-    frequency: tuple[float, float],
-    springs: NDArray | None,
-    preload: float,
-    settings: dict[str, Any],
-    model_hash: str,
-) -> Curve:
-    """The linear response over a frequency interval.
-
-    Parameters
-    ----------
-    system : HarmonicSystem
-    kind : str
-        "free" or "stuck".
-    frequency : (low, high), rad/s
-    springs : (n_points, 3) float, N/m, optional
-        In place of the contact.
-    preload : float, N
-    settings : dict
-    model_hash : str
-    """
-    watch = Stopwatch()
-    low, high = frequency
+    system = problem.system(preload)
     omega = np.linspace(low, high, 201)
     unbounded = []
     for w, width, _ in linear_resonances(system, (springs,), *around(low, high)):
@@ -121,8 +93,7 @@ def linear_curve(
         status="complete",
         reason="linear" + "".join(f", unbounded at {f:.6g} Hz: no damping" for f in infinite),
         cost=Cost(**watch.read()),
-        settings=settings,
-        model_hash=model_hash,
+        **problem.recorded(),
     )
 
 

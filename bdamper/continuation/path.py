@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.system import norm2
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
 SIDE_POINTS = 1000
@@ -70,10 +69,8 @@ class ContinuationOptions:
         if self.budget is not None:
             validate.fields(self, validate.whole, "budget", least=1)
         validate.fields(self, validate.flag, "locate")
-        if not 0.0 < self.min_step <= self.step <= self.max_step:
-            raise SettingError(
-                f"steps: expected 0 < min_step <= step <= max_step, found {self.min_step}, {self.step}, {self.max_step}"
-            )
+        steps = self.min_step, self.step, self.max_step
+        validate.that(sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps)
 
 
 @brief

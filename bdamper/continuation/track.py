@@ -201,8 +201,7 @@ def without_points(problem: Problem, preload: float, reason: str, options: Conti
         status=NOT_FOUND,
         reason=reason,
         cost=cost,
-        settings=problem.record(options),
-        model_hash=problem.model.hash,
+        **problem.recorded(options),
         start_log=(reason,),
     )
 
@@ -231,8 +230,7 @@ def _curve(problem: Problem, search: Coverage, preload: float, tried: int) -> Cu
         reason=reason,
         left_out=left_out,
         cost=search.meter.read(time.perf_counter()),
-        settings=problem.record(search.options),
-        model_hash=problem.model.hash,
+        **problem.recorded(search.options),
         start_log=tuple(search.log),
         notes=notes(system, problem.coupling.model, problem.bases[0].coordinates, points)
         + tuple(f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem)),
@@ -245,17 +243,14 @@ def check_curve(problem: Problem, curve: Curve) -> None:
         raise SettingError("curve: expected a tracking curve of this model, found another")
     system = problem.system(curve.preload)
     n = system.n_unknowns
-    if curve.unknowns.shape[1] != n:
-        raise SettingError(f"curve: expected one of this study with {n} unknowns, found {curve.unknowns.shape[1]}")
+    validate.require(curve.unknowns.shape[1] == n, "curve", f"one of this study with {n} unknowns", curve.unknowns.shape[1])
     if not len(curve):
         return
     i = curve.peak.index
     r, _, _ = system.evaluate(curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i]))
     error = float(np.abs(r * system.row_scale).max())
-    if error > max(1e-6, 100.0 * float(curve.residual[i])):
-        raise SettingError(
-            f"curve: expected one of this study, found one with other settings (residual {error:.2g} at its peak)"
-        )
+    found = f"one with other settings (residual {error:.2g} at its peak)"
+    validate.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), "curve", "one of this study", found)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:

@@ -151,8 +151,7 @@ def compare_designs(
     """
     if not isinstance(designs, Mapping) or not designs or not all(isinstance(key, str) for key in designs):
         raise validate.unfit("designs", "a mapping of one or more names to studies or settings", designs)
-    if name in designs:
-        raise validate.unfit("name", "a name that no other design has", name)
+    validate.that(name not in designs, "name", "a name that no other design has", name)
     kinds, words = (Problem, Mapping), "a study or a mapping of settings"
     every = {name: problem}
     for key, design in designs.items():

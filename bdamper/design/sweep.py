@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
-from dataclasses import asdict, dataclass, field, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork
 from bdamper.util.repr import brief, short
@@ -128,7 +128,7 @@ class OptimalTask:
 
 @brief
 @dataclass(frozen=True)
-class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
+class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     """Answers at all points of a sweep.
 
     ``plot`` draws one answer over the last setting (:func:`bdamper.plot.plot_sweep`).
@@ -161,8 +161,6 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
     status: Statuses
     seconds: NDArray
     shape: tuple[int, ...]
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
     cost: tuple[Cost, ...] = ()
 
     def __len__(self) -> int:
@@ -191,8 +189,7 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
         SettingError
             If there is no such answer.
         """
-        if quantity not in self.quantities:
-            raise SettingError(f"quantity: expected one of {self.quantities}, found '{quantity}'")
+        validate.choice("quantity", quantity, self.quantities)
         known = next(np.asarray(value[quantity]) for value in self.values if quantity in value)
         if known.dtype.kind not in "fiub":
             flat = [value.get(quantity, "") for value in self.values]
@@ -304,36 +301,31 @@ class _Job:
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
-    if not isinstance(over, Mapping) or not over:
-        raise SettingError(f"over: expected a mapping of setting to values, found {over!r}")
+    validate.that(isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over)
     names = tuple(over)
     columns: list[list[Any]] = []
     for name in names:
         if isinstance(over[name], (str, bytes)) or not isinstance(over[name], (Sequence, np.ndarray)):
             raise SettingError(f"over '{name}': expected a sequence of values, found {over[name]!r}")
         columns.append([v.item() if isinstance(v, np.generic) else v for v in over[name]])
-        if not columns[-1]:
-            raise SettingError(f"over '{name}': expected at least one value, found none")
+        validate.require(columns[-1], f"over '{name}'", "at least one value", "none")
     if combine == "product":
         return names, [dict(zip(names, row)) for row in itertools.product(*columns)], tuple(len(c) for c in columns)
     if combine == "zip":
         lengths = {len(c) for c in columns}
-        if len(lengths) != 1:
-            raise SettingError(f'combine="zip": expected as many values of each setting, found {[len(c) for c in columns]}')
+        validate.require(len(lengths) == 1, 'combine="zip"', "as many values of each setting", [len(c) for c in columns])
         return names, [dict(zip(names, row)) for row in zip(*columns)], (len(columns[0]),)
     raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')
 
 
 def _check_names(problem: Problem, over: Mapping[str, Any], model: Any) -> None:
     """Whether the settings of a sweep can be varied; "model.<argument>" needs a function that makes the model."""
-    if model is not None and not callable(model):
-        raise validate.unfit("model", "a callable", model)
+    validate.that(model is None or callable(model), "model", "a callable", model)
     for value in over.get("preload", ()):
         validate.number("over 'preload'", value, unit="N")
     for name in over:
         if name.startswith("model."):
-            if model is None:
-                raise SettingError(f"over '{name}': expected a model factory (model=...), found none")
+            validate.require(model is not None, f"over '{name}'", "a model factory (model=...)", "none")
         elif name != "preload":
             check_name(problem, name)
 
@@ -432,5 +424,5 @@ def sweep(
         ordered = run_stored(job, points, range(len(points)), executor, store, progress, "sweep", "point")
     values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
     return SweepResult(
-        names, tuple(points), values, status, np.array(seconds), shape, problem.record(None), problem.model.hash, cost
+        names, tuple(points), values, status, np.array(seconds), shape, cost, **problem.recorded()
     )  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +22,7 @@ from bdamper.peaks.optimal import preload_values
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import (
@@ -74,8 +74,7 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
         spread = validate.number("slip_offset", given["slip_offset"], least=0.0, unit="m")
         drawn = {"slip_offset": np.full(n, spread), "slip_offset_seed": np.arange(n) + float(n * seed)}
     if method == "sobol":
-        if n & (n - 1):
-            raise SettingError(f"n: expected a power of two for a Sobol sequence, found {n}")
+        validate.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
         unit = scipy.stats.qmc.Sobol(max(d, 1), scramble=True, seed=seed).random(n)
     elif method == "latin":
         unit = scipy.stats.qmc.LatinHypercube(max(d, 1), seed=seed).random(n)
@@ -122,7 +121,7 @@ class RobustOptimum:
 
 @brief
 @dataclass(frozen=True)
-class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain", row="preload"):
+class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncertain", row="preload"):
     """Optimal curves of a sample.
 
     ``plot`` draws percentile bands (:func:`bdamper.plot.plot_uncertain`).
@@ -147,8 +146,6 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain", row
     frequency: Annotated[NDArray, Quantity("Hz", dims=("draw", ROW))]
     samples: dict[str, NDArray]
     status: Statuses
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
     warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -215,8 +212,7 @@ def uncertain_curve(
         As in :func:`bdamper.sweep`.
     """
     validate.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
-    if "preload" in samples:
-        raise SettingError("samples: expected settings other than the preload, found 'preload'")
+    validate.require("preload" not in samples, "samples", "settings other than the preload", "'preload'")
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(

@@ -15,7 +15,7 @@ harmonic of the motion; its slope and width are the equivalent stiffness and dam
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.tables import (
@@ -67,7 +67,7 @@ Solved = Curve | Peak | OptimalCurve
 
 @brief
 @dataclass(frozen=True)
-class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hysteresis", row="contact_point"):
+class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis", row="contact_point"):
     """Motions and forces at all contact points over one cycle of a solution.
 
     ``plot`` draws loops of force over displacement (:func:`bdamper.plot.plot_hysteresis`), ``plot_history`` forces and the
@@ -131,8 +131,6 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
     width: float
     response: Annotated[NDArray, Quantity("m", dims=("theta",))]
     whole: Annotated[NDArray, Quantity("N", dims=("theta",))]
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     @property
     def axis(self) -> Annotated[tuple[str, ...], Quantity(dims=("axis",))]:
@@ -202,8 +200,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
         else:
             rows = np.array([validate.whole("where, index of a contact point", where, 0, len(self.points) - 1)])
         rows = rows[np.isfinite(self.displacement[rows, 0, 0])]
-        if not len(rows):
-            raise SettingError(f"where: expected contact that takes part, found {where!r}, which the settings leave out")
+        validate.require(len(rows), "where", "contact that takes part", f"{where!r}, which the settings leave out")
         moved = np.average(self.displacement[rows, k], axis=0, weights=self.area[rows])
         return moved - moved[:-1].mean(), self.force[rows, k].sum(axis=0)
 
@@ -240,7 +237,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
 
 @brief
 @dataclass(frozen=True)
-class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissipation"):
+class Dissipation(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-dissipation"):
     """Energy lost per cycle, equivalent stiffness and damping of the contacts at every point of a curve.
 
     ``plot`` draws equivalent stiffness and damping over the amplitude (:func:`bdamper.plot.plot_dissipation`).
@@ -275,8 +272,6 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
     kinetic: Joules
     stiffness: Annotated[NDArray, Quantity("N/m", "Equivalent contact stiffness")]
     width: NDArray
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.frequency)
@@ -334,8 +329,7 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Problem, list[_Solutio
     problem = matching(problem, result.settings)
     own = problem.record()["response"]
     found_at = result.settings.get("response", own)
-    if found_at != own:
-        raise SettingError(f"result: expected a result with the response {own}, found one with {found_at}")
+    validate.require(found_at == own, "result", f"a result with the response {own}", f"one with {found_at}")
     columns: tuple[Any, ...]
     if isinstance(result, Peak):
         if not result.converged or not np.isfinite(result.parameter):
@@ -345,13 +339,11 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Problem, list[_Solutio
         check_curve(problem, result)
         columns = np.full(len(result), result.preload), result.frequency, result.branch, result.unknowns
     else:
-        if result.model_hash != problem.model.hash:
-            raise SettingError("result: expected an optimal curve of this model, found one of another")
+        validate.require(result.model_hash == problem.model.hash, "result", "an optimal curve of this model", "another")
         part = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
         columns = result.preload, result.frequency, part, result.unknowns
     found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in zip(*columns) if np.isfinite(f)]
-    if not found:
-        raise SettingError(f"result: expected solutions, found none ({type(result).__name__})")
+    validate.require(found, "result", "solutions", f"none ({type(result).__name__})")
     return problem, found
 
 
@@ -365,9 +357,8 @@ def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_So
             if len(s.unknowns) == system.n_unknowns:
                 r = system.residual(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
                 error = float(np.abs(r * system.row_scale).max())
-            if not error < LARGEST_RESIDUAL:
-                found = f"those of other settings (residual {error:.2g})"
-                raise SettingError(f"result: expected solutions of this study, found {found}")
+            found = f"those of other settings (residual {error:.2g})"
+            validate.require(error < LARGEST_RESIDUAL, "result", "solutions of this study", found)
         yield s, system
 
 
@@ -425,7 +416,7 @@ def _faces(problem: Problem) -> list[Interface]:
 def _identity(problem: Problem) -> dict[str, Any]:
     """What both results say of the problem: the interface of each contact point, settings, model."""
     names = tuple(face.name for face in _faces(problem) if face.kind != "spring" for _ in range(face.n_points))
-    return {"interface": names, "settings": problem.record(), "model_hash": problem.model.hash}
+    return {"interface": names, **problem.recorded()}
 
 
 def _counted(problem: Problem, system: HarmonicSystem) -> NDArray:

@@ -104,8 +104,7 @@ def microslip(
     """
     validate.instance("problem", problem, Problem)
     wanted = validate.numbers("microslip forces", forces, above=0.0, unit="N")
-    if np.any(np.diff(wanted) <= 0.0):
-        raise validate.unfit("microslip forces", "increasing forces above 0 N", forces)
+    validate.that(not np.any(np.diff(wanted) <= 0.0), "microslip forces", "increasing forces above 0 N", forces)
     validate.choice("microslip location", location, sorted(problem.model.locations))
     seat = problem.static(preload)
     if not seat.converged:

@@ -11,7 +11,7 @@ the rotor without dampers, whose share comes with ``q_0`` and ``F_0``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -30,7 +30,7 @@ from bdamper.problem.settings import check_result
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.text import amount
@@ -54,7 +54,7 @@ class Solutions(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class StressCycle(Plottable, Comparable, Storable, kind="bdamper-stress"):
+class StressCycle(Plottable, Comparable, Recorded, Storable, kind="bdamper-stress"):
     """Stress over the cycle of one solution.
 
     ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
@@ -88,8 +88,6 @@ class StressCycle(Plottable, Comparable, Storable, kind="bdamper-stress"):
     preload: float
     speed: float
     notes: tuple[str, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.points)
@@ -202,8 +200,7 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
         raise SettingError(f"result: expected one of this study, with {problem.n_unknowns} unknowns, found {n}")
     if hasattr(result, "settings"):
         check_result(problem, result)
-    if not np.isfinite(preload).all():
-        raise SettingError("result: expected one at a known preload, found none")
+    validate.require(np.isfinite(preload).all(), "result", "one at a known preload", "none")
     frequency = np.broadcast_to(np.asarray(result.frequency, float), len(unknowns))
     turning = speed if speed is not None else getattr(problem, "speed", None)
     if turning is not None:
@@ -217,8 +214,7 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
     """The stress sets asked for, as the study's contact points have them."""
     known = problem.coupling.model.stress
-    if not known:
-        raise SettingError("stress: expected a model with stress sets, found none (docs/fatigue.md tells how to make them)")
+    validate.require(known, "stress", "a model with stress sets", "none (docs/fatigue.md tells how to make them)")
     names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
     return tuple(known[validate.choice("stress set", name, list(known))] for name in names)
 
@@ -236,8 +232,7 @@ def cycles(problem: Problem, found: Solutions, sets: str | Sequence[str] | None 
         "counted": np.concatenate([s.counted for s in chosen]),
         "spread": np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
         "notes": tuple(notes),
-        "settings": problem.record(None),
-        "model_hash": problem.model.hash,
+        **problem.recorded(),
     }
     return [
         StressCycle(

@@ -7,7 +7,7 @@ points.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.kept import Kept
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
@@ -80,7 +80,7 @@ class Rule:
 
 @brief
 @dataclass(frozen=True)
-class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins", row="location"):
+class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
     """Margins of one solution at every point of the stress sets.
 
     ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical
@@ -120,8 +120,6 @@ class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins", 
     preload: float
     speed: float
     notes: tuple[str, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.factor)
@@ -183,16 +181,15 @@ class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins", 
 
 @brief
 @dataclass(frozen=True)
-class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin-curve"):
+class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margin-curve"):
     """The margin over frequency, preload, speed or the mass of the damper.
 
     ``plot`` draws it with the amplitude of the response (:func:`bdamper.plot.plot_margin`).
 
     Parameters
     ----------
-    over : str
+    over, unit : str
         What it is a curve over: "frequency", "preload", "speed", "damper mass" ...
-    unit : str
     values : (n,) float
     margin : (n,) float
         Least factor of the counted points; NaN where there is no solution.
@@ -241,8 +238,6 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
     best_status: str = ""
     in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.values)
@@ -457,8 +452,7 @@ def of_cycle(found: StressCycle, material: Material, rule: Rule) -> Margins:
 
 
 def _check_counted(found: StressCycle) -> None:
-    if not found.counted.any():
-        raise SettingError("margin: expected points away from contact faces, found none in the stress sets")
+    validate.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
 
 
 def _notes(found: StressCycle, rule: Rule) -> tuple[str, ...]:
@@ -471,8 +465,7 @@ def of_solutions(
     """The margin at every point of a curve."""
     chosen = over_cycle.chosen_sets(problem, sets)
     known = np.isfinite(found.unknowns).all(axis=1)
-    if not known.any():
-        raise SettingError("margin: expected a curve with solutions, found none")
+    validate.require(known.any(), "margin", "a curve with solutions", "none")
     solved = Solutions(*(column[known] for column in found))
     first = over_cycle.cycles(problem, Solutions(*(column[:1] for column in solved)), sets)[0]
     _check_counted(first)

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.warn import implausible
 
 LINES = ("goodman", "gerber", "soderberg")
@@ -68,9 +67,8 @@ class Material:
         if self.ultimate_strength < 1e6:
             implausible("ultimate_strength", "1e6 to 1e10 Pa", f"{self.ultimate_strength:g} Pa: MPa suspected, 1e6 Pa each")
         for name in ("yield_strength", "endurance_limit"):
-            if getattr(self, name) > self.ultimate_strength:
-                expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
-                raise SettingError(f"{name}: expected {expected}, found {getattr(self, name):g}")
+            expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
+            validate.require(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")
 
     def limit(self, line: str) -> float:
         """Mean stress (Pa) that leaves no amplitude."""

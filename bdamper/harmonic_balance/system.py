@@ -27,6 +27,7 @@ from bdamper.contact.laws import (
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.conditions import Condition, Fixed, Peak, for_core
 from bdamper.model.coupling import HarmonicBasis
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import end_if_asked
 from bdamper.util.repr import brief
@@ -124,8 +125,7 @@ class HarmonicSystem:
         self.response_rows = response
         self.n_harmonics = len(bases) - 1
         self.n_mode = np.array([len(b.omega2) for b in bases], np.intc)
-        if self.n_harmonics < 1:
-            raise SettingError("harmonics: expected at least 1, found 0")
+        validate.require(self.n_harmonics >= 1, "harmonics", "at least 1", "0")
         self.evaluation, self.force_scale = evaluation, force_scale
         mode, n_time = self.evaluation_code = evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
         self.exact = mode == 0

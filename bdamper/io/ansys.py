@@ -59,9 +59,8 @@ class _Binary:
         self.data = source.read_bytes()
         head = self.record(0, "standard header")
         require(len(head) >= 2 and head.dtype.kind == "i", str(source), "a binary file of Ansys", "another beginning")
-        if int(head[0]) != kind:
-            found = _KINDS.get(int(head[0]), "another kind")
-            raise mismatch(str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
+        found = _KINDS.get(int(head[0]), "another kind")
+        require(int(head[0]) == kind, str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
 
     def record(self, word: int, item: str) -> NDArray:
         """Numbers of the record at a word of the file."""
@@ -86,8 +85,7 @@ class _Binary:
             raise mismatch(where, f"the length {size} again at its end", "another number: damaged")
         kind = flags >> 24
         dtype = np.dtype({0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)])
-        if kind & _ZLIB:
-            raise mismatch(where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "a compressed one")
+        require(not kind & _ZLIB, where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "one with it")
         raw = self.data[start + 8 : end]
         if kind & _BITS:
             values = self._bits(raw, dtype, where)

@@ -207,8 +207,7 @@ def _known_frequencies(
 def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     several = isinstance(given, Iterable) and not isinstance(given, str)
     contacts = tuple(validate.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
-    if not contacts:
-        raise validate.unfit("contacts", "a sequence of one or more ContactFaces", given)
+    validate.that(contacts, "contacts", "a sequence of one or more ContactFaces", given)
     repeated = [c.name for k, c in enumerate(contacts) if c.name in [other.name for other in contacts[:k]]]
     if repeated:
         raise SettingError(f"contacts: expected each name once, found '{repeated[0]}' twice")
@@ -277,8 +276,7 @@ def _locations(given: Mapping[str, object] | None, bodies: Mapping[str, Prepared
         body = "blade"
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
             body, value = value
-        if body not in bodies:
-            raise SettingError(f"location '{name}': expected a body out of {sorted(bodies)}, found '{body}'")
+        validate.require(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
         out[name] = (body, bodies[body].node(value, f"location '{name}'"))
     return out
 

@@ -233,8 +233,7 @@ def _laid(
 ) -> tuple[Interface, PatchMeans, FaceSummary]:
     """Interface, means and summary of one pair of faces."""
     item = contact.item
-    if contact.body_a not in bodies:
-        raise SettingError(f"{item}: expected body_a out of {sorted(bodies)}, found '{contact.body_a}'")
+    validate.require(contact.body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{contact.body_a}'")
     if contact.body_b not in (*bodies, "ground"):
         raise SettingError(f"{item}: expected body_b out of {[*sorted(bodies), 'ground']}, found '{contact.body_b}'")
     if (contact.faces_b is None) != (contact.body_b == "ground"):

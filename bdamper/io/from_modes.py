@@ -147,8 +147,8 @@ def _normalised(
     mass, source = _modal_mass(body, modes, waves)
     body.require(np.all(mass > 0.0), f"modes of nodal diameter {d}", "modal masses > 0", mass)
     frequency = np.asarray(modes.frequency, float)[waves.index]
-    if not np.all(frequency > 0.0):
-        raise body.error(f"modes of nodal diameter {d}", "frequencies > 0 of a held sector", frequency.min())
+    item = f"modes of nodal diameter {d}"
+    body.require((frequency > 0.0).all(), item, "frequencies > 0 of a held sector", frequency.min(initial=np.inf))
     order = np.argsort(frequency, kind="stable")[:n_modes]
     shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"), True)
     return (2.0 * np.pi * frequency[order]) ** 2, shapes, source
@@ -242,8 +242,7 @@ def _elastic_modes(body: PreparedBody, n_modes: int) -> tuple[NDArray, NDArray]:
     modes = body.given.modes[0]
     frequency = np.asarray(modes.frequency, float)
     elastic = np.flatnonzero(frequency > 1e-3 * frequency.max(initial=0.0))[:n_modes]
-    if modes.modal_mass is None:
-        raise body.error("modes", "modal masses to rescale them", "none")
+    body.require(modes.modal_mass is not None, "modes", "modal masses to rescale them", "none")
     mass = body.place.units.mass * np.asarray(modes.modal_mass, float)[elastic]
     shapes = body.shapes(np.asarray(modes.numbers), np.asarray(modes.shapes)[:, :, elastic].real, "modes")
     return shapes / np.sqrt(mass), (2.0 * np.pi * frequency[elastic]) ** 2

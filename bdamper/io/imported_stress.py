@@ -14,7 +14,7 @@ from bdamper.io.prepare import NodeSet, PreparedBody, Ring
 from bdamper.model.model import turn
 from bdamper.reduction.patches import Patches
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError
 
 if TYPE_CHECKING:
     from bdamper.reduction.element_stress import Solids
@@ -50,8 +50,7 @@ def stress_rows(
         from bdamper.reduction.stress import StressRows, near_patches
     except ImportError as error:
         raise BdamperError("stress of an import needs scikit-fem: install the extra bdamper[fe]") from error
-    if not body.has_matrices:
-        raise SettingError("stress: expected a blade with its matrices, found modes alone; give StressSet arrays instead")
+    validate.require(body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead")
     sets = given if isinstance(given, Mapping) else {given if isinstance(given, str) else "stress": given}
     faces = [
         Patches(face.points @ back.T, face.frame @ back.T, np.sqrt(face.area)[:, None] * [1.0, 1.0])

@@ -93,8 +93,7 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     rows, columns = (check_count(int(n), item, "a size") for n in size)
     rest = [_numbers(part, order, item) for part in parts]
     if kind != _SPARSE:
-        if len(rest) != 1 or len(rest[0]) != rows * columns:
-            raise mismatch(item, f"{rows} x {columns} numbers", f"{sum(map(len, rest))}")
+        require(len(rest) == 1 and len(rest[0]) == rows * columns, item, f"{rows} x {columns} numbers", sum(map(len, rest)))
         out[name] = rest[0].reshape(columns, rows).T.astype(float)
         return
     if len(rest) != 3 or len(rest[1]) != columns + 1:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bdamper.io.reading import parsing
 from bdamper.model.checks import check_all, require
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, SettingError, mismatch
+from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -94,9 +94,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
             If it is not a unit of length that is known.
         """
         unit = self.unit.strip().lower().replace("\u00b5", "u").replace("\u03bc", "u")
-        if unit not in LENGTHS:
-            expected = f"displacements in one of {tuple(u for u in LENGTHS if u)} or a scale to metres (scale=...)"
-            raise SettingError(f"measurement '{self.name}': expected {expected}, found the unit '{self.unit}'")
+        expected = f"displacements in one of {tuple(u for u in LENGTHS if u)} or a scale to metres (scale=...)"
+        validate.require(unit in LENGTHS, f"measurement '{self.name}'", expected, f"the unit '{self.unit}'")
         return LENGTHS[unit]
 
     def __str__(self) -> str:
@@ -136,8 +135,7 @@ class Measured:
         load, values = self.load[there][order], values[there][order]
         item = self.source or "measured points"
         require(len(load) > 0, item, f"a measured {quantity}", "none")
-        if not values[0] > 0.0:
-            raise mismatch(item, f"a reference {quantity} above 0 at the least load, {load[0]:g}", f"{values[0]:g}")
+        require(values[0] > 0.0, item, f"a reference {quantity} above 0 at the least load, {load[0]:g}", f"{values[0]:g}")
         return load[load > 0.0], (values / values[0])[load > 0.0]
 
 

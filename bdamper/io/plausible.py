@@ -140,10 +140,9 @@ def _check_within(
     digits: int = 4,
 ) -> None:  # fmt: skip
     """Refuse a quantity beyond its limits, with the mistaken unit that explains it."""
-    if not limits[0] <= value <= limits[1]:
-        given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
-        found = f"{value:.{digits}g} {unit} with units='{given}': {hint}; {OVERRIDE}"
-        raise body.error(item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
+    given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
+    found = f"{value:.{digits}g} {unit} with units='{given}': {hint}; {OVERRIDE}"
+    body.require(limits[0] <= value <= limits[1], item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
 
 
 def check_sizes(body: PreparedBody) -> None:

@@ -160,7 +160,7 @@ class PreparedBody:
         """The error for something about this body that does not fit."""
         return mismatch(f"{self.where}: {item}", expected, found)
 
-    def require(self, good: bool | np.bool_, item: str, expected: str, found: object) -> None:
+    def require(self, good: object, item: str, expected: str, found: object) -> None:
         """Raise that error unless something is good."""
         require(good, f"{self.where}: {item}", expected, found)
 

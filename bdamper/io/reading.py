@@ -16,8 +16,6 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
-import numpy as np
-
 from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, ModelError, mismatch
 from bdamper.util.hdf5 import FilePath
@@ -147,7 +145,7 @@ class Lines:
         """How messages name the line that was read last."""
         return f"{self.source}: line {self._read}"
 
-    def require(self, good: bool | np.bool_, expected: str, found: object) -> None:
+    def require(self, good: object, expected: str, found: object) -> None:
         """Raise the error for the line that was read last unless it is good."""
         require(good, self.item, expected, found)
 

@@ -18,30 +18,26 @@ _TYPES = {
 }
 
 
-def require(good: bool | np.bool_, item: str, expected: str, found: object) -> None:
+def require(good: object, item: str, expected: str, found: object) -> None:
     if not good:
         raise mismatch(item, expected, found)
 
 
 def check_name(name: object, item: str) -> None:
     good = isinstance(name, str) and name != "" and name.isprintable() and not set(name) & set("/.")
-    if not good:
-        raise mismatch(item, "a name of printable characters without '/' and '.'", repr(name))
+    require(good, item, "a name of printable characters without '/' and '.'", repr(name))
 
 
 def check_integer(value: object, item: str) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise mismatch(item, "an integer", repr(value))
+    require(isinstance(value, int | np.integer) and not isinstance(value, bool), item, "an integer", repr(value))
 
 
 def check_one_of(value: object, choices: tuple[str, ...], item: str) -> None:
-    if value not in choices:
-        raise mismatch(item, f"one of {list(choices)}", repr(value))
+    require(value in choices, item, f"one of {list(choices)}", repr(value))
 
 
 def check_type(value: object, expected: type, item: str) -> None:
-    if not isinstance(value, expected):
-        raise mismatch(item, f"a {expected.__name__}", f"a {type(value).__name__}")
+    require(isinstance(value, expected), item, f"a {expected.__name__}", f"a {type(value).__name__}")
 
 
 def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
@@ -49,10 +45,8 @@ def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: s
     if not isinstance(array, np.ndarray):
         raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
     types, words = _TYPES[kind]
-    if array.dtype not in types:
-        raise mismatch(item, words, f"dtype {array.dtype}")
-    if not fits(array.shape, shape):
-        raise mismatch(item, f"shape {shape_text(shape)}", array.shape)
+    require(array.dtype in types, item, words, f"dtype {array.dtype}")
+    require(fits(array.shape, shape), item, f"shape {shape_text(shape)}", array.shape)
     wrong = np.argwhere(~np.isfinite(array))
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.model import Body, ModalBasis, Model
+from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.repr import brief
 from bdamper.util.warn import say
@@ -415,19 +416,16 @@ def retained_modes(
         Rigid-body modes of free bodies that take part, from :data:`RIGID_NAMES`.
     """
     unknown = [name for name in rigid if name not in RIGID_NAMES]
-    if unknown:
-        raise SettingError(f"rigid-body modes: expected names out of {RIGID_NAMES}, found {unknown}")
+    validate.require(not unknown, "rigid-body modes", f"names out of {RIGID_NAMES}", unknown)
     out = {}
     for body in model.bodies.values():
         if body.kind == "constrained":
             have = min(basis.n_modes for basis in body.bases.values())
-            if not 1 <= blade_modes <= have:
-                raise SettingError(f"blade_modes: expected 1 to {have} (body '{body.name}'), found {blade_modes}")
+            validate.require(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
             out[body.name] = np.arange(blade_modes)
         elif body.kind == "free":
             have = body.bases[0].n_modes - 6
-            if not 0 <= damper_modes <= have:
-                raise SettingError(f"damper_modes: expected 0 to {have} (body '{body.name}'), found {damper_modes}")
+            validate.require(0 <= damper_modes <= have, "damper_modes", f"0 to {have} (body '{body.name}')", damper_modes)
             keep = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
             out[body.name] = np.array(keep + list(range(6, 6 + damper_modes)), int)
         elif body.kind == "lumped":

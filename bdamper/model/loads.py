@@ -22,8 +22,7 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
             raise SettingError(f"{what}: expected one of {tuple(DIRECTIONS)} or three numbers, found '{value}'{near}")
         return np.array(DIRECTIONS[value])
     vector = validate.numbers(what, value, 3)
-    if not np.any(vector):
-        raise SettingError(f"{what}: expected 3 finite numbers, not all zero, found {value!r}")
+    validate.that(np.any(vector), what, "3 finite numbers, not all zero", value)
     return vector / np.linalg.norm(vector)
 
 

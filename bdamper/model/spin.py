@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
@@ -93,10 +94,8 @@ class SpeedBasis:
             If the structure is not stable at this speed.
         """
         omega2, shapes = eigh(self.stiffness(omega))
-        if omega2[0] < -1e-12 * omega2[-1]:
-            raise SettingError(
-                f"rotor speed: expected a stable structure, found a negative squared frequency at {omega:.6g} rad/s"
-            )
+        found = f"a negative squared frequency at {omega:.6g} rad/s"
+        validate.require(not omega2[0] < -1e-12 * omega2[-1], "rotor speed", "a stable structure", found)
         own = linear_sum_assignment(-(np.abs(shapes) ** 2))[1]
         omega2, shapes = np.maximum(omega2[own], 0.0), shapes[:, own]
         along = np.diag(shapes)

@@ -96,8 +96,7 @@ def check_model(model: Model, *, where: str = "model") -> None:
     ModelError
         At the first violation found.
     """
-    if not isinstance(model, Model):
-        raise mismatch(where, "a Model", type(model).__name__)
+    require(isinstance(model, Model), where, "a Model", type(model).__name__)
     with np.errstate(all="ignore"):  # numbers out of range fail a check, without a warning before it
         _check_head(model, where)
         for name, interface in model.interfaces.items():
@@ -157,17 +156,15 @@ def _check_interface(interface: Interface, model: Model, item: str) -> None:
         sector = getattr(interface, f"sector_{side}")
         check_integer(sector, f"{item}/@sector_{side}")
         allowed = (0,) if model.n_blades == 1 else (-1, 0, 1)
-        if sector not in allowed:
-            expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
-            raise mismatch(f"{item}/@sector_{side}", expected, sector)
+        expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
+        require(sector in allowed, f"{item}/@sector_{side}", expected, sector)
 
 
 def _check_frame(frame: NDArray, item: str) -> None:
     error = np.abs(frame @ frame.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     worst = int(np.argmax(error))
-    if not error[worst] <= SINGLE:
-        found = f"an error of {error[worst]:.3g} in their products at point {worst}"
-        raise mismatch(item, "orthonormal rows t1, t2, n", found)
+    found = f"an error of {error[worst]:.3g} in their products at point {worst}"
+    require(error[worst] <= SINGLE, item, "orthonormal rows t1, t2, n", found)
     left = np.flatnonzero(np.linalg.det(frame) < 0)
     if len(left):
         raise mismatch(item, "right-handed rows t1, t2, n", f"left-handed ones at point {left[0]}")
@@ -181,15 +178,13 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
     check_type(body.ports, tuple, item)
     for port in body.ports:
         good = isinstance(port, tuple) and len(port) == 2 and all(isinstance(part, str) for part in port)
-        if not good or port[1] not in ("a", "b"):
-            raise mismatch(item, "pairs (interface, 'a' or 'b')", repr(port))
+        require(good and port[1] in ("a", "b"), item, "pairs (interface, 'a' or 'b')", repr(port))
         interface = model.interfaces.get(port[0])
         if interface is None:
             raise mismatch(item, f"an interface of {list(model.interfaces)}", f"'{port[0]}'")
         owner = interface.body_a if port[1] == "a" else interface.body_b
-        if owner != body.name:
-            found = f"body_{port[1]} = {owner!r} there"
-            raise mismatch(item, f"'{port[0]}.{port[1]}' to be a side of this body", found)
+        found = f"body_{port[1]} = {owner!r} there"
+        require(owner == body.name, item, f"'{port[0]}.{port[1]}' to be a side of this body", found)
     require(len(set(body.ports)) == len(body.ports), item, "each port once", f"{list(body.ports)}")
 
 
@@ -218,8 +213,7 @@ def _check_locations(model: Model, where: str) -> None:
         body = model.bodies.get(location.body) if isinstance(location.body, str) else None
         if body is None:
             raise mismatch(f"{item}/@body", f"a body of {list(model.bodies)}", repr(location.body))
-        if body.kind == "ground":
-            raise mismatch(f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
+        require(body.kind != "ground", f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -279,9 +273,8 @@ def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
     largest = 0 if body.kind in ("free", "lumped") else model.n_blades // 2
     for d in body.bases:
         check_integer(d, f"{item} (nodal diameter)")
-        if not 0 <= d <= largest:
-            expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
-            raise mismatch(item, f"{expected} (n_blades = {model.n_blades})", d)
+        expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
+        require(0 <= d <= largest, item, f"{expected} (n_blades = {model.n_blades})", d)
     require(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
 
 
@@ -328,8 +321,7 @@ def _check_basis(basis: ModalBasis, body: Body, model: Model, item: str) -> None
 
 def _check_location_modes(basis: ModalBasis, body: Body, model: Model, item: str) -> None:
     expected = [name for name, location in model.locations.items() if location.body == body.name]
-    if set(basis.locations) != set(expected):
-        raise mismatch(f"{item}/locations", f"{sorted(expected)}", f"{sorted(basis.locations)}")
+    require(set(basis.locations) == set(expected), f"{item}/locations", f"{sorted(expected)}", f"{sorted(basis.locations)}")
     for name, values in basis.locations.items():
         check_array(values, (3, basis.n_modes), f"{item}/locations/{name}", "field")
 
@@ -359,9 +351,8 @@ def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
     if is_positive_definite(rest + allowed * np.eye(len(rest))):
         return
     smallest = np.linalg.eigvalsh(rest)[0] if len(rest) else 0.0
-    if smallest < -allowed:
-        expected = "flexibility - Phi Omega^-2 Phi^H (elastic modes) positive semi-definite"
-        raise mismatch(item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
+    expected = "flexibility - Phi Omega^-2 Phi^H (elastic modes) positive semi-definite"
+    require(not smallest < -allowed, item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
 
 
 def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
@@ -373,9 +364,8 @@ def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
         size = max((np.abs(values).max(initial=0.0) for values in arrays.values()), default=0.0)
         for key, values in arrays.items():
             largest = np.abs(values.imag).max(initial=0.0)
-            if not largest <= ROUNDING * size:
-                found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
-                raise mismatch(f"{item}/{key}", "real numbers at nodal diameter 0", found)
+            found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
+            require(largest <= ROUNDING * size, f"{item}/{key}", "real numbers at nodal diameter 0", found)
 
 
 def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
@@ -453,16 +443,14 @@ def _check_orthonormal(mix: NDArray, item: str) -> None:
     products = mix.T @ mix
     for j, k in np.ndindex(N_RIGID, N_RIGID):
         expected = 1.0 if j == k else 0.0
-        if not abs(products[j, k] - expected) <= 4 * RIGID_TOLERANCE:
-            text = f"u{j}^T M u{k} = {expected:g} of the mass-normalised rigid-body modes"
-            raise mismatch(item, text, f"{products[j, k]:.9g}")
+        text = f"u{j}^T M u{k} = {expected:g} of the mass-normalised rigid-body modes"
+        require(abs(products[j, k] - expected) <= 4 * RIGID_TOLERANCE, item, text, f"{products[j, k]:.9g}")
 
 
 def _check_same_products(exact: NDArray, given: NDArray, size: float, item: str) -> None:
     error = np.abs(given @ given.T - exact @ exact.T).max() / size**2
-    if not error <= 4 * RIGID_TOLERANCE:
-        expected = "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
-        raise mismatch(item, expected, f"a relative difference of {error:.3g}")
+    expected = "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
+    require(error <= 4 * RIGID_TOLERANCE, item, expected, f"a relative difference of {error:.3g}")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -477,8 +465,7 @@ def _check_on_interfaces(model: Model, where: str) -> None:
         for name, part in getattr(model, group).items():
             item = f"{where}: /{group}/{name}"
             check_type(part, kind, item)
-            if name not in model.interfaces:
-                raise mismatch(item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
+            require(name in model.interfaces, item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
             for key in arrays[group]:
                 check_array(getattr(part, key), (model.interfaces[name].n_points, 3), f"{item}/{key}")
     for name, contact in model.contact.items():
@@ -508,8 +495,7 @@ def _check_meshes(model: Model, where: str) -> None:
 def _check_stress(stress: StressSet, model: Model, item: str) -> None:
     check_type(stress, StressSet, item)
     kinds = [name for name, body in model.bodies.items() if body.kind in ("constrained", "lumped")]
-    if stress.body not in kinds:
-        raise mismatch(f"{item}/@body", f"a constrained body of {kinds}", repr(stress.body))
+    require(stress.body in kinds, f"{item}/@body", f"a constrained body of {kinds}", repr(stress.body))
     body = model.bodies[stress.body]
     n_points = sum(model.interfaces[name].n_points for name, _ in body.ports)
     check_stress(stress, {d: basis.n_modes for d, basis in body.bases.items()}, n_points, item)
@@ -519,8 +505,7 @@ def _check_provenance(model: Model, where: str) -> None:
     item = f"{where}: /provenance"
     check_type(model.provenance, Mapping, item)
     for key, value in model.provenance.items():
-        if not isinstance(key, str) or not isinstance(value, str):
-            raise mismatch(item, "texts", f"{key!r}: {value!r}")
+        require(isinstance(key, str) and isinstance(value, str), item, "texts", f"{key!r}: {value!r}")
         text = key + value
         if key == "" or "\0" in text or text.encode(errors="ignore").decode() != text:
             raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")

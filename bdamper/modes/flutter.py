@@ -7,7 +7,7 @@ and that of the flow add up to zero, the motion goes on by itself, and it solves
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,8 +23,7 @@ from bdamper.peaks.optimal import preload_values
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, Statuses, because
@@ -34,7 +33,7 @@ from bdamper.util.text import amount
 
 @brief
 @dataclass(frozen=True)
-class Flutter(Plottable, Tabular, Storable, kind="bdamper-flutter", row="cycle"):
+class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", row="cycle"):
     """Rest and limit cycles of a blade that a flow excites, over preload and nodal diameter.
 
     ``plot`` draws them over the preload (:func:`bdamper.plot.plot_flutter`).
@@ -66,8 +65,6 @@ class Flutter(Plottable, Tabular, Storable, kind="bdamper-flutter", row="cycle")
     highest: float
     aerodynamic_damping: dict[str, list[float]]
     statuses: Statuses
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     @property
     def safe(self) -> NDArray:
@@ -141,8 +138,7 @@ def flutter(
     rows: list[tuple[Any, ...]] = []
     for d, value in given.items():
         flow = complex(value)
-        if not np.isfinite(flow):
-            raise validate.unfit(f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
+        validate.that(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
         zeta = flow.imag if isinstance(value, complex) else flow.real
         one = problem if d == own else problem.with_(engine_order=int(d) or problem.model.n_blades)
         one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
@@ -166,8 +162,7 @@ def flutter(
         highest=high,
         aerodynamic_damping={str(d): [complex(z).real, complex(z).imag] for d, z in given.items()},
         statuses=statuses,
-        settings=problem.record(options),
-        model_hash=problem.model.hash,
+        **problem.recorded(options),
     )
 
 
@@ -186,8 +181,7 @@ def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Probl
 
 def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[float, float, bool, str]]:
     """Amplitude (m), frequency (Hz), stability and status of the motions of a mode with a damping ratio of ``-zeta``."""
-    if not len(mode):
-        raise SettingError(f"flutter: expected a mode under {mode.preload:g} N, found none: {mode.reason}")
+    validate.require(len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}")
     system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
     g, out = mode.damping_ratio + zeta, []
     for i in np.flatnonzero((g[:-1] * g[1:] <= 0.0) & (g[1:] != 0.0) & (mode.branch[:-1] == mode.branch[1:])):

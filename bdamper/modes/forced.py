@@ -62,5 +62,5 @@ def peaks_from_mode(
             if peak.converged:
                 break
         if peak.converged and not any(same_peak(peak, other) for other in found):
-            found.append(replace(peak, settings=problem.record(), model_hash=problem.model.hash))
+            found.append(replace(peak, **problem.recorded()))
     return tuple(found)

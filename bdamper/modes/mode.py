@@ -108,8 +108,7 @@ def nonlinear_mode(
         status=status,
         reason=reason,
         cost=meter.read(time.perf_counter()),
-        settings=problem.record(options),
-        model_hash=problem.model.hash,
+        **problem.recorded(options),
     )
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +12,17 @@ from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, Status
-from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Shares, Tabular
+from bdamper.util.status import Status
+from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Metres, Numbers, Quantity, Shares, Tabular
 from bdamper.util.text import amount, height
 
 
 @brief
 @dataclass(frozen=True)
-class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonlinear-mode", row="point"):
+class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
     """Free vibration of a structure with friction: frequency and damping over its amplitude.
 
     Every point is a converged periodic motion.  ``plot`` draws both over the amplitude
@@ -69,21 +69,6 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
     status: Status
     reason: str
     cost: Cost
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
-
-    def __len__(self) -> int:
-        return len(self.frequency)
-
-    @property
-    def complete(self) -> bool:
-        """Whether the branch reaches the upper end of the amplitudes."""
-        return self.status == COMPLETE
-
-    @property
-    def amplitude(self) -> Metres:
-        """(n,) float, m: of the first harmonic of the response."""
-        return np.abs(self.harmonics[:, 1])
 
     @property
     def largest(self) -> Metres:

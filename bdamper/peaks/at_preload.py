@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from threading import Event
 from typing import Any
 
 import numpy as np
 
-from bdamper.continuation.coverage import LeftOut
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.rattle import open_at_rest, rattles
 from bdamper.continuation.track import without_points
 from bdamper.peaks.highest import AT_END, Found, Highest, found_at
-from bdamper.peaks.newton import Peak, PeakOptions
+from bdamper.peaks.newton import PeakOptions
 from bdamper.peaks.sensitivity import amplitude_sensitivity
 from bdamper.problem.problem import Problem
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import typed
 from bdamper.util.progress import ended_by
 from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND, because
 
@@ -76,45 +76,14 @@ class AtPreload:
 
     def record(self) -> dict[str, Any]:
         """All of it in numbers, texts, lists and arrays."""
-        curve = _plain(self.curve)
-        harmonics = self.curve.harmonics
-        curve |= {"harmonics": [harmonics.real, harmonics.imag], "cost": asdict(self.curve.cost)}
-        top = None
-        if self.top is not None:
-            tops = (self.top.peak, *self.top.detached)
-            top = {"peaks": [_plain(p) for p in tops], "kind": self.top.kind, "exact": self.top.exact}
-            top |= {"index": self.top.index, "note": self.top.note}
-        own = {"curve": curve, "top": top, "slope": self.slope, "rattles": self.rattles}
-        return {"index": repr(self.preload), **own, "cost": asdict(self.cost)}
+        return {"index": repr(self.preload), **asdict(self)}
 
     @staticmethod
     def of(record: Mapping[str, Any]) -> AtPreload:
         """What was recorded, as read from JSON."""
-        curve = _arrays(record["curve"])
-        re, im = curve["harmonics"]
-        curve |= {"harmonics": re + 1j * im, "cost": Cost(**curve["cost"])}
-        n = len(curve["frequency"])
-        curve |= {"unknowns": np.zeros((n, 0)), "shares": curve["shares"].reshape(n, 3)}
-        curve["left_out"] = tuple(LeftOut(*part) for part in record["curve"]["left_out"])
-        for name in ("point_kind", "notes", "start_log", "closed"):
-            curve[name] = tuple(record["curve"][name])
-        top, told = None, record["top"]
-        if told is not None:
-            peak, *detached = (Peak(**_arrays(p)) for p in told["peaks"])
-            top = Highest(peak, told["kind"], told["index"], told["exact"], tuple(detached), told["note"])
-        return AtPreload(
-            float(record["index"]), Curve(**curve), top, record["slope"], record["rattles"], Cost(**record["cost"])
-        )  # fmt: skip
-
-
-def _plain(result: Curve | Peak) -> dict[str, Any]:
-    left = {"ladder", "error_estimates", "stable", "in_time", "stability_note", "unknowns", "made_with"}
-    left |= {"cost", "settings", "model_hash"} if isinstance(result, Peak) else set()
-    return {f.name: getattr(result, f.name) for f in fields(result) if f.name not in left}
-
-
-def _arrays(record: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: np.array(v) if isinstance(v, list) and name != "left_out" else v for name, v in record.items()}
+        made: AtPreload = typed(AtPreload, record)
+        n = len(made.curve)
+        return replace(made, curve=replace(made.curve, unknowns=np.zeros((n, 0)), shares=made.curve.shares.reshape(n, 3)))
 
 
 @one_thread

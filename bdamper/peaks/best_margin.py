@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,8 @@ def best_margin(
     def place(peak: Peak, p: float) -> Place:
         """Of ln(preload) and less ln(margin), which is no number where the margin is none."""
         system, beside = problem.system, (p * (1.0 - BESIDE), p * (1.0 + BESIDE))
-        near = [find_peak(system(q), peak.y, tangent=_tangent(peak), scale=_scale(peak), parameter=q) for q in beside]
+        along: dict[str, Any] = {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
+        near = [find_peak(system(q), peak.y, parameter=q, **along) for q in beside]
         here = _height(judge, problem, peak, p)
         ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
         return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(beside[1] / beside[0])))
@@ -99,15 +101,6 @@ def best_margin(
 def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:
     value = judge(problem, peak.y[:-1], float(peak.y[-1]), preload)
     return float(-np.log(value)) if value > 0.0 else np.inf
-
-
-def _tangent(peak: Peak) -> np.ndarray | None:
-    """Direction of the curve at a peak, which one at a corner has not."""
-    return None if peak.corner else peak.tangent
-
-
-def _scale(peak: Peak) -> np.ndarray | None:
-    return None if peak.corner else peak.scale
 
 
 def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:

@@ -8,7 +8,6 @@ from bdamper.harmonic_balance.linear import around, linear_maximum, linear_reson
 from bdamper.peaks.optimal_curve import Limit
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 
 
 def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
@@ -30,8 +29,7 @@ def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
     if np.any(system.springs):  # they tie the modes together
         elastic = system.linear_modes(None)[0] ** 2
-    if not 1 <= mode <= len(elastic):
-        raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
+    validate.require(1 <= mode <= len(elastic), "mode", f"1 to {len(elastic)}", mode)
     free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
     springs = stuck_springs(problem, problem.equilibrium(1.0 if problem.carries_load else 0.0))
     poles = system.linear_modes(springs)[0] / (2.0 * np.pi)

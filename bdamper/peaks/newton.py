@@ -18,8 +18,8 @@ At a corner of the curve ``phi`` may jump through zero: then the search ends at 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,12 @@ from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, STATUS_TEXT, Corr
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, NOT_FOUND, because
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
 from bdamper.util.text import amount, height
 
 JUMP = 1e3
@@ -96,7 +96,7 @@ class PeakOptions:
 
 @brief
 @dataclass(frozen=True)
-class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
+class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
     """A maximum of the response amplitude along a response curve, or the place where the search for it ended.
 
     Drawn by :func:`bdamper.plot.plot_peak`.
@@ -129,15 +129,15 @@ class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
     ladder : Ladder, optional
     """
 
-    parameter: float
-    frequency: float
-    amplitude: float
+    parameter: Annotated[float, Quantity("N", name="preload")]
+    frequency: Cycles
+    amplitude: Metre
     y: NDArray
     tangent: NDArray
     scale: NDArray
     slope: float
     curvature: float
-    shares: NDArray
+    shares: Shares
     residual: float
     iterations: int
     trials: int
@@ -146,8 +146,6 @@ class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
     status: str = COMPLETE
     cost: Cost | None = None
     scan: str = ""
-    settings: dict[str, Any] = field(default_factory=dict, repr=False)
-    model_hash: str = ""
     ladder: Ladder | None = None
 
     @property
@@ -167,12 +165,6 @@ class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
             *([Fact("curve ended as", self.scan)] if self.scan not in ("", "complete") else []),
             *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
         )
-
-    def columns(self) -> dict[str, Column]:
-        """One row."""
-        single = {"preload": (self.parameter, "N"), "frequency": (self.frequency, "Hz"), "amplitude": (self.amplitude, "m")}
-        shares = dict(zip(("stick", "slip", "open"), ((share, "") for share in self.shares)))
-        return {name: Column(np.array([value]), unit) for name, (value, unit) in (single | shares).items()}
 
     def bottom_line(self) -> str:
         if not self.converged:

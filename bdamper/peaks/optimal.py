@@ -35,7 +35,7 @@ from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.rootfind import find_root
@@ -101,9 +101,8 @@ def optimal_curve(
     values = preload_values(preload, n)
     validate.flag("progress", progress)
     check_options(options)
-    if not problem.carries_load:
-        why = problem.why_no_load
-        raise SettingError(f"optimal_curve: expected a model with a body that carries a load, found that {why}")
+    why = problem.why_no_load
+    validate.require(problem.carries_load, "optimal_curve", "a model with a body that carries a load", f"that {why}")
     frequency = peak_interval(problem, frequency, mode)
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
@@ -330,7 +329,7 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
 
 def search_file(path: str | Path, problem: Problem, **asked: Any) -> ResultsFile:
     """The file of a search, guarded by the model, the settings and what was asked, as far as it is given."""
-    header = {"format": "bdamper-optimal-search", "version": 2, **HERE.attributes(), "study": study_fingerprint(problem)}
+    header = {"format": "bdamper-optimal-search", "version": 3, **HERE.attributes(), "study": study_fingerprint(problem)}
     return ResultsFile(path, header | asked, "search for an optimal curve")
 
 
@@ -377,8 +376,7 @@ def preload_values(preload: Any, n: int) -> NDArray:
     SettingError
         If they are not positive and increasing.
     """
-    if np.ndim(n) > 0:
-        raise SettingError(f"n: expected a whole number, and an interval by its name as frequency=(low, high), found {n!r}")
+    validate.that(np.ndim(n) == 0, "n", "a whole number, and an interval by its name as frequency=(low, high)", n)
     values = validate.numbers("preload", preload, above=0.0, unit="N")
     if len(values) < 2 or np.any(np.diff(values) <= 0.0):
         raise validate.unfit("preload", "(low, high) or a longer sequence of increasing values", preload)

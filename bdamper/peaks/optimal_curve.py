@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,9 @@ from bdamper.fatigue.margin import MarginCurve
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.experience import richer
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.kept import Kept
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
@@ -135,7 +134,7 @@ class OptimumPoint:
 
 @brief
 @dataclass(frozen=True)
-class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optimal", row="preload"):
+class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"):
     """Resonance over preload.
 
     ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
@@ -200,8 +199,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     stuck: Limit
     optimum: OptimumPoint
     cost: Cost
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
     lower_bound: Metres = field(default_factory=lambda: np.empty(0))
@@ -282,8 +279,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             If the curve has no optimum, or that is higher.
         """
         best = self.optimum
-        if not np.isfinite(best.preload):
-            raise SettingError(f"preloads_within: expected a curve with an optimum, found {best}")
+        validate.require(np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best)
         limit = validate.number("amplitude", amplitude, least=best.amplitude, unit="m")
         ends = []
         for step in (-1, 1):

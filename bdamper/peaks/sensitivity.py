@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Family, Peak, PeakOptions, amplitude_at, slope_along
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
 
@@ -156,7 +157,5 @@ def _finite(value: float, peak: Peak) -> float:
 
 
 def _check(peak: Peak) -> None:
-    if not peak.converged:
-        raise SettingError(f"sensitivities: expected a converged peak, found status '{peak.status}'")
-    if peak.corner:
-        raise SettingError("sensitivities: expected a smooth peak, found one at a corner of the response curve")
+    validate.require(peak.converged, "sensitivities", "a converged peak", f"status '{peak.status}'")
+    validate.require(not peak.corner, "sensitivities", "a smooth peak", "one at a corner of the response curve")

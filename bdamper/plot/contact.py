@@ -25,7 +25,6 @@ from bdamper.plot.axes import FIXED, PAPER, drawing
 from bdamper.plot.motion import STATES, ContactStatus, contact_status, relative_motion, rigid_displacement, rigid_motion
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 from bdamper.util.text import amount
 
@@ -204,8 +203,7 @@ def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> NDArray
         "gap": (contact.distance, "Gap (µm)", 1e-6),
         "friction": (np.where(closed, contact.utilisation.max(axis=1), np.nan), "Friction force / limit", 1.0),
     }
-    if quantity not in choices:
-        raise SettingError(f"quantity: expected one of {tuple(choices)}, found '{quantity}'")
+    validate.choice("quantity", quantity, choices)
     value, label, unit = choices[quantity]
     faces = [i for i in range(len(contact.interfaces)) if contact.friction[contact.owner == i].any()]
     faces = faces or list(range(len(contact.interfaces)))
@@ -219,8 +217,7 @@ def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> NDArray
 @draws(StiffnessComparison)
 def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> NDArray:
     """Contact stiffness per area over the faces, for t1, t2 and n; points of the fallback rule stay white."""
-    if method not in comparison.stiffness:
-        raise SettingError(f"method: expected one of {tuple(comparison.stiffness)}, found '{method}'")
+    validate.choice("method", method, comparison.stiffness)
     places = [(name, comparison.points[name], comparison.frame[name]) for name in comparison.interfaces]
     values = []
     for axis in range(3):
@@ -315,9 +312,8 @@ class _DamperMotion:
 def _damper_motion(problem: Problem, unknowns: NDArray, preload: float, body: str | None, frames: int) -> _DamperMotion:
     model = problem.coupling.model  # with united contact points, if the study asks for that
     name = rigid_motion(problem, unknowns, body).body
-    if name not in problem.model.meshes:
-        have = list(problem.model.meshes)
-        raise SettingError(f"animation: expected a mesh of '{name}' in the model, found meshes of {have}")
+    have = list(problem.model.meshes)
+    validate.require(name in problem.model.meshes, "animation", f"a mesh of '{name}' in the model", f"meshes of {have}")
     part, mesh = problem.model.bodies[name], problem.model.meshes[name]
     status = contact_status(problem, unknowns, preload, frames)
     along, distance = relative_motion(problem, unknowns, preload, status.theta)

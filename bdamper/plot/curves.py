@@ -23,7 +23,6 @@ from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.kept import Kept
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
@@ -110,8 +109,7 @@ def plot_curves(
     -------
     matplotlib axes
     """
-    if not isinstance(curves, Iterable):
-        raise validate.unfit("curves", "a sequence of Curve (plot_curve draws one)", curves)
+    validate.that(isinstance(curves, Iterable), "curves", "a sequence of Curve (plot_curve draws one)", curves)
     curves = tuple(curves)
     tracking = [c for c in curves if validate.instance("curves", c, Curve).kind == "tracking"]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
@@ -345,8 +343,7 @@ def plot_over_measurement(
         raise validate.unfit("curves", "a mapping of one or more names to optimal curves", curves)
     for name, curve in curves.items():
         validate.instance(f"curve '{name}'", curve, OptimalCurve)
-        if not np.isfinite(curve.optimum.preload):
-            raise SettingError(f"curves: expected some with an optimum, found '{name}': {curve.optimum}")
+        validate.require(np.isfinite(curve.optimum.preload), "curves", "some with an optimum", f"'{name}': {curve.optimum}")
     fit = None
     with drawing(ax, legend=8.0) as ax:
         for k, (name, curve) in enumerate(curves.items()):

@@ -17,7 +17,6 @@ from bdamper.model.stress import COMPONENTS
 from bdamper.plot.axes import MARKERS, PAPER, STYLES, colours, drawing, legend_beside, save_figure
 from bdamper.plot.model3d import plot_surfaces
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
 
@@ -150,8 +149,7 @@ def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
     meshes = [model.meshes[body] for body in bodies if body in model.meshes]
-    if not meshes:
-        raise SettingError(f"model: expected the surface of {bodies or 'the body of the points'}, found none")
+    validate.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
     surfaces = [(mesh.points, mesh.quads, ("#d0d0d0", 0.25)) for mesh in meshes]
     i = margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"

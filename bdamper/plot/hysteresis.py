@@ -13,7 +13,6 @@ from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
 from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, given_axes, runs, stacked
 from bdamper.plot.contact import plot_faces
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label
 from bdamper.util.text import amount
@@ -113,8 +112,7 @@ def plot_energy(result: Hysteresis) -> NDArray:
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
     names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
-    if not names:
-        raise SettingError("energy: expected contact points that lose some, found none: nothing slips")
+    validate.require(names, "energy", "contact points that lose some", "none: nothing slips")
     rows = [result.rows(name) for name in names]
     places = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
     return plot_faces(places, [density[r] for r in rows], [""], "Energy lost per cycle (J/m$^2$)", 1.0)

@@ -132,8 +132,7 @@ def plot_model(model: Model, path: Any = None) -> Any:
         (model.meshes[name].points @ turned.T, model.meshes[name].quads, tint[model.bodies[name].kind])
         for name, _, turned in _parts_to_show(model)
     ]
-    if not surfaces:
-        raise SettingError("plot of a model: expected at least one body with a mesh, found none")
+    validate.require(surfaces, "plot of a model", "at least one body with a mesh", "none")
     points = np.concatenate([face.points for face in model.interfaces.values()])
     return plot_surfaces(surfaces, points, path)
 

@@ -13,7 +13,6 @@ from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import drawing, legend_beside
 from bdamper.plot.curves import FREQUENCY, PRELOAD
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 
 COLUMNS = 400
 """Frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page."""
@@ -38,8 +37,7 @@ def plot_response_map(result: OptimalCurve, ax: Axes | None = None) -> Axes:
     """
     validate.instance("result", result, OptimalCurve)
     curves = [curve for curve in result.curves if len(curve)]
-    if len(curves) < 2:
-        raise SettingError(f"result: expected an optimal curve with two or more curves, found {len(curves)}")
+    validate.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]
     frequency = np.linspace(low, high, COLUMNS)
     read = [_read(curve, frequency) for curve in curves]

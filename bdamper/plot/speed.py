@@ -16,6 +16,7 @@ from bdamper.problem.at_speed import RPM
 from bdamper.speed.campbell import Campbell
 from bdamper.speed.crossings import Crossings, SpeedLine
 from bdamper.speed.run_up import RunUp
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 
@@ -154,8 +155,7 @@ def plot_crossings(
     matplotlib axes
         Each crossing with its engine order; thin lines are the responses along the lines of the orders.
     """
-    if quantity not in ("amplitude", "margin"):
-        raise SettingError(f'quantity: expected "amplitude" or "margin", found {quantity!r}')
+    validate.choice("quantity", quantity, ("amplitude", "margin"))
     value = np.asarray(getattr(found, quantity))
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")

@@ -60,8 +60,7 @@ def plot_together(
     matplotlib axes
         Stars mark optima, filled where whole tracking curves have verified them; lines end where there is no value.
     """
-    if not isinstance(results, Mapping) or not results:
-        raise validate.unfit("results", "a mapping of one or more names to results", results)
+    validate.that(isinstance(results, Mapping) and results, "results", "a mapping of one or more names to results", results)
     kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
     if kind is None:
         found = [type(result).__name__ for result in results.values()]

@@ -53,8 +53,7 @@ def export_modes(
     meshio = needed("meshio", "export to VTU", "viz")
     body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
-    if d not in mesh.modes:
-        raise SettingError(f"export of modes: expected a nodal diameter out of {sorted(mesh.modes)}, found {d}")
+    validate.require(d in mesh.modes, "export of modes", f"a nodal diameter out of {sorted(mesh.modes)}", d)
     frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
     fields: dict[str, NDArray] = {}
     for k in range(mesh.modes[d].shape[2]):

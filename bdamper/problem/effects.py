@@ -14,6 +14,7 @@ from typing import Any
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
+from bdamper.util.text import aligned
 
 AXES = ("X", "Y", "Z")
 LAW_NAMES = ("separable", "coupled", "bonded")
@@ -178,19 +179,13 @@ class Effects:
         changes: dict[str, Any] = {name: value}
         return replace(self, **changes)
 
-    def settings_text(self) -> list[tuple[str, str]]:
-        """Name and setting of each effect, as text."""
-        return [(f.name.replace("_", " "), _text(getattr(self, f.name))) for f in fields(self)]
-
     def describe(self) -> str:
         """A table of all effects: the setting, what it means, and what is assumed where it is off or reduced."""
         rows = [
-            (name, text, f.metadata["meaning"], f.metadata["off"])
-            for f, (name, text) in zip(fields(self), self.settings_text())
+            (f.name.replace("_", " "), _text(getattr(self, f.name)), f.metadata["meaning"], f.metadata["off"])
+            for f in fields(self)
         ]
-        head = ("effect", "setting", "meaning", "assumed where off or reduced")
-        width = [max(len(r[i]) for r in [head, *rows]) for i in range(4)]
-        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, width)).rstrip() for row in [head, *rows]]
+        lines = aligned([("effect", "setting", "meaning", "assumed where off or reduced"), *rows])
         evens = [l for l in range(2, max(self.harmonic_numbers)) if l % 2 == 0 and l not in self.harmonic_numbers]
         if evens and not self.odd_symmetry:
             lines.append(f"harmonics {evens} are left out although the variable normal load excites them")
@@ -206,24 +201,20 @@ def check_harmonics(harmonics: int | Sequence[int]) -> None:
         known = {validate.whole("harmonics", l, 1, MAX_HARMONIC) for l in given}
     except SettingError as error:
         raise validate.unfit("harmonics", what, harmonics) from error
-    if (several and 1 not in known) or len(known) != len(given):
-        raise validate.unfit("harmonics", what, harmonics)
+    validate.that((1 in known or not several) and len(known) == len(given), "harmonics", what, harmonics)
 
 
 def check_law(law: str | Mapping[str, str], names: tuple[str, ...] = LAW_NAMES) -> None:
     """Refuse anything but the name of a friction law, or a mapping of interface names to them."""
     given = law.values() if isinstance(law, Mapping) else [law]
-    if not all(isinstance(name, str) and name in LAW_NAMES for name in given):
-        expected = f"one of {names} or a mapping of interface names to {LAW_NAMES}"
-        raise validate.unfit("friction_law", expected, law)
+    expected = f"one of {names} or a mapping of interface names to {LAW_NAMES}"
+    validate.that(all(isinstance(name, str) and name in LAW_NAMES for name in given), "friction_law", expected, law)
 
 
 def check_traction(traction: str) -> None:
     """Points that never slip keep the friction force of the static state: a setting of earlier versions had other words."""
-    if traction != "static":
-        raise validate.unfit(
-            "residual_traction", "none: points that never slip keep the friction force of the static state", traction
-        )
+    expected = "none: points that never slip keep the friction force of the static state"
+    validate.that(traction == "static", "residual_traction", expected, traction)
 
 
 def whole_harmonics(harmonics: int | Sequence[int]) -> int | tuple[int, ...]:

@@ -51,29 +51,23 @@ def prescribe_preload(problem: P, loads: Mapping[str, float | NDArray], *, settl
         the structure at rest cannot be found.
     """
     validate.instance("problem", problem, Problem, "a study")
-    if problem.contact_points is not None:
-        raise SettingError(f"prescribed loads: expected contact_points=None, found {problem.contact_points}")
+    validate.require(problem.contact_points is None, "prescribed loads", "contact_points=None", problem.contact_points)
     names = problem.coupling.interfaces
     kn = problem.point_stiffness[:, 2]
     target = -kn * problem.point_gaps
     for name, value in validate.mapping("prescribed loads", loads, names, "interfaces").items():
-        rows = problem.coupling.rows(name)
+        rows, item = problem.coupling.rows(name), f"prescribed loads of '{name}'"
         n = rows.stop - rows.start
         try:
             target[rows] = np.broadcast_to(np.asarray(value, float), (n,))
         except ValueError as error:
-            raise SettingError(
-                f"prescribed loads of '{name}': expected a number or {n} numbers, found shape {np.shape(value)}"
-            ) from error
-        if not np.isfinite(target[rows]).all():
-            raise SettingError(f"prescribed loads of '{name}': expected finite newtons, found {np.asarray(value)}")
-        if np.any(kn[rows] <= 0.0):
-            raise SettingError(f"prescribed loads of '{name}': expected a positive normal stiffness at every point")
+            raise SettingError(f"{item}: expected a number or {n} numbers, found shape {np.shape(value)}") from error
+        validate.require(np.isfinite(target[rows]).all(), item, "finite newtons", np.asarray(value))
+        validate.require((kn[rows] > 0.0).all(), item, "a positive normal stiffness at every point", kn[rows].min())
     n0 = target.copy()
     if settled:
         free = [body.name for body in problem.model.bodies.values() if body.kind == "free"]
-        if free:
-            raise SettingError(f"prescribed loads: expected no free body (or settled=False), found {free}")
+        validate.require(not free, "prescribed loads", "no free body (or settled=False)", free)
         basis = problem.static_basis
         # a normal spring that is all but missing keeps N at its prescribed value while the structure moves
         state = static_state(replace(problem.static_system, kn=1e-12 * kn, n0=target), 0.0)

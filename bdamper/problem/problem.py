@@ -282,8 +282,7 @@ class Problem(Settings):
             whole = self.model.interfaces[name]
             if self.contact_points is not None and gap.shape == (whole.n_points,):  # given for the points of the model
                 gap = united_gap(whole, self.contact_points, gap)
-            if gap.shape != (face.n_points,):
-                raise validate.unfit(f"gap of '{name}'", f"{face.n_points} finite numbers", gap)
+            validate.that(gap.shape == (face.n_points,), f"gap of '{name}'", f"{face.n_points} finite numbers", gap)
             if self.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
                 raise SettingError(
                     f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "

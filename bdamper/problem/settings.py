@@ -7,7 +7,7 @@ stiffness, friction law, preload history, harmonics of the response.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, asdict, dataclass, field, fields, replace
+from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
 from typing import Any, Protocol, get_type_hints
 
 import numpy as np
@@ -168,11 +168,8 @@ class Settings:
             validate.choice(f"{name} location", place.location, sorted(self.model.locations))
         self._check_friction()
         if self.engine_order is None:
-            if self.model.n_blades > 1:
-                raise SettingError(
-                    f"engine_order: expected that of the excitation, since the model has {self.model.n_blades} sectors, "
-                    "found none"
-                )
+            expected = f"that of the excitation, since the model has {self.model.n_blades} sectors"
+            validate.require(self.model.n_blades <= 1, "engine_order", expected, "none")
             object.__setattr__(self, "engine_order", 1)
         validate.fields(self, validate.whole, "engine_order", "damper_modes")
         validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self.most_modes("constrained")))
@@ -184,8 +181,7 @@ class Settings:
         object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         check_evaluation(self.evaluation, self.harmonic_numbers[-1])
         object.__setattr__(self, "load_history", check_history(self.load_history, "load_history"))
-        if self.load_history[-1] != 1.0:
-            raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history}")
+        validate.require(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
         if self.damping_ratio is not None:
             validate.fields(self, validate.number, "damping_ratio", least=0.0, below=1.0)
         validate.fields(self, validate.number, "damper_damping_ratio", least=0.0, below=1.0)
@@ -199,10 +195,8 @@ class Settings:
         if self.speed is not None:
             validate.fields(self, validate.number, "speed", above=0.0, unit="rad/s")
             own = self.model.provenance.get("rotor speed", "none")
-            if own != f"{self.speed:.9g} rad/s":
-                raise SettingError(
-                    f"speed: expected a model at {self.speed:.9g} rad/s, as study.at_speed makes it, found one at {own}"
-                )
+            expected = f"a model at {self.speed:.9g} rad/s, as study.at_speed makes it"
+            validate.require(own == f"{self.speed:.9g} rad/s", "speed", expected, f"one at {own}")
         self._check_held()
 
     @property
@@ -215,11 +209,8 @@ class Settings:
     def _check_held(self) -> None:
         """What a lumped model carries as forces and matrices does not follow settings of contacts and modes."""
         drag = any(basis.drag is not None for body in self.model.bodies.values() for basis in body.bases.values())
-        if drag and self.damping_ratio is not None:
-            raise SettingError(
-                "damping_ratio: expected none, since the model carries a damping matrix that couples its modes, "
-                f"found {self.damping_ratio:g}"
-            )
+        expected = "none, since the model carries a damping matrix that couples its modes"
+        validate.that(not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio)
         own = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
         if self.holds_preload and not own:
             raise SettingError(
@@ -230,11 +221,8 @@ class Settings:
     def _check_contact_points(self) -> None:
         """Patches are united, never split: no more contact points than the model has."""
         most = max(self.most_points, 1)
-        if self.contact_points is not None and self.contact_points > most:
-            raise SettingError(
-                f"contact_points: expected at most {most}, those of a friction face of the model (None for all of them), "
-                f"found {self.contact_points}; the model itself decides how many there are"
-            )
+        expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
+        validate.that((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
 
     @property
     def most_points(self) -> int:
@@ -251,11 +239,8 @@ class Settings:
         own = {f.name: f.default for f in fields(self)}
         for name, value in self.settings_for(effects).items():
             given = getattr(self, name)
-            if given not in (own[name], value):
-                raise SettingError(
-                    f"{name}: expected only one of effects and {name}, found effects with {value!r} and {given!r}; "
-                    "use with_effects to change the effects of a study"
-                )
+            found = f"effects with {value!r} and {given!r}; use with_effects to change the effects of a study"
+            validate.require(given in (own[name], value), name, f"only one of effects and {name}", found)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "effects", None)
 
@@ -279,10 +264,8 @@ class Settings:
                 raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
         validate.choice("friction_axes", self.friction_axes, ("contact", "major"))
         laws = set(self.law_by_interface().values())
-        if isinstance(self.evaluation, str) and LAW_COUPLED in laws:
-            raise SettingError(
-                'evaluation: expected Sampled(n_time) with friction_law="coupled", which has no closed form, found "exact"'
-            )
+        expected = 'Sampled(n_time) with friction_law="coupled", which has no closed form'
+        validate.require(not (isinstance(self.evaluation, str) and LAW_COUPLED in laws), "evaluation", expected, '"exact"')
         _ = self.friction_by_interface()
 
     def law_by_interface(self) -> dict[str, int]:
@@ -358,6 +341,10 @@ class Settings:
         }
         return {name: value for name, value in other.items() if value is not None}
 
+    def recorded(self, options: object = None) -> dict[str, Any]:
+        """What a result says of how it was made: settings, as :meth:`record` returns them, and hash of the model."""
+        return {"settings": self.record(options), "model_hash": self.model.hash}
+
     def record(self, options: Any = None) -> dict[str, Any]:
         """All settings as results keep them: numbers, texts, lists and mappings of these.
 
@@ -366,38 +353,12 @@ class Settings:
         options : dataclass, optional
             Of the continuation, kept beside them.
         """
-        out: dict[str, Any] = {
-            "engine_order": int(self.engine_order),
-            "harmonics": list(self.harmonic_numbers),
-            "bias": self.bias,
-            "variable_normal_load": self.variable_normal_load,
-            "separation": self.separation,
-            "contact_points": self.contact_points,
-            "stability": self.stability,
-            "friction_coefficient": self.friction_by_interface(),
-            "excitation": asdict(self.excitation),
-            "response": asdict(self.response_location),
-            "contact_stiffness": _stiffness_setting(self.stiffness_method),
-            "contact_stiffness_factor": self.contact_stiffness_factor,
-            "load_history": list(self.load_history),
-            "slip_offset": self.slip_offset,
-            "slip_offset_seed": self.slip_offset_seed,
-            "gap": self.gap,
-            "blade_modes": int(self.blade_modes),
-            "damper_modes": int(self.damper_modes),
-            "rigid_modes": list(self.rigid_modes),
-            "constraints": self.constraints,
-            "single_basis": self.single_basis,
-            "damping_ratio": self.damping_ratio,
-            "damper_damping_ratio": self.damper_damping_ratio,
-            "damper_drag": self.damper_drag,
-            "speed": self.speed,
-            "friction_law": self.friction_law if isinstance(self.friction_law, str) else dict(self.friction_law),
-            "friction_axes": self.friction_axes,
-            "evaluation": self.evaluation if isinstance(self.evaluation, str) else asdict(self.evaluation),
-        }
+        places = {"excitation": self.excitation, "response": self.response_location}
+        out = {f.name: getattr(self, f.name) for f in fields(Settings) if f.name not in ("model", "effects", *places)}
+        out |= {"harmonics": self.harmonic_numbers, "friction_coefficient": self.friction_by_interface(), **places}
+        out["contact_stiffness"] = _stiffness_setting(self.stiffness_method)
         if options is not None:
-            out["continuation"] = asdict(options)
+            out["continuation"] = options
         settings: dict[str, Any] = _plain(out)
         return settings
 
@@ -451,14 +412,13 @@ def check_result(problem: Settings, result: SomeResult, name: str = "result") ->
         raise SettingError(f"{name}: expected one at the rotor speed of this study, {mine}, found one at {at}")
     if result.model_hash not in (problem.model.hash, replace(problem.model, stress={}).hash):  # stress may come later
         raise SettingError(f"{name}: expected one of this study's model, found one of {'another' * bool(kept) or 'none'}")
-    if other:
-        found = ", ".join(f"{key} = {kept[key]} for {own[key]}" for key in other)
-        raise SettingError(f"{name}: expected one of this study, found one with {found}")
+    found = ", ".join(f"{key} = {kept[key]} for {own[key]}" for key in other)
+    validate.require(not other, name, "one of this study", f"one with {found}")
 
 
 def _stiffness_setting(given: Any) -> Any:
     if isinstance(given, ResidualModes):
-        return {"residual_modes": asdict(given)}
+        return {"residual_modes": given}
     if isinstance(given, PerArea):
         return {"per_area": given.stiffness}
     return given if isinstance(given, str) else {"values": given}
@@ -466,6 +426,8 @@ def _stiffness_setting(given: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     """Settings as they stand in a file: numbers, texts, lists and mappings of these."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):

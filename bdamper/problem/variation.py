@@ -23,7 +23,6 @@ from bdamper.model.validation import as_checked
 from bdamper.problem.at_speed import Conditions, under
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 
 P = TypeVar("P", bound=Problem)
 FACTORS = ("damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor")
@@ -159,8 +158,7 @@ def _damped(body: Body, factor: float) -> Body:
 def denser(model: Model, factor: float) -> Model:
     """The model with the density of its free bodies multiplied: mass-normalised modes shrink, flexibility stays."""
     free = [body for body in model.bodies.values() if body.kind == "free"]
-    if not free:
-        raise SettingError("mass of the damper: expected a model with a free body, found none")
+    validate.require(free, "mass of the damper", "a model with a free body", "none")
     bodies = dict(model.bodies)
     root = 1.0 / np.sqrt(factor)
     for body in free:

@@ -7,25 +7,7 @@ and the local basis of a wheel of unequal blades.  Others use `CyclicSector`, `F
 `local_basis`, `patches_on_faces` and `travelling_waves`.
 """
 
-from bdamper.reduction.bodies import Wanted, constrained_body, free_body, needed_nodal_diameters
-from bdamper.reduction.cyclic import CyclicSector
-from bdamper.reduction.free_body import FreeBody
+from bdamper.reduction.bodies import Wanted
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, local_basis
-from bdamper.reduction.patches import Patches, patches_on_faces, patches_on_rectangles
-from bdamper.reduction.waves import travelling_waves
 
-__all__ = [
-    "BladePart",
-    "CyclicSector",
-    "FreeBody",
-    "LocalSizes",
-    "Patches",
-    "Wanted",
-    "constrained_body",
-    "free_body",
-    "local_basis",
-    "needed_nodal_diameters",
-    "patches_on_faces",
-    "patches_on_rectangles",
-    "travelling_waves",
-]
+__all__ = ["BladePart", "LocalSizes", "Wanted", "local_basis"]

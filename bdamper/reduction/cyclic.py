@@ -25,7 +25,7 @@ from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 from scipy.spatial import cKDTree
 
 from bdamper.model.model import turn
-from bdamper.reduction.structure import Structure
+from bdamper.reduction.structure import Structure, check
 
 
 def factorise(matrix: sp.spmatrix) -> SuperLU:
@@ -50,8 +50,7 @@ def match_faces(nodes: NDArray, left: NDArray, right: NDArray, pitch: float, tol
     ValueError
         If the faces do not match node by node within ``tolerance`` (m).
     """
-    if len(left) == 0 or len(right) == 0:
-        raise ValueError(f"sector faces with {len(left)} and {len(right)} nodes: none may be empty")
+    check(len(left) and len(right), f"sector faces with {len(left)} and {len(right)} nodes: none may be empty")
     target = nodes[left] @ turn(pitch).T
     distance, index = cKDTree(nodes[right]).query(target)
     if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
@@ -88,10 +87,9 @@ def cyclic_transformation(
         fixed = clamped
     else:
         fixed[clamped] = True
-    if np.any(fixed[left] != fixed[right]):
-        raise ValueError("a clamped node of one sector face has a free image on the other")
-    if n_sectors > 1 and np.any(fixed[left, 0] != fixed[left, 1]):
-        raise ValueError("a node of a sector face is fixed in one of the directions X and Y that a rotation mixes")
+    check((fixed[left] == fixed[right]).all(), "a clamped node of one sector face has a free image on the other")
+    wrong = "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes"
+    check(n_sectors == 1 or (fixed[left, 0] == fixed[left, 1]).all(), wrong)
     free = np.flatnonzero(~dependent & ~fixed.all(axis=1))
     column = np.full(n_nodes, -1)
     column[free] = np.arange(len(free))

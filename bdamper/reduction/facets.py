@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.reduction.structure import check
+
 N_CORNER = {4: 4, 10: 4, 6: 6, 15: 6, 8: 8, 20: 8}
 """Corners of an element with so many nodes."""
 
@@ -106,8 +108,7 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
     found: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
     for group in elements:
         n_node = group.shape[1]
-        if n_node not in N_CORNER:
-            raise ValueError(f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
+        check(n_node in N_CORNER, f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
         n_corner = N_CORNER[n_node]
         for face in FACES[n_corner]:
             for element, corner in zip(group, group[:, face]):

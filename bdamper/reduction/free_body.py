@@ -22,6 +22,7 @@ resultant of 1 N along the radial direction of the damper.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -31,7 +32,7 @@ from scipy.linalg import qr
 from scipy.sparse.linalg import SuperLU
 
 from bdamper.reduction.cyclic import factorise, fix_phase, lowest_modes
-from bdamper.reduction.structure import Structure
+from bdamper.reduction.structure import Structure, check
 
 
 def rigid_motions(nodes: NDArray, centre: NDArray, axes: NDArray) -> NDArray:
@@ -84,7 +85,6 @@ class FreeBody(Generic[S]):
     body: S
     axes: NDArray
     constrained: NDArray | None = None
-    _lu: SuperLU | None = field(default=None, repr=False)
     _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -105,12 +105,10 @@ class FreeBody(Generic[S]):
         self._rigid_momentum: NDArray = mass @ motion
         self._kept = np.setdiff1d(np.arange(body.n_dof), self.constrained)
 
-    @property
+    @cached_property
     def solver(self) -> SuperLU:
         """Factorisation of the stiffness matrix of the constrained body."""
-        if self._lu is None:
-            self._lu = factorise(self.body.stiffness[self._kept][:, self._kept])
-        return self._lu
+        return factorise(self.body.stiffness[self._kept][:, self._kept])
 
     def remove_rigid(self, displacement: NDArray) -> NDArray:
         """``P u``: the part (3 n_nodes, ...) orthogonal to the rigid modes in the mass matrix."""
@@ -132,8 +130,7 @@ class FreeBody(Generic[S]):
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Six rigid modes, then elastic ones, ``n_modes`` in all."""
-        if n_modes < 6:
-            raise ValueError(f"a free body has six rigid modes; n_modes = {n_modes}")
+        check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
         if n_modes == 6:
             return np.zeros(6), self.rigid
         omega2, shapes = self.elastic_modes(n_modes - 6)

@@ -38,7 +38,7 @@ from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface, Port
 from bdamper.reduction.bodies import Wanted, location_rows
 from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, factorise, fix_phase, lowest_modes
-from bdamper.reduction.structure import Structure
+from bdamper.reduction.structure import Structure, check
 from bdamper.util import validate
 
 SPRINGS = (0.3, 3.0)
@@ -107,10 +107,8 @@ class BladePart:
         self.root: NDArray = np.flatnonzero(root)
         self.root_dofs: NDArray = np.flatnonzero(np.repeat(root, 3) & moving)
         self.own_dofs: NDArray = np.flatnonzero(np.repeat(inside & ~root, 3) & moving)
-        if not len(self.root_dofs):
-            raise ValueError("a blade that no node of its root joins to the disk")
-        if len(self.own_dofs) < 12:
-            raise ValueError(f"a blade of {len(self.own_dofs)} moving components besides its root")
+        check(len(self.root_dofs), "a blade that no node of its root joins to the disk")
+        check(len(self.own_dofs) >= 12, f"a blade of {len(self.own_dofs)} moving components besides its root")
 
     @property
     def inside(self) -> NDArray:
@@ -124,11 +122,9 @@ class BladePart:
         ------
         ValueError
         """
-        if not self.inside[wanted.contact.indices // 3].all():
-            raise ValueError("contact points that are not on the blade")
+        check(self.inside[wanted.contact.indices // 3].all(), "contact points that are not on the blade")
         for name, node in wanted.locations.items():
-            if not self.inside[node]:
-                raise ValueError(f"location '{name}', which is not on the blade")
+            check(self.inside[node], f"location '{name}', which is not on the blade")
 
     @cached_property
     def solver(self) -> SuperLU:

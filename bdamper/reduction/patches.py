@@ -26,6 +26,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.reduction.facets import Facets, area_vectors, corner_count
+from bdamper.reduction.structure import check
 
 
 def _seven_points() -> tuple[NDArray, NDArray]:
@@ -109,8 +110,7 @@ def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tu
     """
     if not isinstance(points, (int, np.integer)):
         return int(points[0]), int(points[1])
-    if points < 1:
-        raise ValueError(f"points must be at least 1, not {points}")
+    check(points >= 1, f"points must be at least 1, not {points}")
     factors = [n for n in range(1, points + 1) if points % n == 0]
     n_s = min(factors, key=lambda n: (abs(np.log(length / n / (width / (points // n)))), n))
     # Nine points are meant as three by three, although longer patches would be closer to squares then.
@@ -131,9 +131,8 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     vectors = area_vectors(facets, nodes)
     total = vectors.sum(axis=0)
     area = np.linalg.norm(vectors, axis=1).sum()
-    if not np.linalg.norm(total) > 0.5 * area:
-        expected = "expected one face, with all facets seen from outside counter-clockwise"
-        raise ValueError(f"the normals of its facets do not point to one side: {expected}")
+    expected = "expected one face, with all facets seen from outside counter-clockwise"
+    check(np.linalg.norm(total) > 0.5 * area, f"the normals of its facets do not point to one side: {expected}")
     n = total / np.linalg.norm(total)
     axial = np.array([0.0, 0.0, 1.0])
     t2 = n * n[2] - axial
@@ -372,9 +371,8 @@ def _rectangles_in_plane(patches: Patches, nodes: NDArray, facets: Facets, what:
             if len(polygon) >= 3:
                 found.append(_Piece(polygon, k, -1))
         total = sum(polygon_area(p.polygon) for p in found)
-        if abs(total - size.prod()) > 1e-6 * size.prod():
-            found_area = f"but {what} covers {total:.6g} m2 of it"
-            raise ValueError(f"patch {i} at {centre} m has an area of {size.prod():.6g} m2, {found_area}")
+        wrong = f"patch {i} at {centre} m has an area of {size.prod():.6g} m2, but {what} covers {total:.6g} m2 of it"
+        check(abs(total - size.prod()) <= 1e-6 * size.prod(), wrong)
         cells.append(found)
     return _means(cells, np.array(patches.frame), (flat, None), (nodes, None))
 
@@ -428,14 +426,12 @@ def patches_on_faces(
     if nodes_b is not None and facets_b is not None:
         flat_b = _flatten(facets_b, nodes_b, origin, frame, what[1])
     pieces = [p for p in _pieces(flat_a, flat_b) if polygon_area(p.polygon) > 0.0]
-    if not pieces:
-        raise ValueError(f"{what[0]} and {what[1]} have no area in common")
+    check(pieces, f"{what[0]} and {what[1]} have no area in common")
     whole = sum(polygon_area(p.polygon) for p in pieces)
     low = np.min([p.polygon.min(axis=0) for p in pieces], axis=0)
     high = np.max([p.polygon.max(axis=0) for p in pieces], axis=0)
     n_1, n_2 = patch_grid(points, *(high - low))
-    if n_1 < 1 or n_2 < 1:
-        raise ValueError(f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
+    check(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
     edges = [np.linspace(low[k], high[k], n + 1) for k, n in enumerate((n_1, n_2))]
     cells: list[list[_Piece]] = [[] for _ in range(n_1 * n_2)]
     tiny = 1e-13 * whole

@@ -32,7 +32,7 @@ from scipy.linalg import eigh
 from bdamper.model.basis import ModalBasis
 from bdamper.model.spin import SpeedBasis
 from bdamper.reduction.cyclic import CyclicSector
-from bdamper.reduction.structure import Structure
+from bdamper.reduction.structure import Structure, check
 
 IN_PLANE = np.diag([1.0, 1.0, 0.0])
 _ACROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # e_z x
@@ -67,8 +67,7 @@ def spin_displacement(sector: CyclicSector) -> NDArray:
     sector : CyclicSector
         Of nodal diameter 0; with the stiffness of standstill for linear theory, of the speed for stiffened blades.
     """
-    if sector.nodal_diameter != 0:
-        raise ValueError(f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}")
+    check(sector.nodal_diameter == 0, f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}")
     moved = sector.transformation @ sector.static_response(centrifugal_force(sector.body)[:, None])
     return np.asarray(moved)[:, 0]
 

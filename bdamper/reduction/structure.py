@@ -9,6 +9,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 
+def check(good: object, wrong: str) -> None:
+    """Raise a ValueError that says what is wrong, to which an importer adds of which body."""
+    if not good:
+        raise ValueError(wrong)
+
+
 @dataclass(frozen=True)
 class Structure:
     """Nodes and matrices; the displacements of node ``a`` are the rows ``3 a``, ``3 a + 1``, ``3 a + 2``.

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.model import turn
+from bdamper.reduction.structure import check
 
 PAIR_TOLERANCE, PHASE_TOLERANCE = 1e-4, 1e-3
 """Relative difference of frequencies up to which two real shapes can be one wave; violation of the phase condition over
@@ -82,8 +83,7 @@ def travelling_waves(
         If a shape, or a pair of shapes, is no wave of this nodal diameter.
     """
     d, n = nodal_diameter, n_sectors
-    if not 0 <= d <= n // 2:
-        raise ValueError(f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
+    check(0 <= d <= n // 2, f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
     size = np.linalg.norm(np.concatenate([shapes.reshape(-1, 3, len(frequency))[s] for s in (left, right)]), axis=(0, 1))
     whole = np.linalg.norm(shapes, axis=0)
     # A mode that leaves the faces at rest does not determine the phase; its size elsewhere is the scale then.

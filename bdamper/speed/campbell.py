@@ -9,7 +9,7 @@ diameter at one speed, with the line of the excitation folded back at N/2.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
 
@@ -23,7 +23,7 @@ from bdamper.speed.family import SpeedFamily, free_and_stuck
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
@@ -32,7 +32,7 @@ from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
 @brief
 @dataclass(frozen=True)
-class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell"):
+class Campbell(OverSpeed, Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     """Frequencies over rotor speed.
 
     ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the interference diagram at one
@@ -71,8 +71,6 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
     order_stuck: NDArray
     damped: tuple[Crossings, ...] = ()
     notes: tuple[str, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     def met_by(self, engine_order: int) -> int:
         """Nodal diameter that an engine order excites."""
@@ -194,8 +192,7 @@ def campbell(
     shown = (damped,) if isinstance(damped, Crossings) else tuple(damped or ())
     for item in shown:
         validate.instance("damped", item, Crossings, "crossings, as Study.crossings returns them")
-        if item.model_hash != problem.model.hash:
-            raise SettingError("damped: expected crossings of this model, found those of another one")
+        validate.require(item.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one")
     given = Conditions.of(conditions)
     bases = [item for body in problem.model.bodies.values() if body.kind == "constrained" for item in body.bases.items()]
     found = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
@@ -228,8 +225,7 @@ def campbell(
         order_stuck=table[:, 3],
         damped=shown,
         notes=problem.model.neglected_over_speed(),
-        settings=problem.record(None),
-        model_hash=problem.model.hash,
+        **problem.recorded(),
     )
 
 

@@ -95,8 +95,7 @@ class CrossingTask:
 
     def __post_init__(self) -> None:
         given = validate.numbers("speeds", self.speeds, above=0.0, unit="rad/s")
-        if len(given) != 2 or given[1] <= given[0]:
-            raise validate.unfit("speeds", "two increasing values", self.speeds)
+        validate.that(len(given) == 2 and given[1] > given[0], "speeds", "two increasing values", self.speeds)
         object.__setattr__(self, "speeds", tuple(given.tolist()))
         validate.fields(self, validate.whole, "mode", least=1)
 

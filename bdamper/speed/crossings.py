@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +26,7 @@ from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Formerly, Storable
+from bdamper.util.hdf5 import Formerly, Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import FAILED, NOT_RUN, Translated, word
@@ -73,7 +73,7 @@ class SpeedLine:
 
 @brief
 @dataclass(frozen=True)
-class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-crossings", row="crossing"):
+class Crossings(OverSpeed, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-crossings", row="crossing"):
     """Where the highest resonance of a mode lies on the lines of engine orders.
 
     A crossing is the highest point of the response along the line, as a slow run-up passes it; the peak at fixed speed
@@ -82,10 +82,8 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
     Parameters
     ----------
     engine_order : (n,) int
-    mass_factor : (n,) float
-        On the mass of the free bodies, load and inertia together.
-    mass : (n,) float, kg
-        Of the first of them that is loaded.
+    mass_factor, mass : (n,) float, 1 and kg
+        On the mass of the free bodies, load and inertia together; mass of the first of them that is loaded.
     kind : tuple of str
         "complete"; "incomplete" where there may be a higher point, as ``warnings`` say; "none" where no resonance of the
         mode can meet the line in the range; "not found"; otherwise "failed: " or "not run" as of a sweep.
@@ -93,9 +91,8 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
         NaN without a crossing.
     fixed_speed, fixed_speed_amplitude : (n,) float, rad/s and m
         The peak at fixed speed beside the highest point, where it lies on the line; NaN if there is none.
-    shares : (n, 3) float
-        Stick, slip and open at the highest point.
-    residual : (n,) float
+    shares, residual : (n, 3) and (n,) float
+        Stick, slip and open at the highest point, and its residual.
     amplitude_by_mass, speed_by_mass : (n,) float, m and rad/s per unit of the factor on the mass
         Load and inertia together; NaN at a corner of the response curve.
     margin : (n,) float
@@ -105,10 +102,8 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
         What the search for each crossing leaves open, empty where nothing.
     range, mode, cost
         What was asked for, rad/s, and the cost of each crossing.
-    notes : tuple of str
-        What the model neglects over speed.
-    settings : mapping
-    model_hash : str
+    notes, settings, model_hash : tuple of str, mapping and str
+        What the model neglects over speed; settings and model of the study.
     """
 
     engine_order: Numbers
@@ -132,8 +127,6 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
     mode: int
     cost: tuple[Cost, ...]
     notes: tuple[str, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     @property
     def found(self) -> NDArray:
@@ -262,8 +255,7 @@ def crossings(
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validate.wholes("engine_orders", engine_orders, least=1)
     factors = validate.numbers("damper_mass", damper_mass, above=0.0)
-    if not orders:
-        raise SettingError("engine_orders: expected at least one, found none")
+    validate.require(orders, "engine_orders", "at least one", "none")
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")

@@ -23,6 +23,7 @@ from bdamper.model.validation import as_checked
 from bdamper.problem.at_speed import Conditions, preload_at, under
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.problem.variation import vary
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
 P = TypeVar("P", bound=Problem)
@@ -38,10 +39,8 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
     SettingError
         If the two do not have the same coordinates.
     """
-    if basis.coordinates != reference.coordinates:
-        raise SettingError(
-            "speeds: expected a range in which contacts keep their residual modes, found one that changes them"
-        )
+    expected = "a range in which contacts keep their residual modes"
+    validate.require(basis.coordinates == reference.coordinates, "speeds", expected, "one that changes them")
     own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
     if not len(own):
         return basis
@@ -162,8 +161,7 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
     elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
     if np.any(system.springs):
         elastic = system.linear_modes(None)[0] ** 2
-    if modes > len(elastic):
-        raise SettingError(f"mode: expected 1 to {len(elastic)}, found {modes}")
+    validate.require(modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
     free = np.sqrt(elastic[:modes])
     poles = list(system.linear_modes(stuck_springs(problem, state))[0])
     stuck = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,8 +20,8 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Formerly, Storable
+from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import Formerly, Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, because
@@ -36,7 +36,7 @@ BESIDE = ", no peak at fixed speed beside it lies on the line"
 
 @brief
 @dataclass(frozen=True)
-class RunUp(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
+class RunUp(OverSpeed, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-run-up"):
     """Response along the line of an engine order.
 
     ``plot`` draws amplitude over speed (:func:`bdamper.plot.plot_run_up`).
@@ -79,8 +79,6 @@ class RunUp(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-r
     interpolation: float
     status: str
     cost: Cost
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     @property
     def frequency(self) -> Hertz:
@@ -170,11 +168,9 @@ def run_up(
             f"{high:.6g} rad/s, found none{'' if line is None else f': {_why_no_top(line)}'}"
         )
     top, error = exact(family, line)
-    if not error <= CLOSE:
-        raise SettingError(
-            f"speeds: expected a range in which the equations change smoothly, found a residual of {error:.2g} after "
-            f"interpolation between {line.speed.min():.6g} and {line.speed.max():.6g} rad/s; give a shorter one"
-        )
+    between = f"interpolation between {line.speed.min():.6g} and {line.speed.max():.6g} rad/s; give a shorter one"
+    found = f"a residual of {error:.2g} after {between}"
+    validate.require(error <= CLOSE, "speeds", "a range in which the equations change smoothly", found)
     nan, fixed = float("nan"), line.fixed
     return RunUp(
         engine_order=int(problem.engine_order),
@@ -190,8 +186,7 @@ def run_up(
         interpolation=error,
         status=COMPLETE if line.status == COMPLETE else because(INCOMPLETE, line.reason),
         cost=meter.read(time.perf_counter()),
-        settings=problem.record(None),
-        model_hash=problem.model.hash,
+        **problem.recorded(),
     )
 
 

@@ -364,6 +364,5 @@ def bases_beside(problem: Problem, d: int, highest: int | None = None) -> dict[i
         order = (d + l * int(problem.engine_order)) % problem.model.n_blades
         if problem.model.folded_nodal_diameter(order)[0] in have:
             out[l] = problem.damped(waves.basis(order))
-    if 0 not in out:
-        raise SettingError(f"nodal_diameters: expected those whose modes the model has, {sorted(have)}, found {d}")
+    validate.require(0 in out, "nodal_diameters", f"those whose modes the model has, {sorted(have)}", d)
     return out

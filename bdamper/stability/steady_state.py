@@ -235,16 +235,14 @@ def settle(
         frequency = validate.number("frequency", frequency, above=0.0, unit="Hz")
     if isinstance(start, Curve):
         check_curve(problem, start)
-        if not len(start):
-            raise validate.unfit("start", "a curve with points", f"one without ({start.status}: {start.reason})")
+        validate.that(len(start), "start", "a curve with points", f"one without ({start.status}: {start.reason})")
         if frequency is None:
             if start.gap is None:
                 raise validate.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
             frequency = float(np.mean(start.gap))
         state: NDArray | Motion = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
     else:
-        if start.model_hash != problem.model.hash:
-            raise validate.unfit("start", "a response of this study", "one of another model")
+        validate.that(start.model_hash == problem.model.hash, "start", "a response of this study", "one of another model")
         frequency = start.frequency if frequency is None else frequency
         state = start.motion
     march = March(ring_of(problem, start.preload), TWO_PI * frequency, state, steps_per_period)

@@ -14,8 +14,8 @@ frequencies of their jumps are compared instead.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +31,12 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INTERRUPTED
-from bdamper.util.tables import ROW, Amplitude, Hertz, Metres, Quantity, Tabular
+from bdamper.util.tables import ROW, Followed, Hertz, Metres, Quantity, Tabular
 from bdamper.util.text import amount, height
 
 RATE = 0.1
@@ -72,7 +72,7 @@ class Jump(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep", row="turn"):
+class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"):
     """The response while the frequency goes slowly from one end of an interval to the other, turn by turn.
 
     ``plot`` draws amplitude over frequency, also over tracking curves (:func:`bdamper.plot.plot_time_sweep`).
@@ -111,31 +111,11 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep", row="tu
     reason: str
     cost: Cost
     beside: tuple[TimeSweep, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
-
-    def __len__(self) -> int:
-        return len(self.frequency)
-
-    @property
-    def complete(self) -> bool:
-        """Whether it went over the whole interval."""
-        return self.status == COMPLETE
 
     @property
     def up(self) -> bool:
         """Whether the frequency rises."""
         return self.rate > 0.0
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether Ctrl-C has ended it."""
-        return self.status == INTERRUPTED
-
-    @property
-    def amplitude(self) -> Amplitude:
-        """(n,) amplitude of the harmonic of the excitation, m."""
-        return np.abs(self.harmonics[:, 1])
 
     @property
     def mean(self) -> Metres:

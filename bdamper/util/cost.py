@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
@@ -100,10 +99,6 @@ class Stopwatch:
         return {"seconds": time.perf_counter() - self.start, "processor": time.thread_time() - self.processor_start}
 
 
-def _summed(costs: Sequence[Any], name: str) -> Any:
-    return sum(getattr(c, name) for c in costs)
-
-
 @dataclass
 class CostMeter:
     """Sums the cost of several systems that serve one result, in the thread that made the meter."""
@@ -130,7 +125,7 @@ class CostMeter:
     @property
     def work(self) -> float:
         """Million operations so far."""
-        total = _summed(self.parts, "work")
+        total = sum(part.work for part in self.parts)
         for system, before in self.systems:
             total += float(system.work @ (operations(system.core.cost) - operations(before)))
         return float(total)
@@ -144,9 +139,9 @@ class CostMeter:
         return Cost(
             seconds=now - self.start,
             processor=time.thread_time() - self.processor_start,
-            core_processor=self._in_core("processor") + _summed(self.parts, "core_processor"),
-            iterations=self.iterations + _summed(self.parts, "iterations"),
-            failed_steps=self.failed_steps + _summed(self.parts, "failed_steps"),
+            core_processor=self._in_core("processor") + sum(part.core_processor for part in self.parts),
+            iterations=self.iterations + sum(part.iterations for part in self.parts),
+            failed_steps=self.failed_steps + sum(part.failed_steps for part in self.parts),
             work=self.work,
-            **{name: self._in_core(name) + _summed(self.parts, name) for name in shared},
+            **{name: self._in_core(name) + sum(getattr(part, name) for part in self.parts) for name in shared},
         )

@@ -101,6 +101,21 @@ class Storable:
             raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """A result that says what it was computed from.
+
+    Parameters
+    ----------
+    settings : mapping
+        Of the problem, and what was asked.
+    model_hash : str
+    """
+
+    settings: dict[str, Any] = field(default_factory=dict, kw_only=True, repr=False)
+    model_hash: str = field(default="", kw_only=True)
+
+
 def check_folder(path: FilePath) -> None:
     """Refuse a path whose folder does not exist, and one that is a folder itself."""
     folder = Path(path).resolve().parent
@@ -249,6 +264,8 @@ def _typed(hint: Any, value: Any) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
+    if origin is np.ndarray:
+        return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
         return tuple(_typed(kind, item) for kind, item in zip(kinds, value))
@@ -270,7 +287,7 @@ def _typed(hint: Any, value: Any) -> Any:
 def plain(value: Any) -> Any:
     """JSON form of numbers and arrays of NumPy and of small frozen objects."""
     if isinstance(value, np.ndarray):
-        return value.tolist()
+        return {"real": value.real.tolist(), "imag": value.imag.tolist()} if np.iscomplexobj(value) else value.tolist()
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Mapping):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from bdamper.util.cost import Cost
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Summarised, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE
@@ -15,7 +14,7 @@ from bdamper.util.text import amount
 
 @brief
 @dataclass(frozen=True)
-class Kept(Summarised, Storable, kind="bdamper-kept"):
+class Kept(Summarised, Recorded, Storable, kind="bdamper-kept"):
     """The highest amplitude that a blade keeps at one preload, by a march in time toward the tip of the response.
 
     Parameters
@@ -52,8 +51,6 @@ class Kept(Summarised, Storable, kind="bdamper-kept"):
     diameters: tuple[int, ...] = ()
     status: str = COMPLETE
     cost: Cost = field(default_factory=Cost)
-    settings: dict[str, Any] = field(default_factory=dict, repr=False)
-    model_hash: str = ""
 
     @property
     def marched(self) -> bool:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from bdamper.util.errors import BdamperError, needed
 from bdamper.util.hdf5 import FilePath, check_folder, plain
+from bdamper.util.status import COMPLETE, INTERRUPTED
 from bdamper.util.text import PREFIXES, aligned, fitting, spaced
 from bdamper.util.versions import HERE
 
@@ -124,9 +125,9 @@ def quantities(cls: Any) -> dict[str, Quantity]:
 
 
 def _columns_of(name: str, mark: Quantity, value: Any, row: str) -> Iterator[tuple[str, Column]]:
-    values = np.asarray(value)
+    values = np.atleast_1d(value)
     if mark.parts:
-        yield from ((part, Column(values[:, k], mark.unit)) for k, part in enumerate(mark.parts))
+        yield from ((part, Column(np.atleast_2d(values)[:, k], mark.unit)) for k, part in enumerate(mark.parts))
     else:
         yield mark.name or name, Column(values, mark.unit, tuple(dim or row for dim in mark.dims))
 
@@ -251,6 +252,32 @@ class Tabular:
             variables[name] = (dims, values, {"units": column.unit} if column.unit else {})
         data = xarray.Dataset(variables, attrs=self._attributes())
         return data.set_coords([name for name in data.variables if data[name].dims == (name,)])
+
+
+class Followed:
+    """Solutions over frequency with the harmonics of their response, as far as they were followed; a mixin."""
+
+    frequency: Hertz
+    harmonics: NDArray
+    status: str
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    @property
+    def complete(self) -> bool:
+        """Whether solutions cover all that was asked for, on a curve but for gaps of a thousandth; see ``left_out``."""
+        return self.status == COMPLETE
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C has ended it."""
+        return self.status == INTERRUPTED
+
+    @property
+    def amplitude(self) -> Amplitude:
+        """(n,) float, m: amplitude of the harmonic of the excitation."""
+        return np.abs(self.harmonics[:, 1])
 
 
 def joined(tables: Sequence[Tabular]) -> dict[str, Column]:

@@ -28,6 +28,18 @@ def unfit(name: str, expected: str, found: Any) -> SettingError:
     return SettingError(f"{name}: expected {expected}, found {shortened(_shown(found))}")
 
 
+def that(good: object, name: str, expected: str, value: object) -> None:
+    """Refuse a value that does not fit, which the error shows as :func:`unfit` does."""
+    if not good:
+        raise unfit(name, expected, value)
+
+
+def require(good: object, name: str, expected: str, found: object) -> None:
+    """Refuse what does not fit; the error says in words what was found."""
+    if not good:
+        raise SettingError(f"{name}: expected {expected}, found {shortened(found)}")
+
+
 def _shown(value: Any) -> str:
     if isinstance(value, np.generic):
         value = value.item()
@@ -85,8 +97,7 @@ def whole(name: str, value: Any, least: int = 0, most: int | None = None) -> int
 
 def flag(name: str, value: Any) -> bool:
     """True or False, and nothing that only counts as such."""
-    if not isinstance(value, bool | np.bool_):
-        raise unfit(name, "True or False", value)
+    that(isinstance(value, bool | np.bool_), name, "True or False", value)
     return bool(value)
 
 
@@ -164,8 +175,7 @@ def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = ""
 
 def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
     """A mapping of some of the keys to values."""
-    if not isinstance(value, Mapping):
-        raise unfit(name, f"a mapping of {words} out of {list(keys)} to values", value)
+    that(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
     unknown = [key for key in value if key not in keys]
     if unknown:
         raise SettingError(f"{unfit(name, f'{words} out of {list(keys)}', unknown)}{meant(unknown[0], keys)}")
@@ -191,11 +201,9 @@ def numbers(
 
 def wholes(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
     """A sequence of whole numbers, each at most once."""
-    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-        raise unfit(name, "a sequence of whole numbers", value)
+    that(isinstance(value, Iterable) and not isinstance(value, str | bytes), name, "a sequence of whole numbers", value)
     given = tuple(whole(name, item, least, most) for item in value)
-    if len(set(given)) != len(given):
-        raise unfit(name, "whole numbers, each at most once", value)
+    that(len(set(given)) == len(given), name, "whole numbers, each at most once", value)
     return given
 
 
