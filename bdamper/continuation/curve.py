@@ -52,7 +52,7 @@ class Fold:
     kind: str = "fold"
 
     def __str__(self) -> str:
-        return f"{self.kind}: {height(self.amplitude, self.frequency)} (point {self.index})"
+        return f"{self.kind}: {height(self.amplitude, self.frequency, 6)} (point {self.index})"
 
 
 @brief

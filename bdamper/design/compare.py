@@ -79,7 +79,7 @@ class DesignComparison(Plottable, Tabular, Storable, kind="bdamper-designs"):
 
         return [
             ("design", "amplitude", "frequency", "preload", "change", ""),
-            *((n, amount(a, "m"), amount(f, "Hz"), amount(p, "N"), change(a) if n != self.names[0] else "", s)
+            *((n, amount(a, "m"), amount(f, "Hz", 6), amount(p, "N"), change(a) if n != self.names[0] else "", s)
               for n, a, f, p, s in rows),
         ]  # fmt: skip
 

@@ -255,7 +255,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
 
 def _as_words(point: Mapping[str, Any]) -> str:
-    texts = {n: amount(v, UNITS.get(n, "")) if isinstance(v, float) else short(v) for n, v in point.items()}
+    texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short(v) for n, v in point.items()}
     return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
 
 

@@ -179,12 +179,15 @@ def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArra
 
 
 def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[float] | NDArray, at: float) -> None:
-    """A limit, or both, as a thin line that bears its name above one of its points."""
+    """A limit, or both, as a thin line that bears its name above the point next to a place, of those that are known."""
     look = LIMITS.get(name, LIMITS["stuck"])
     ax.plot(x, y, **look)
-    height = float(np.asarray(y)[np.argmin(np.abs(np.asarray(x) - at))])
-    ax.annotate(name, (at, height), xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.0,
-                color=look["color"])  # fmt: skip
+    away = np.where(np.isfinite(y), np.abs(np.asarray(x) - at), np.inf)
+    if np.isfinite(away).any():
+        k = int(np.argmin(away))
+        side = {0: "left", len(away) - 1: "right"}.get(k, "center")  # within the axes
+        ax.annotate(name, (x[k], y[k]), xytext=(0, 2), textcoords="offset points", ha=side, fontsize=7.0,
+                    color=look["color"])  # fmt: skip
 
 
 def lost(

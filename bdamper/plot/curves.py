@@ -234,7 +234,7 @@ def plot_optimal(
             levels = {"free or stuck": max(levels.values())}
         for name, level in levels.items():
             at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
-            limit_line(ax, name, result.preload[[0, -1]], [level, level], at)
+            limit_line(ax, name, result.preload, np.full(len(result), level), at)
         _mark_gaps(ax, result)
         _mark_checks(ax, result)
         _mark_optimum(ax, result)

@@ -232,11 +232,11 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
     """
     best, names = result.recommended, result.varied
     others = ", ".join(spaced(name) for name in names)
-    ratio, within = result.richest.seconds / best.seconds, percent(result.tolerance)
+    ratio, within = result.richest.seconds / (best.seconds or np.nan), percent(result.tolerance)
     found = "none is faster" if best is result.richest else f"{ratio:.2g} times faster than the reference"
-    title = title or f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}"
+    title = title or f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\nwithin {within}: {found}"
     handles: dict[str, Any] = {}
-    with drawing(ax, size=(5.2, 4.2), title=f"{title}\nwithin {within}: {found}") as ax:
+    with drawing(ax, size=(5.2, 4.2), title=title) as ax:
         shades = colours(len(names))
         for r in result.runs[1:]:
             k = names.index(r.part) if r.part in names else -1

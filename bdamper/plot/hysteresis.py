@@ -67,7 +67,9 @@ def plot_hysteresis(
     title = title or f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}"
     with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
         for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
-            name = f"{_name(result, place)},\nloses {amount(lost[place], 'J')} a cycle"
+            name = _name(result, place)
+            if direction != "n" or whole:
+                name += f",\nloses {amount(lost[place], 'J')} a cycle{'' if whole else ' in all directions'}"
             ax.plot(x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=name)
         of = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
         ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {of} (m)", "ylabel": f"Force {of} (N)"})

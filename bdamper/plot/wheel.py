@@ -81,7 +81,7 @@ def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve 
         if len(curve.folds):
             at = curve.folds
             ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
-        if tuned is not None:
+        if tuned is not None and len(tuned):
             limit_line(ax, "tuned", tuned.frequency, tuned.amplitude, tuned.peak.frequency)
         ax.set(xlabel=label(WheelCurve, "frequency"), ylabel="Amplitude (m)")
     return ax

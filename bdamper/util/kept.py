@@ -88,7 +88,7 @@ class Kept(Summarised, Recorded, Storable, kind="bdamper-kept"):
             return f"{at} it is not known what a blade keeps, so nothing confirms the peak of the harmonic balance: {why}."
         peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
         doubt = f" ({self.status})" if self.status != COMPLETE else ""
-        head = f"{at} a blade keeps {self.text} at {amount(self.frequency, 'Hz')}; {peak}{doubt}."
+        head = f"{at} a blade keeps {self.text} at {amount(self.frequency, 'Hz', 6)}; {peak}{doubt}."
         if not self.marched:
             return f"{head} Contacts stay closed and no fold is near, so it is kept."
-        return head if self.fall != self.fall else f"{head} The motion falls at {amount(self.fall, 'Hz')}."
+        return head if self.fall != self.fall else f"{head} The motion falls at {amount(self.fall, 'Hz', 6)}."

@@ -183,10 +183,11 @@ class Ladder(Plottable, Tabular):
             text = "convergence with harmonics not known"
         else:
             what = "not converged to" if self.error > self.tolerance else "fewer than three answers to compare for"
-            text = f"{what} {percent(self.tolerance)}: {amount(low, 'm')} to {amount(high, 'm')} with {numbers} harmonics"
+            ends = f"{amount(low, 'm', 5)} to {amount(high, 'm', 5)}"
+            text = f"{what} {percent(self.tolerance)}: {ends} with {numbers} harmonics"
             if self.by_frequency:
                 at = [r.frequency for r in rungs]
-                text += f", {amount(min(at), 'Hz')} to {amount(max(at), 'Hz')}"
+                text += f", {amount(min(at), 'Hz', 6)} to {amount(max(at), 'Hz', 6)}"
         text += "".join(f"; {r.harmonics} harmonics not known ({r.status})" for r in self.rungs if not r.known)
         if self.preloads is not None:
             low, high = self.preloads

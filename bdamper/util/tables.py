@@ -180,7 +180,7 @@ class Tabular:
         values = [np.asarray(column.values).tolist() for column in table.values()]
         largest = [max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0) for column in values]
         scale = [fitting(most, column.unit) if most < np.inf else " " for most, column in zip(largest, table.values())]
-        cells = [[f"{v / PREFIXES[s]:.4g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
+        cells = [[f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
         if not cells or len(cells[0]) > FEW_ROWS:
             return []
         head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]

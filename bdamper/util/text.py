@@ -49,9 +49,9 @@ def fitting(size: float, unit: str) -> str:
     return reached[-1] if reached and np.isfinite(size) else " "
 
 
-def height(amplitude: float, frequency: float) -> str:
-    """How high a response is (m), and where (Hz)."""
-    return f"{amount(amplitude, 'm')} at {amount(frequency, 'Hz')}"
+def height(amplitude: float, frequency: float, digits: int = 3) -> str:
+    """How high a response is (m), and where (Hz); in six digits, places that lie close together are told apart."""
+    return f"{amount(amplitude, 'm', digits)} at {amount(frequency, 'Hz', digits)}"
 
 
 def spaced(name: str) -> str:

@@ -143,8 +143,8 @@ class BestPreload:
         tuned = f"tuned {amount(self.tuned_preload, 'N')}, {amount(self.tuned_amplitude, 'm')}"
         return (
             f"Best preload for the worst blade in {self.percentile:g} % of {self.wheels} wheels, standard deviation "
-            f"{100.0 * self.standard_deviation:g} %: {amount(self.preload, 'N')} ({self.low:.4g} to {self.high:.4g} N, "
-            f"{self.kind} of the preloads asked), {Interval(*(1e6 * x for x in self.amplitude))} µm; {tuned}"
+            f"{100.0 * self.standard_deviation:g} %: {Interval(self.low, self.preload, self.high).to_text('N')}, "
+            f"{self.kind} of the preloads asked, {self.amplitude.to_text('m')}; {tuned}"
         )
 
 

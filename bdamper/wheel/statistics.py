@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
+from bdamper.util.text import amount
 
 FEWEST_IN_TAIL = 10
 """Values that a fit of three parameters needs at least."""
@@ -31,9 +32,12 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self) -> str:
-        high = f"{self.high:.4g}" if np.isfinite(self.high) else "not bounded by the sample"
-        low = f"{self.low:.4g}" if np.isfinite(self.low) else "not bounded by the sample"
-        return f"{self.value:.4g} ({low} to {high})"
+        return self.to_text("")
+
+    def to_text(self, unit: str) -> str:
+        """Value and ends in four digits, each with the unit."""
+        low, high = (amount(x, unit, 4) if np.isfinite(x) else "not bounded by the sample" for x in (self.low, self.high))
+        return f"{amount(self.value, unit, 4)} ({low} to {high})"
 
 
 def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:

@@ -64,7 +64,7 @@ class TestCurve:
         assert abs(curve.ladder.rungs[-1].change) < 0.02 and not curve.ladder.converged
         one, three, five = (p.amplitude for p in peaks(study, 1, 3, 5))
         assert (low, high) == pytest.approx((min(three, five), one), rel=1e-9)
-        ends = f"{amount(low, 'm')} to {amount(high, 'm')}"
+        ends = f"{amount(low, 'm', 5)} to {amount(high, 'm', 5)}"
         assert curve.complete and f"not converged to 2 %: {ends} with 1, 3 and 5 harmonics" in curve.details()
 
     def test_begins_with_the_harmonics_of_the_study(self, study):
@@ -340,3 +340,9 @@ def test_estimates_of_falling_amplitudes():
     found = Ladder(0.05, 1.0, 7, rungs).estimates([])["harmonics"]
     assert found.amplitude == pytest.approx(-0.125) and found.frequency == 0.0
     assert not Ladder(0.05, 1.0, 3, rungs[:2]).estimates([])["harmonics"].known
+
+
+def test_a_ladder_by_frequency_tells_its_ends_apart():
+    rungs = (Rung(1, 4e3, 1.2340e-3, 360.12), Rung(3, 4e3, 1.2352e-3, 360.31), Rung(5, 4e3, 1.2349e-3, 360.44))
+    note = Ladder(0.0005, 4e3, 5, rungs, (), True).note
+    assert "1.234 mm to 1.2352 mm" in note and "360.12 Hz to 360.44 Hz" in note

@@ -27,7 +27,7 @@ from bdamper.plot import (
     plot_import_report,
     plot_over_measurement,
 )
-from bdamper.plot.axes import drawing
+from bdamper.plot.axes import drawing, limit_line
 from bdamper.plot.motion import contact_status
 from bdamper.problem.effects import Effects
 from bdamper.util.text import amount
@@ -184,7 +184,9 @@ def test_accuracy_explains_its_lines(times):
         Run("contact_points", ("5", "9"), np.nan, np.nan, np.nan, t[1]),
         Run("combination", ("3", "9"), 1e-3, 300.0, 0.0, t[0]),
     )
-    ax = plot_accuracy(AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, (), 1))
+    result = AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, (), 1)
+    assert plot_accuracy(result, title="own").get_title() == "own"
+    ax = plot_accuracy(result)
     assert legend_texts(ax) == [
         "harmonics alone, reference 5", "contact points alone, reference 24", "combination",
         "fastest within 1 %:\nharmonics 3\ncontact points 9", "time of the reference", "tolerance, 1 %",
@@ -321,3 +323,14 @@ class TestStyle:
         assert curve.optimum.preload in drawn, "the line goes through the optimum"
         only = curve.plot(amplitude.figure.add_subplot())
         assert only.get_ylabel() == "Tip amplitude (µm)"
+
+
+def test_a_limit_bears_its_name_within_the_axes_at_a_known_point():
+    with drawing() as ax:
+        limit_line(ax, "stuck", [], [], 1.0)
+        limit_line(ax, "stuck", [1.0, 2.0], [np.nan, np.nan], 1.0)
+        limit_line(ax, "tuned wheel", [1.0, 2.0, 3.0], [1.0, 2.0, np.nan], 3.0)
+        limit_line(ax, "the whole wheel, tuned", [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], 3.0)
+    assert [text.xy for text in ax.texts] == [(2.0, 2.0), (3.0, 3.0)]
+    ax.figure.canvas.draw()
+    assert all(text.get_window_extent().x1 <= ax.bbox.x1 for text in ax.texts)

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.curve import Fold
+from bdamper.design.sweep import _as_words
 from bdamper.peaks.optimal_curve import NEAR_BEST
+from bdamper.util.kept import Kept
 from bdamper.util.text import amount, percent
 from tests.plain import plain_study
 
@@ -182,3 +185,10 @@ class TestBottomLine:
     def test_numbers_stay_with_their_units(self, curve):
         for line in str(curve).split("\n"):
             assert not line.endswith(tuple("0123456789")) or line.startswith("  ")
+
+
+def test_places_close_together_are_told_apart():
+    assert str(Fold(360.12, 1e-3, 1)) == "fold: 1 mm at 360.12 Hz (point 1)"
+    assert _as_words({"preload": 1001.0}) == "preload 1.001 kN" and _as_words({"mu": 0.46049}) == "mu 0.46049"
+    kept = Kept(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9).bottom_line()
+    assert "at 354.17 Hz;" in kept and "falls at 354.24 Hz" in kept

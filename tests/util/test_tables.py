@@ -219,7 +219,7 @@ class TestNotebook:
         assert Empty()._repr_html_() == "<div><pre>a &lt; b</pre></div>"
 
     def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
-        assert str(curve.peak).startswith(f"peak: {height(curve.peak.amplitude, curve.peak.frequency)} (point")
+        assert str(curve.peak).startswith(f"peak: {height(curve.peak.amplitude, curve.peak.frequency, 6)} (point")
         assert repr(study.track(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: ")
 
 

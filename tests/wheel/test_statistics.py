@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import weibull_max
 
 import bdamper as bd
-from bdamper.wheel.statistics import percentile, share, weibull_tail
+from bdamper.wheel.sample_result import BestPreload
+from bdamper.wheel.statistics import Interval, percentile, share, weibull_tail
 
 
 def test_intervals_of_percentiles_cover():
@@ -84,3 +85,11 @@ def test_the_tail_of_a_weibull_distribution_is_found():
         found.percentile(40.0)
     with pytest.raises(bd.SettingError, match="at least 10 different values in the tail, found 5 of 10"):
         weibull_tail(np.arange(10.0))
+
+
+def test_every_number_of_a_best_preload_has_its_unit():
+    best = BestPreload(90.0, 0.03, 1230.0, Interval(7.1e-4, 7.5e-4, np.inf), 987.6, 1543.0, "interior", 950.0, 6.9e-4, 40)
+    assert str(best).endswith(
+        "1.23 kN (987.6 N to 1.543 kN), interior of the preloads asked, 750 µm (710 µm to not bounded by the sample); "
+        "tuned 950 N, 690 µm"
+    )
