@@ -10,65 +10,118 @@
 
 enum { MOST_ROWS = BD_WIDTH == 8 ? 8 : 4, MOST_VECTORS = 3 };
 
-BD_INLINE void tile(const int n_rows, const int n_vec, size_t m, size_t k, const double *A, const double *B,
+/* A (i, p) at A[i of_row + p of_column]. */
+typedef struct {
+    const double *A;
+    size_t of_row, of_column;
+    double alpha;
+} left_factor;
+
+BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const left_factor f, const double *B,
                     size_t stride_b, double *C, size_t stride_c, size_t n_columns) {
     bd_vec sum[MOST_ROWS][MOST_VECTORS];
     for (int i = 0; i < n_rows; ++i)
         for (int v = 0; v < n_vec; ++v) sum[i][v] = bd_all(0.0);
     for (size_t p = 0; p < k; ++p) {
-        const double *a = A + p * m, *b = B + p * stride_b;
+        const double *a = f.A + i * f.of_row + p * f.of_column, *b = B + p * stride_b;
         bd_vec row[MOST_VECTORS];
         for (int v = 0; v < n_vec; ++v) row[v] = bd_load(b + v * BD_WIDTH);
-        for (int i = 0; i < n_rows; ++i) {
-            const bd_vec ai = bd_all(a[i]);
-            for (int v = 0; v < n_vec; ++v) sum[i][v] += ai * row[v];
+        for (int r = 0; r < n_rows; ++r) {
+            const bd_vec ar = bd_all(a[(size_t)r * f.of_row]);
+            for (int v = 0; v < n_vec; ++v) sum[r][v] += ar * row[v];
         }
     }
-    for (int i = 0; i < n_rows; ++i) {
-        double *c = C + (size_t)i * stride_c;
+    for (int r = 0; r < n_rows; ++r) {
+        double *c = C + (i + (size_t)r) * stride_c;
         for (int v = 0; v < n_vec; ++v) {
             const size_t from = (size_t)(v * BD_WIDTH);
             if (from + BD_WIDTH <= n_columns)
-                bd_store(c + from, bd_load(c + from) + sum[i][v]);
+                bd_store(c + from, bd_load(c + from) + f.alpha * sum[r][v]);
             else
-                for (size_t j = from; j < n_columns; ++j) c[j] += bd_entry(sum[i][v], j - from);
+                for (size_t j = from; j < n_columns; ++j) c[j] += f.alpha * bd_entry(sum[r][v], j - from);
         }
     }
 }
 
-BD_INLINE void strip(const int n_vec, size_t m, size_t k, const double *A, const double *B, size_t stride_b, double *C,
+BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, const double *B, size_t stride_b, double *C,
                      size_t stride_c, size_t n_columns) {
     size_t i = 0;
     for (; i + MOST_ROWS <= m; i += MOST_ROWS)
-        tile(MOST_ROWS, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+        tile(MOST_ROWS, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
     if (m - i >= 4) {
-        tile(4, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+        tile(4, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
         i += 4;
     }
     if (m - i >= 2) {
-        tile(2, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+        tile(2, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
         i += 2;
     }
-    if (m - i == 1) tile(1, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+    if (m - i == 1) tile(1, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
 }
 
-static void product(size_t m, size_t n, size_t k, const double *A, const double *B, size_t stride_b, double *C,
-                    size_t stride_c) {
+BD_INLINE void all_strips(size_t m, size_t n, size_t k, const left_factor f, const double *B, size_t stride_b, double *C,
+                          size_t stride_c) {
     if (k == 0) return;
     for (size_t j = 0; j < n;) {
         const size_t left = n - j;
         if (left > 2 * BD_WIDTH) {
             const size_t taken = left < 3 * BD_WIDTH ? left : 3 * BD_WIDTH;
-            strip(3, m, k, A, B + j, stride_b, C + j, stride_c, taken);
+            strip(3, m, k, f, B + j, stride_b, C + j, stride_c, taken);
             j += taken;
         } else if (left > BD_WIDTH) {
-            strip(2, m, k, A, B + j, stride_b, C + j, stride_c, left);
+            strip(2, m, k, f, B + j, stride_b, C + j, stride_c, left);
             j += left;
         } else {
-            strip(1, m, k, A, B + j, stride_b, C + j, stride_c, left);
+            strip(1, m, k, f, B + j, stride_b, C + j, stride_c, left);
             j += left;
         }
     }
+}
+
+static void product(size_t m, size_t n, size_t k, const double *A, const double *B, size_t stride_b, double *C,
+                    size_t stride_c) {
+    all_strips(m, n, k, (left_factor){A, 1, m, 1.0}, B, stride_b, C, stride_c);
+}
+
+static void add_product(size_t m, size_t n, size_t k, double alpha, const double *A, size_t stride_a, const double *B,
+                        size_t stride_b, double *C, size_t stride_c) {
+    all_strips(m, n, k, (left_factor){A, stride_a, 1, alpha}, B, stride_b, C, stride_c);
+}
+
+/* Gauss and Jordan's elimination in place, rows exchanged. */
+static int invert(int n, double *restrict A, int *restrict pivot) {
+    int sign = 1;
+    for (int k = 0; k < n; ++k) {
+        double *row = A + k * n;
+        int p = k;
+        for (int i = k + 1; i < n; ++i)
+            if (fabs(A[i * n + k]) > fabs(A[p * n + k])) p = i;
+        pivot[k] = p;
+        const double found = A[p * n + k];
+        if (!(fabs(found) > 0.0) || isinf(found)) return 0;
+        if ((found < 0.0) != (p != k)) sign = -sign;
+        if (p != k)
+            for (int j = 0; j < n; ++j) {
+                const double t = A[p * n + j];
+                A[p * n + j] = row[j], row[j] = t;
+            }
+        row[k] = 1.0;
+        for (int j = 0; j < n; ++j) row[j] /= found;
+        for (int i = 0; i < n; ++i) {
+            double *to = A + i * n;
+            const double f = to[k];
+            if (i == k) continue;
+            to[k] = 0.0;
+            for (int j = 0; j < n; ++j) to[j] -= f * row[j];
+        }
+    }
+    for (int k = n - 1; k >= 0; --k)
+        if (pivot[k] != k)
+            for (int i = 0; i < n; ++i) {
+                const double t = A[i * n + k];
+                A[i * n + k] = A[i * n + pivot[k]], A[i * n + pivot[k]] = t;
+            }
+    return sign;
 }
 
 /* ---- tangent times modes ---- */
@@ -211,6 +264,8 @@ extern const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT);
 const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
     .name = BD_VARIANT_NAME,
     .product = product,
+    .add_product = add_product,
+    .invert = invert,
     .fill_rows = fill_rows,
     .multiply = multiply,
     .multiply_transposed = multiply_transposed,

@@ -58,6 +58,11 @@ typedef struct {
     /* C (m, n) += A^T B with A (k, m), B (k, n); row strides m, stride_b, stride_c. */
     void (*product)(size_t m, size_t n, size_t k, const double *A, const double *B, size_t stride_b, double *C,
                     size_t stride_c);
+    /* C (m, n) += alpha A B with A (m, k), B (k, n); row strides. */
+    void (*add_product)(size_t m, size_t n, size_t k, double alpha, const double *A, size_t stride_a, const double *B,
+                        size_t stride_b, double *C, size_t stride_c);
+    /* A (n, n) becomes its inverse, with a pivot for every row; the sign of its determinant, 0 if that is singular. */
+    int (*invert)(int n, double *A, int *pivot);
     /* z_i = sum over sources and rows of block_i times the rows of G that belong to them, for all coefficients i.
      * Up to 7 numbers behind the end of a row of z are overwritten. */
     void (*fill_rows)(const bd_fill *fill);

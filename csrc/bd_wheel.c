@@ -529,7 +529,7 @@ bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in, const bd_lap
     const bd_wheel_input *own = &w->in;
     const bd_ring_input ring = {in->n_sector, w->n_coef, in->n_blade, in->n_damper, in->n_kept,
                                 in->n_point,  own->next, own->rows,   own->active,  own->pinned};
-    if (status == BD_OK) status = bd_ring_create(&w->ring, &ring, lapack);
+    if (status == BD_OK) status = bd_ring_create(&w->ring, &ring);
     if (status == BD_OK) status = bd_evaluator_create(&w->evaluator, in->evaluation, in->n_harm, in->n_time);
     if (status == BD_OK)
         *out = w;

@@ -24,22 +24,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* C (m, n) = beta C + alpha A B with A (m, k) or, if transposed, A (k, m). */
-static void multiply(const bd_ring *w, int transposed, int m, int n, int k, double alpha, const double *A, int lda,
-                     const double *B, int ldb, double beta, double *C, int ldc) {
-    char plain = 'N', turned = 'T';
-    w->lapack.dgemm(&plain, transposed ? &turned : &plain, &n, &m, &k, &alpha, (double *)B, &ldb, (double *)A, &lda, &beta,
-                    C, &ldc);
+/* C (m, n; ldc) = A B, or C += alpha A B where alpha is not 0. */
+static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const double *A, int lda, const double *B, int ldb,
+                     double *C, int ldc) {
+    for (int i = 0; i < m && alpha == 0.0; ++i) memset(C + i * ldc, 0, sizeof(double) * (size_t)n);
+    w->kernel->add_product((size_t)m, (size_t)n, (size_t)k, alpha == 0.0 ? 1.0 : alpha, A, (size_t)lda, B, (size_t)ldb, C,
+                           (size_t)ldc);
 }
 
 /* A (n, n) becomes its inverse; its sign of determinant counts. */
 static int invert(bd_ring *w, double *A, int n) {
-    int info = 0, size = n * 64;
-    w->lapack.dgetrf(&n, &n, A, &n, w->pivot, &info);
-    for (int i = 0; i < n; ++i)
-        if ((A[(size_t)i * (size_t)n + (size_t)i] < 0.0) != (w->pivot[i] != i + 1)) w->sign = -w->sign;
-    if (info == 0) w->lapack.dgetri(&n, A, &n, w->pivot, w->work, &size, &info);
-    return info == 0 && isfinite(A[0]);
+    const int sign = w->kernel->invert(n, A, w->pivot);
+    if (sign < 0) w->sign = -w->sign;
+    return sign != 0 && isfinite(A[0]);
 }
 
 /* ---- storage ---- */
@@ -50,12 +47,12 @@ void bd_ring_destroy(bd_ring *w) {
     memset(w, 0, sizeof *w);
 }
 
-bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in, const bd_lapack *lapack) {
+bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     memset(w, 0, sizeof *w);
     const int nc = in->n_coef;
     w->in = *in;
     for (int p = 0; p < in->n_point; ++p) ++w->n_group[in->next[p] != 0];
-    w->lapack = *lapack;
+    w->kernel = bd_kernel_get();
     w->size = in->n_blade + in->n_damper;
     w->n_own = nc * (in->n_blade - in->n_kept);
     w->n_side = nc * in->n_damper;
@@ -80,8 +77,9 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in, const bd_lapack *l
                  {&w->rows, 3 * (size_t)(in->n_point * w->size)},
                  {&w->columns, e * q},
                  {&w->seen, q * q + N * (e + 2 * q)},
-                 {&w->work, 64 * most + 2 * whole}};
-    size_t total = 1;
+                 {&w->product, e + 2 * q},
+                 {&w->work, 3 * most + 2 * whole}};
+    size_t total = BD_KERNEL_PAD;
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i) total += parts[i].n;
     w->memory = malloc(sizeof(double) * total);
     w->pivot = malloc(sizeof(int) * (most + (size_t)in->n_point));
@@ -106,13 +104,11 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in, const bd_lapack *l
 
 /* ---- one sector ---- */
 
-/* z (n_coef, size) = sum over c' of block (c, c') times the row of motion. */
-static void add_row(const bd_ring *w, const double *block, const double *row, double *z) {
-    for (int d = 0; d < w->in.n_coef; ++d) {
-        const double t = block[d];
-        if (t == 0.0) continue;
-        double *to = z + d * w->size;
-        for (int j = 0; j < w->size; ++j) to[j] += t * row[j];
+/* z (n_coef, size) = sum over c' of three blocks (c, c') times a row of motion each. */
+static void fill_row(const bd_ring *w, const double *const block[3], const double *const row[3], double *restrict z) {
+    for (int d = 0; d < w->in.n_coef; ++d, z += w->size) {
+        const double a = block[0][d], b = block[1][d], c = block[2][d];
+        for (int j = 0; j < w->size; ++j) z[j] = a * row[0][j] + b * row[1][j] + c * row[2][j];
     }
 }
 
@@ -121,17 +117,19 @@ static void contact_matrix(bd_ring *w, int g, const double *T, double *out) {
     const int nc = w->in.n_coef, ns = w->size, wide = nc * ns, n = w->n_group[g], *point = w->point + g * w->n_group[0];
     const double *rows = w->rows + 3 * ns * g * w->n_group[0];
     const size_t nn = (size_t)(nc * nc);
+    memset(out, 0, sizeof(double) * (size_t)wide * (size_t)wide);
     for (int c = 0; c < nc; ++c) {
-        memset(w->Z, 0, sizeof(double) * 3 * (size_t)n * (size_t)wide);
         for (int p = 0; p < n; ++p) {
-            const double *t = T + ((size_t)point[p] * 7 * (size_t)nc + (size_t)c) * (size_t)nc, *r = rows + 3 * p * ns;
+            const double *t = T + ((size_t)point[p] * 7 * (size_t)nc + (size_t)c) * (size_t)nc;
+            const double *u = rows + 3 * p * ns, *v = u + ns, *normal = v + ns;
             double *z = w->Z + (size_t)(3 * p) * (size_t)wide;
-            add_row(w, t, r, z), add_row(w, t + 2 * nn, r + 2 * ns, z), add_row(w, t + 4 * nn, r + ns, z);
-            z += wide;
-            add_row(w, t + nn, r + ns, z), add_row(w, t + 3 * nn, r + 2 * ns, z), add_row(w, t + 5 * nn, r, z);
-            add_row(w, t + 6 * nn, r + 2 * ns, z + wide);
+            fill_row(w, (const double *[]){t, t + 2 * nn, t + 4 * nn}, (const double *[]){u, normal, v}, z);
+            fill_row(w, (const double *[]){t + nn, t + 3 * nn, t + 5 * nn}, (const double *[]){v, normal, u}, z + wide);
+            for (int d = 0; d < nc; ++d)
+                for (int j = 0; j < ns; ++j) z[2 * wide + d * ns + j] = t[6 * nn + (size_t)d] * normal[j];
         }
-        multiply(w, 1, ns, wide, 3 * n, 1.0, rows, ns, w->Z, wide, 0.0, out + (size_t)(c * ns) * (size_t)wide, wide);
+        w->kernel->product((size_t)ns, (size_t)wide, (size_t)(3 * n), rows, w->Z, (size_t)wide,
+                           out + (size_t)(c * ns) * (size_t)wide, (size_t)wide);
     }
 }
 
@@ -216,8 +214,8 @@ static int eliminate_blade(bd_ring *w, int n) {
     take(w, w->right, nb, ns, nb, ns, S + (size_t)s * (size_t)q + s, q);
     if (E > 0) {
         if (!invert(w, inverse, E)) return 0;
-        multiply(w, 0, E, q, E, 1.0, inverse, E, columns, q, 0.0, back, q);
-        multiply(w, 0, q, q, E, -1.0, couple, E, back, q, 1.0, S, q);
+        multiply(w, E, q, E, 0.0, inverse, E, columns, q, back, q);
+        multiply(w, q, q, E, -1.0, couple, E, back, q, S, q);
     }
     const size_t ss = (size_t)s * (size_t)s;
     double *D = w->diagonal + (size_t)n * ss, *before = w->diagonal + (size_t)((n + N - 1) % N) * ss;
@@ -265,15 +263,17 @@ static int eliminate_ring(bd_ring *w) {
         if (n == N - 2)
             for (size_t i = 0; i < ss; ++i) V[i] += w->lower[at + ss + i], W[i] += w->upper[at + i];
         if (!invert(w, D, s)) return 0;
-        multiply(w, 0, s, s, s, 1.0, D, s, W, s, 0.0, fill, s);
-        multiply(w, 0, s, s, s, -1.0, V, s, fill, s, 1.0, end, s);
+        multiply(w, s, s, s, 0.0, D, s, W, s, fill, s);
+        multiply(w, s, s, s, -1.0, V, s, fill, s, end, s);
         if (n == N - 2) break;
         const double *next = w->lower + at + ss;
-        multiply(w, 0, s, s, s, 1.0, D, s, w->upper + at, s, 0.0, onward, s);
-        multiply(w, 0, s, s, s, -1.0, next, s, onward, s, 1.0, D + ss, s);
-        multiply(w, 0, s, s, s, -1.0, V, s, onward, s, 0.0, V + ss, s);
+        multiply(w, s, s, s, 0.0, D, s, w->upper + at, s, onward, s);
+        multiply(w, s, s, s, -1.0, next, s, onward, s, D + ss, s);
+        memset(V + ss, 0, sizeof(double) * ss);
+        multiply(w, s, s, s, -1.0, V, s, onward, s, V + ss, s);
         W = w->upper + at; /* read for the last time above */
-        multiply(w, 0, s, s, s, -1.0, next, s, fill, s, 0.0, W, s);
+        memset(W, 0, sizeof(double) * ss);
+        multiply(w, s, s, s, -1.0, next, s, fill, s, W, s);
     }
     return invert(w, end, s);
 }
@@ -299,10 +299,15 @@ bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
 /* y += alpha A x with A (m, n), or alpha A^T x. */
 static void add_product(const bd_ring *w, int transposed, int m, int n, double alpha, const double *A, const double *x,
                         double *y) {
-    char turned = transposed ? 'N' : 'T'; /* Fortran sees A^T */
-    int one = 1;
-    double beta = 1.0;
-    if (m > 0 && n > 0) w->lapack.dgemv(&turned, &n, &m, &alpha, (double *)A, &n, (double *)x, &one, &beta, y, &one);
+    const int from = transposed ? m : n, to = transposed ? n : m;
+    double *t = w->product, *turned = t + to;
+    if (transposed) {
+        for (int i = 0; i < from; ++i) turned[i] = alpha * x[i];
+        w->kernel->multiply_transposed((size_t)m, (size_t)n, A, turned, y);
+        return;
+    }
+    w->kernel->multiply((size_t)m, (size_t)n, A, x, t);
+    for (int i = 0; i < to; ++i) y[i] += alpha * t[i];
 }
 
 /* x (s) becomes the inverse at the diagonal times x. */

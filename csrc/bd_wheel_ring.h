@@ -2,7 +2,7 @@
 #ifndef BD_WHEEL_RING_H
 #define BD_WHEEL_RING_H
 
-#include "bd_lapack.h"
+#include "bd_kernel.h"
 #include "bd_types.h"
 
 /* Sizes and rows of motion; the arrays stay with the caller. */
@@ -34,15 +34,15 @@ typedef struct {
     int sign;                        /* of the determinant of the matrix factored last */
     double *inverse, *back, *couple; /* (n_sector) of (own, own), (own, seen), (seen, own) */
     double *diagonal, *lower, *upper, *last, *onward, *fill; /* (n_sector, n_ring, n_ring); inverses on the diagonal */
-    double *left, *right, *Z, *columns, *seen, *work;        /* work */
+    double *left, *right, *Z, *columns, *seen, *product, *work; /* work */
     double *rows; /* those of the points on the own blade, then of those on the next */
     int n_group[2], *point;
     double *memory;
     int *pivot;
-    bd_lapack lapack;
+    const bd_kernel *kernel;
 } bd_ring;
 
-bd_status bd_ring_create(bd_ring *ring, const bd_ring_input *input, const bd_lapack *lapack);
+bd_status bd_ring_create(bd_ring *ring, const bd_ring_input *input);
 void bd_ring_destroy(bd_ring *ring);
 
 /* BD_SINGULAR where a block cannot be inverted. */

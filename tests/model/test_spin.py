@@ -1,12 +1,13 @@
 """A model over rotor speed: the basis of a speed from two matrices."""
 
+import hashlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.model.model import ModalBasis
+from bdamper.model.model import ModalBasis, feed_digest
 from bdamper.model.spin import SpeedBasis
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError, SettingError
@@ -68,6 +69,14 @@ def test_the_speed_of_the_basis_gives_the_model_back(turning):
     size = np.abs(at(turning).contact_modes).max()
     np.testing.assert_allclose(back.contact_modes, at(turning).contact_modes, rtol=0.0, atol=1e-9 * size)
     np.testing.assert_allclose(at(turning).conjugate().speed.stiffness2, at(turning).speed.stiffness2.T)
+
+
+def test_the_hash_knows_nothing_of_how_a_processor_rounds(turning):
+    speed, digests = at(turning).speed, []
+    for change in ({}, {"residual0": speed.residual0 * (1.0 + 1e-15)}, {"residual2": speed.residual2 * (1.0 + 1e-15)}):
+        feed_digest(digest := hashlib.sha256(), "speed", replace(speed, **change))
+        digests.append(digest.hexdigest())
+    assert digests[0] == digests[1] != digests[2]
 
 
 def test_modes_keep_their_place_where_frequencies_cross():
