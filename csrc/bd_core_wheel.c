@@ -134,10 +134,9 @@ static PyObject *Wheel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     if (!core_check_kernel() || !check_sizes(&in) || !core_check_evaluation(evaluation, in.n_time, in.n_harm)) return NULL;
     in.evaluation = (bd_evaluation)evaluation;
     if (!read_structure(&a, &o, &in) || !read_points(&a, &o, &in) || !read_forces(&a, &o, &in)) return NULL;
-    const core_state *state = PyType_GetModuleState(type);
     core_equations *self = core_equations_new(type, NULL);
     if (!self) return NULL;
-    if (!core_check_status(bd_wheel_create(&self->wheel, &in, &state->lapack))) {
+    if (!core_check_status(bd_wheel_create(&self->wheel, &in))) {
         Py_DECREF(self);
         return NULL;
     }

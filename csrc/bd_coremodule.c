@@ -78,31 +78,16 @@ static int find_function(PyObject *capi, const char *name, const char *pattern, 
     return 0;
 }
 
-/* The functions that a SciPy Cython module offers; a new reference, or NULL. */
-static PyObject *functions_of(const char *name) {
-    PyObject *module = PyImport_ImportModule(name);
-    PyObject *api = module ? PyObject_GetAttrString(module, "__pyx_capi__") : NULL;
-    Py_XDECREF(module);
-    return api;
-}
-
 static int find_lapack(bd_lapack *lapack) {
-    int failed = -1;
-    PyObject *api = functions_of("scipy.linalg.cython_lapack"),
-             *blas = api ? functions_of("scipy.linalg.cython_blas") : NULL;
-    if (blas)
-        failed = find_function(api, "dgetrf", "iidiii", &lapack->dgetrf) ||
-                         find_function(api, "dgetrs", "ciidiidii", &lapack->dgetrs) ||
-                         find_function(api, "dgecon", "cididddii", &lapack->dgecon) ||
-                         find_function(api, "dgelsy", "iiididiididii", &lapack->dgelsy) ||
-                         find_function(api, "dgetri", "idiidii", &lapack->dgetri) ||
-                         find_function(blas, "dgemm", "cciiiddididdi", &lapack->dgemm) ||
-                         find_function(blas, "dgemv", "ciiddididdi", &lapack->dgemv)
-                     ? -1
-                     : 0;
+    PyObject *module = PyImport_ImportModule("scipy.linalg.cython_lapack");
+    PyObject *api = module ? PyObject_GetAttrString(module, "__pyx_capi__") : NULL;
+    const int failed = !api || find_function(api, "dgetrf", "iidiii", &lapack->dgetrf) ||
+                       find_function(api, "dgetrs", "ciidiidii", &lapack->dgetrs) ||
+                       find_function(api, "dgecon", "cididddii", &lapack->dgecon) ||
+                       find_function(api, "dgelsy", "iiididiididii", &lapack->dgelsy);
+    Py_XDECREF(module);
     Py_XDECREF(api);
-    Py_XDECREF(blas);
-    return failed;
+    return failed ? -1 : 0;
 }
 #endif
 

@@ -11,11 +11,6 @@ typedef struct {
                    int *info);
     void (*dgelsy)(int *m, int *n, int *nrhs, double *a, int *lda, double *b, int *ldb, int *jpvt, double *rcond, int *rank,
                    double *work, int *lwork, int *info);
-    void (*dgetri)(int *n, double *a, int *lda, int *ipiv, double *work, int *lwork, int *info);
-    void (*dgemm)(char *transa, char *transb, int *m, int *n, int *k, double *alpha, double *a, int *lda, double *b,
-                  int *ldb, double *beta, double *c, int *ldc);
-    void (*dgemv)(char *trans, int *m, int *n, double *alpha, double *a, int *lda, double *x, int *incx, double *beta,
-                  double *y, int *incy);
 } bd_lapack;
 
 #ifdef BD_SYSTEM_LAPACK
@@ -23,12 +18,9 @@ void dgetrf_(int *, int *, double *, int *, int *, int *);
 void dgetrs_(char *, int *, int *, double *, int *, int *, double *, int *, int *);
 void dgecon_(char *, int *, double *, int *, double *, double *, double *, int *, int *);
 void dgelsy_(int *, int *, int *, double *, int *, double *, int *, int *, double *, int *, double *, int *, int *);
-void dgetri_(int *, double *, int *, int *, double *, int *, int *);
-void dgemm_(char *, char *, int *, int *, int *, double *, double *, int *, double *, int *, double *, double *, int *);
-void dgemv_(char *, int *, int *, double *, double *, int *, double *, int *, double *, double *, int *);
 
 static inline bd_lapack bd_lapack_system(void) {
-    bd_lapack table = {dgetrf_, dgetrs_, dgecon_, dgelsy_, dgetri_, dgemm_, dgemv_};
+    bd_lapack table = {dgetrf_, dgetrs_, dgecon_, dgelsy_};
     return table;
 }
 #endif

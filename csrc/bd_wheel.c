@@ -14,14 +14,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PLAIN, LEFT, RIGHT }; /* which factor of a product is transposed */
-
-/* C (m, n; ldc) = beta C + alpha A B, row-major, with A (m, k; lda) and B (k, n; ldb) or the transposed of one. */
-static void multiply(const bd_wheel *w, int which, int m, int n, int k, double alpha, const double *A, int lda,
-                     const double *B, int ldb, double beta, double *C, int ldc) {
-    char left = which == LEFT ? 'T' : 'N', right = which == RIGHT ? 'T' : 'N';
-    if (m > 0 && n > 0)
-        w->lapack.dgemm(&right, &left, &n, &m, &k, &alpha, (double *)B, &ldb, (double *)A, &lda, &beta, C, &ldc);
+/* C (m, n; ldc) = A B with A (m, k; lda), B (k, n; ldb), or C += A B. */
+static void multiply(const bd_wheel *w, int m, int n, int k, const double *A, int lda, const double *B, int ldb, int add,
+                     double *C, int ldc) {
+    for (int i = 0; i < m && !add; ++i) memset(C + (size_t)i * (size_t)ldc, 0, sizeof(double) * (size_t)n);
+    w->ring.kernel->add_product((size_t)m, (size_t)n, (size_t)k, 1.0, A, (size_t)lda, B, (size_t)ldb, C, (size_t)ldc);
 }
 
 /* Coefficient c is one of the mean (0), a cosine (1) or a sine (-1). */
@@ -95,8 +92,8 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
     const int N = w->in.n_sector, D = w->n_wave, nb = w->in.n_blade, nc = w->n_coef, m = nc * nb;
     const size_t apart = (size_t)(D * m);
     double *in = w->hat, *lin = in + 2 * apart, *rate = lin + 2 * apart, *t = rate + 2 * apart;
-    multiply(w, PLAIN, D, m, N, 1.0, w->cosine, N, blade, m, 0.0, in, m);
-    multiply(w, PLAIN, D, m, N, -1.0, w->sine, N, blade, m, 0.0, in + apart, m);
+    multiply(w, D, m, N, w->cosine, N, blade, m, 0, in, m);
+    multiply(w, D, m, N, w->sine, N, blade, m, 0, in + apart, m);
     memset(lin, 0, sizeof(double) * 4 * apart);
     for (int d = 0; d < D; ++d) {
         const double weight = (d == 0 || 2 * d == N ? 1.0 : 2.0) / N;
@@ -115,8 +112,9 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
     for (int which = 0; which < (by ? 2 : 1); ++which) {
         const double *wave = which ? rate : lin;
         double *to = which ? by : out;
-        multiply(w, LEFT, N, m, D, 1.0, w->cosine, N, wave, m, 0.0, w->motion, m);
-        multiply(w, LEFT, N, m, D, -1.0, w->sine, N, wave + apart, m, 1.0, w->motion, m);
+        memset(w->motion, 0, sizeof(double) * (size_t)(N * m));
+        w->ring.kernel->product((size_t)N, (size_t)m, (size_t)D, w->cosine, wave, (size_t)m, w->motion, (size_t)m);
+        w->ring.kernel->product((size_t)N, (size_t)m, (size_t)D, w->sine, wave + apart, (size_t)m, w->motion, (size_t)m);
         for (int i = 0; i < N * nc; ++i)
             for (int j = 0; j < nb; ++j) to[(size_t)i * (size_t)w->size + (size_t)j] += w->motion[i * nb + j];
     }
@@ -129,13 +127,13 @@ static void linear_part(bd_wheel *w, double omega, int transposed, const double 
     const bd_wheel_input *in = &w->in;
     const int N = in->n_sector, nb = in->n_blade, nd = in->n_damper, nc = w->n_coef, ns = w->size;
     take_blades(w, x, w->blade);
-    multiply(w, PLAIN, N * nc, nb, nb, 1.0, w->blade, nb, in->mass, nb, 0.0, w->heavy, nb);
+    multiply(w, N * nc, nb, nb, w->blade, nb, in->mass, nb, 0, w->heavy, nb);
     memset(out, 0, sizeof(double) * (size_t)w->whole);
     if (by) memset(by, 0, sizeof(double) * (size_t)w->whole);
     for (int n = 0; n < N; ++n) {
         const size_t first = (size_t)(n * nc * ns);
-        multiply(w, PLAIN, nc, nb, nb, 1.0, w->blade + (size_t)(n * nc * nb), nb, in->stiffness + (size_t)(n * nb * nb), nb,
-                 0.0, out + first, ns);
+        multiply(w, nc, nb, nb, w->blade + (size_t)(n * nc * nb), nb, in->stiffness + (size_t)(n * nb * nb), nb, 0,
+                 out + first, ns);
         for (int c = 0; c < nc; ++c) {
             if (!in->active[c]) continue;
             const int l = (c + 1) / 2;
@@ -187,11 +185,11 @@ static void turn(const bd_wheel *w, const double *x, double *to) {
 /* Motion of all points (n_sector, n_point, 3, n_coef). */
 static void find_motion(bd_wheel *w, const double *x, double *X) {
     const int rows = w->in.n_sector * w->n_coef, ns = w->size, nc = w->n_coef, *point = w->ring.point;
-    const double *R = w->ring.rows, *from = x;
+    const double *R = w->ring.across, *from = x;
     for (int g = 0; g < 2; ++g) {
         const int n = w->ring.n_group[g], wide = 3 * n;
         if (g) turn(w, x, w->turned), from = w->turned;
-        multiply(w, RIGHT, rows, wide, ns, 1.0, from, ns, R, ns, 0.0, w->motion, wide);
+        multiply(w, rows, wide, ns, from, ns, R, wide, 0, w->motion, wide);
         for (int row = 0; row < rows; ++row)
             for (int k = 0; k < wide; ++k) {
                 const int p = row / nc * w->in.n_point + point[k / 3];
@@ -213,7 +211,7 @@ static void add_forces(bd_wheel *w, const double *F, double *out) {
                 w->motion[row * wide + k] = F[(size_t)((3 * p + k % 3) * nc + row % nc)];
             }
         double *to = g ? w->turned : out;
-        multiply(w, PLAIN, rows, ns, wide, 1.0, w->motion, wide, R, ns, g ? 0.0 : 1.0, to, ns);
+        multiply(w, rows, ns, wide, w->motion, wide, R, ns, !g, to, ns);
         R += wide * ns, point += n;
     }
     for (int row = 0; row < rows; ++row) {
@@ -412,7 +410,7 @@ static void cut(bd_wheel *w) {
 }
 
 static bd_status arrays_create(bd_wheel *w, const bd_wheel_input *in, const part *parts, size_t n_part) {
-    size_t total = 1;
+    size_t total = BD_KERNEL_PAD;
     for (size_t i = 0; i < n_part; ++i) total += parts[i].n;
     if (!(w->memory = malloc(sizeof(double) * total))) return BD_NO_MEMORY;
 #ifdef BD_POISON
@@ -438,7 +436,7 @@ static bd_status arrays_create(bd_wheel *w, const bd_wheel_input *in, const part
     for (int d = 0; d < w->n_wave; ++d)
         for (int n = 0; n < in->n_sector; ++n) {
             w->cosine[d * in->n_sector + n] = cos(BD_TWO_PI * ((d * n) % in->n_sector) / in->n_sector);
-            w->sine[d * in->n_sector + n] = sin(BD_TWO_PI * ((d * n) % in->n_sector) / in->n_sector);
+            w->sine[d * in->n_sector + n] = -sin(BD_TWO_PI * ((d * n) % in->n_sector) / in->n_sector);
         }
     for (int i = 0; i < in->n_sector * in->n_damper; ++i) w->springs[i] = in->springs[i] + in->neutral[i];
     cut(w);
@@ -516,7 +514,7 @@ static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
     return arrays_create(w, in, parts, sizeof parts / sizeof *parts);
 }
 
-bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in, const bd_lapack *lapack) {
+bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in) {
     *out = NULL;
     bd_wheel *w = calloc(1, sizeof *w);
     if (!w) return BD_NO_MEMORY;
@@ -524,7 +522,6 @@ bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in, const bd_lap
     for (int c = 0; c < bd_n_coef(in->n_harm); ++c) active += in->active[c] != 0;
     w->base =
         (bd_equations){.type = &WHEEL, .n = active * in->n_sector * (in->n_blade + in->n_damper), .k = 1, .cost = &w->cost};
-    w->lapack = *lapack;
     bd_status status = parts_create(w, in);
     const bd_wheel_input *own = &w->in;
     const bd_ring_input ring = {in->n_sector, w->n_coef, in->n_blade, in->n_damper, in->n_kept,

@@ -3,7 +3,6 @@
 #define BD_WHEEL_H
 
 #include "bd_equations.h"
-#include "bd_lapack.h"
 #include "bd_wheel_ring.h"
 
 /* Input of bd_wheel_create; everything is copied.  Matrices of waves are those of the nodal diameters 0 ... n_sector/2, complex
@@ -43,14 +42,13 @@ typedef struct {
 typedef struct {
     bd_equations base;
     bd_cost cost;
-    bd_lapack lapack;
     bd_wheel_input in; /* with copies of its arrays */
     bd_ring ring;
     bd_evaluator evaluator;
     int n_coef, n_wave, size, whole; /* waves; coordinates of a sector; numbers of a vector */
     bd_waves full, far;              /* far: without what the elimination keeps */
     double *own[3], *near[2]; /* what it keeps of stiffness, mass and damping: (n_blade, n_blade), (n_kept, n_kept) */
-    double *cosine, *sine;    /* (n_wave, n_sector) */
+    double *cosine, *sine;    /* (n_wave, n_sector), the latter negative */
     bd_element *element;      /* (n_sector n_point) */
     bd_status_share *share;
     double *X, *F, *T;       /* of the latest evaluation: motion, force (n_coef), tangents (7, n_coef, n_coef) of points */
@@ -66,7 +64,7 @@ typedef struct {
     double *memory;
 } bd_wheel;
 
-bd_status bd_wheel_create(bd_wheel **wheel, const bd_wheel_input *input, const bd_lapack *lapack);
+bd_status bd_wheel_create(bd_wheel **wheel, const bd_wheel_input *input);
 
 /* ---- parts, for bd_wheel_linear ---- */
 

@@ -108,14 +108,15 @@ static void blades_scaled(const bd_wheel *w, const double *x, double *y) {
 }
 
 /* Removes from v the vectors of V before it; h (k + 1) are its parts.  Returns its length. */
-static double orthogonalised(const double *V, int k, double *v, size_t n, double *h) {
-    for (int i = 0; i <= k; ++i) h[i] = 0.0;
-    for (int pass = 0; pass < 2; ++pass)
-        for (int i = 0; i <= k; ++i) {
-            const double *u = V + (size_t)i * n, part = dot(u, v, n);
-            for (size_t j = 0; j < n; ++j) v[j] -= part * u[j];
-            h[i] += part;
-        }
+static double orthogonalised(const bd_wheel *w, const double *V, int k, double *v, size_t n, double *h) {
+    const size_t rows = (size_t)k + 1;
+    double part[MOST + 1];
+    memset(h, 0, sizeof(double) * rows);
+    for (int pass = 0; pass < 2; ++pass) {
+        w->ring.kernel->multiply(rows, n, V, v, part);
+        for (size_t i = 0; i < rows; ++i) h[i] += part[i], part[i] = -part[i];
+        w->ring.kernel->multiply_transposed(rows, n, V, part, v);
+    }
     return sqrt(dot(v, v, n));
 }
 
@@ -157,7 +158,7 @@ static bd_status solve_once(bd_wheel *w, double tolerance, double *b, double *x)
         blades_scaled(w, w->rest, v);
         for (size_t i = 0; i < ny; ++i) v[i] = u[i] - v[i];
         double *h = H + k * MOST;
-        const double size = orthogonalised(V, k, v, ny, h), last = rotated(h, cosine, sine, g, k, size);
+        const double size = orthogonalised(w, V, k, v, ny, h), last = rotated(h, cosine, sine, g, k, size);
         if (!isfinite(size)) return BD_SINGULAR;
         sign = last < 0.0 ? -1 : 1;
         ++k;

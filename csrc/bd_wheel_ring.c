@@ -75,6 +75,7 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
                  {&w->right, whole * whole},
                  {&w->Z, 3 * (size_t)in->n_point * whole},
                  {&w->rows, 3 * (size_t)(in->n_point * w->size)},
+                 {&w->across, 3 * (size_t)(in->n_point * w->size)},
                  {&w->columns, e * q},
                  {&w->seen, q * q + N * (e + 2 * q)},
                  {&w->product, e + 2 * q},
@@ -98,6 +99,9 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
         const int k = at[in->next[p] != 0]++, row = 3 * w->size;
         w->point[k] = p;
         memcpy(w->rows + k * row, in->rows + p * row, sizeof(double) * (size_t)row);
+        const int first = in->next[p] ? w->n_group[0] : 0, wide = 3 * w->n_group[in->next[p] != 0];
+        double *to = w->across + first * row + 3 * (k - first);
+        for (int i = 0; i < row; ++i) to[i % w->size * wide + i / w->size] = in->rows[p * row + i];
     }
     return BD_OK;
 }

@@ -35,7 +35,8 @@ typedef struct {
     double *inverse, *back, *couple; /* (n_sector) of (own, own), (own, seen), (seen, own) */
     double *diagonal, *lower, *upper, *last, *onward, *fill; /* (n_sector, n_ring, n_ring); inverses on the diagonal */
     double *left, *right, *Z, *columns, *seen, *product, *work; /* work */
-    double *rows; /* those of the points on the own blade, then of those on the next */
+    double *rows;   /* those of the points on the own blade, then of those on the next */
+    double *across; /* the same transposed, (size, 3 n) of either group */
     int n_group[2], *point;
     double *memory;
     int *pivot;
