@@ -46,8 +46,7 @@ BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const
 BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, const double *B, size_t stride_b, double *C,
                      size_t stride_c, size_t n_columns) {
     size_t i = 0;
-    for (; i + MOST_ROWS <= m; i += MOST_ROWS)
-        tile(MOST_ROWS, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
+    for (; i + MOST_ROWS <= m; i += MOST_ROWS) tile(MOST_ROWS, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
     if (m - i >= 4) {
         tile(4, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
         i += 4;

@@ -25,8 +25,8 @@
 #include <string.h>
 
 /* C (m, n; ldc) = A B, or C += alpha A B where alpha is not 0. */
-static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const double *A, int lda, const double *B, int ldb,
-                     double *C, int ldc) {
+static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const double *A, int lda, const double *B,
+                     int ldb, double *C, int ldc) {
     for (int i = 0; i < m && alpha == 0.0; ++i) memset(C + i * ldc, 0, sizeof(double) * (size_t)n);
     w->kernel->add_product((size_t)m, (size_t)n, (size_t)k, alpha == 0.0 ? 1.0 : alpha, A, (size_t)lda, B, (size_t)ldb, C,
                            (size_t)ldc);

@@ -33,7 +33,7 @@ typedef struct {
     int size, n_own, n_ring, n_side; /* coordinates of a sector; unknowns eliminated in it, left of it, of a damper */
     int sign;                        /* of the determinant of the matrix factored last */
     double *inverse, *back, *couple; /* (n_sector) of (own, own), (own, seen), (seen, own) */
-    double *diagonal, *lower, *upper, *last, *onward, *fill; /* (n_sector, n_ring, n_ring); inverses on the diagonal */
+    double *diagonal, *lower, *upper, *last, *onward, *fill;    /* (n_sector, n_ring, n_ring); inverses on the diagonal */
     double *left, *right, *Z, *columns, *seen, *product, *work; /* work */
     double *rows;   /* those of the points on the own blade, then of those on the next */
     double *across; /* the same transposed, (size, 3 n) of either group */

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import tau
 
 import numpy as np
-import scipy.linalg
 
 from bdamper.wheel.wheel_problem import WheelProblem
 
@@ -28,23 +28,16 @@ def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
     complex_stiffness = np.where(np.abs(x) > 0.0, f / np.where(np.abs(x) > 0.0, x, 1.0), 0.0)
     springs, loss = np.maximum(complex_stiffness.real, 0.0), np.maximum(complex_stiffness.imag, 0.0)
     omega = float(top.y[-1])
-    N, n = s.n_blades, s.n
+    N, n, nominal = s.n_blades, s.n, replace(s, stiffness=s.local.blade_stiffness[None])
     e = int(tuned.engine_order) % N
     reference, found = None, {}
     for d in [e if 2 * e <= N else N - e, *range(N // 2 + 1)]:
-        G = s.rows.astype(complex)
-        G[..., :n] *= np.exp(2j * np.pi * d * s.sector / N)[:, None, None]
-        G = G.reshape(-1, s.n_sector)
-        K = scipy.linalg.block_diag(s.local.stiffness(d), np.diag(s.damper_stiffness)).astype(complex)
-        M = scipy.linalg.block_diag(s.local.mass(d), np.diag(s.damper_mass.mean(axis=0)))
-        K += G.conj().T @ (springs.ravel()[:, None] * G)
-        squares, phi = scipy.linalg.eigh(K, M)
+        squares, phi, motion = nominal.wave(d, springs)
         own = phi[: s.local.n_cantilever]
         if reference is None:
             k = int(np.argmin(np.abs(squares - omega**2)))
             reference = own[:, k]
-            motion = G @ phi[:, k]
-            friction = float((loss.ravel() * np.abs(motion) ** 2).sum())
+            friction = float((loss.ravel() * np.abs(motion[:, k]) ** 2).sum())
             viscous = float((phi[:n, k].conj() @ s.damping[d] @ phi[:n, k]).real) * omega
             width = (friction + viscous) / omega
         near = np.flatnonzero((squares > (omega / FAR) ** 2) & (squares < (omega * FAR) ** 2))

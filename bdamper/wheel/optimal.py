@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,17 +129,16 @@ def optimal_curve(
     found = [peak(wheel, float(preload), options=options) for preload in values]
     for one in found:
         meter.add(one.cost)
+    columns: dict[str, Any] = {
+        name: np.array([getattr(p, name) for p in found])
+        for name in ("frequency", "blade", "tuned_amplitude", "residual", "springs", "error")
+    }
     return WheelOptimalCurve(
         preload=values,
-        frequency=np.array([p.frequency for p in found]),
         amplitude=np.array([p.amplitude if p.found else np.nan for p in found]),
-        blade=np.array([p.blade for p in found], int),
-        tuned_amplitude=np.array([p.tuned_amplitude for p in found]),
         status=tuple(p.status for p in found),
         reason=tuple(p.reason for p in found),
-        residual=np.array([p.residual for p in found]),
-        springs=np.array([p.springs for p in found]),
-        error=np.array([p.error for p in found]),
+        **columns,
         cost=meter.read(time.perf_counter()),
         **wheel.record(),
     )

@@ -180,7 +180,7 @@ def peak(
         response=empty if system is None or u is None else system.responses(u),
         shares=empty if system is None or u is None else wheel.damper_shares(system.contact(u)[2]),
         climbs=np.array(
-            [(c.blade, c.at.y[-1] / tau, h.height, c.springs[-1], c.height) for h, c in zip(held, peaks)]
+            [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
         ).reshape(-1, 5),
         sweep_frequency=np.array([y[-1] for y in met]) / tau,
         sweep_amplitude=np.array([np.abs(search.system.responses(y[:-1])[:, 1]) for y in met]).reshape(-1, wheel.n_blades),

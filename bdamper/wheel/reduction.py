@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.wheel.loading import Loaded
@@ -36,25 +35,12 @@ def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
     """Whether the wave of the engine order has the same frequencies near one (rad/s) in shapes, dampers free and stuck."""
     d = int(structure.tuned.engine_order) % structure.n_blades
     for share in (0.0, 1.0):
-        springs = share * structure.tuned.point_stiffness.ravel()
-        one, other = (np.sqrt(np.abs(_squares(s, d, springs))) for s in (structure, structure.reduced(shapes)))
+        springs = share * structure.tuned.point_stiffness
+        one, other = (np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes)))
         nearest = one[np.argmin(np.abs(one - omega))]
         if np.abs(other - nearest).min() > CLOSE * nearest:
             return False
     return True
-
-
-def _squares(structure: Structure, d: int, springs: NDArray) -> NDArray:
-    """Squared frequencies of a wave of equal blades with springs at the contact points."""
-    n, r = structure.n, structure.n_root
-    K = scipy.linalg.block_diag(structure.stiffness.mean(axis=0), np.diag(structure.damper_stiffness)).astype(complex)
-    M = scipy.linalg.block_diag(structure.mass, np.diag(structure.damper_mass.mean(axis=0))).astype(complex)
-    K[n - r : n, n - r : n] += structure.disk_stiffness[d]
-    M[n - r : n, n - r : n] += structure.disk_mass[d]
-    G = structure.rows.astype(complex)
-    G[..., :n] *= np.exp(2j * np.pi * d * structure.sector / structure.n_blades)[:, None, None]
-    G = G.reshape(-1, structure.n_sector)
-    return np.asarray(scipy.linalg.eigvalsh(K + G.conj().T @ (springs[:, None] * G), M))
 
 
 def family_shapes(structure: Structure, omega: float) -> NDArray:

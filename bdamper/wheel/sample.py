@@ -91,11 +91,8 @@ def _highest(wheel: Wheel, preload: float, frequency: Any, options: WheelPeakOpt
     peak = wheel.peak(preload, frequency, options=options)
     if not peak.found:
         raise BdamperError(f"{peak.status}: {peak.reason}")
-    return {
-        "amplitude": peak.amplitude, "frequency": peak.frequency, "blade": peak.blade, "residual": peak.residual,
-        "springs": peak.springs, "error": peak.error, "held_amplitude": peak.held_amplitude, "climbs": len(peak.climbs),
-        "points": len(peak.sweep_frequency), "interval": list(peak.interval),
-    }, peak.cost  # fmt: skip
+    counts = {"climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)}
+    return {name: getattr(peak, name) for name in OF_PEAKS} | counts, peak.cost
 
 
 def thorough(options: WheelPeakOptions) -> WheelPeakOptions:

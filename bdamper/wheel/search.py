@@ -220,11 +220,11 @@ class Search:
         return replace(peak, at=c, heights=(*peak.heights[:-1], height))
 
     def different(self, peaks: list[Climbed]) -> list[Climbed]:
-        """Each peak once."""
+        """Each peak once, of those of one blade with the same springs."""
         out: list[Climbed] = []
         for peak in peaks:
-            near = (abs(peak.at.y[-1] - other.at.y[-1]) < SAME * self.width for other in out if other.blade == peak.blade)
-            if not any(near):
+            alike = (other for other in out if other.blade == peak.blade and other.springs[-1] == peak.springs[-1])
+            if not any(abs(peak.at.y[-1] - other.at.y[-1]) < SAME * self.width for other in alike):
                 out.append(peak)
         return out
 
@@ -238,6 +238,7 @@ class Search:
                 break
             i = max(left, key=lambda i: out[i].height)
             out[i] = self.weakened(out[i])
+            out = self.different(out)
         return out
 
     def weakened(self, peak: Climbed) -> Climbed:

@@ -7,7 +7,7 @@ the wheel without harmonics: contacts at rest follow the law of :mod:`bdamper.co
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,26 +24,10 @@ LEFT = 1e-10
 """On the residual, relative to the load."""
 
 
-@dataclass(frozen=True, eq=False)
-class WheelState:
-    """Static state of a wheel.
-
-    Parameters
-    ----------
-    q : (n_blades, n_sector) float
-    slider : (n_blades n_points, 2) float, m
-    force : (n_blades n_points, 3) float, N
-    """
-
-    q: NDArray
-    slider: NDArray
-    force: NDArray
-
-
 def static_wheel(
     structure: Structure, points: PointArrays, load: NDArray, shift: NDArray, constant: NDArray, pinned: NDArray,
     history: Sequence[float],
-) -> WheelState:  # fmt: skip
+) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
     """State after the load has passed through factors of itself.
 
     Parameters
@@ -57,6 +41,12 @@ def static_wheel(
         Motion that the coordinates do not carry, under the whole load.
     pinned : (n_blades,) bool
     history : sequence of float
+
+    Returns
+    -------
+    q : (n_blades, n_sector) float
+    slider : (n_blades n_points, 2) float, m
+    force : (n_blades n_points, 3) float, N
 
     Raises
     ------
@@ -96,4 +86,4 @@ def static_wheel(
             force, moved = forces[..., 0], motion[..., :2, 0]
             slider = np.where(points.kt > 0.0, moved - force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0), moved)
             slider[points.law == LAW_BONDED] = 0.0
-    return WheelState(u.reshape(load.shape), slider, force)
+    return u.reshape(load.shape), slider, force

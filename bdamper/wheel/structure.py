@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.contact.residual_modes import ResidualModes
@@ -182,6 +183,27 @@ class Structure:
             disk_stiffness=root.T @ self.disk_stiffness @ root, disk_mass=root.T @ self.disk_mass @ root,
             rows=np.concatenate([self.rows[..., : self.n] @ shapes, self.rows[..., self.n :]], axis=2), n_kept=1,
         )  # fmt: skip
+
+    def wave(self, d: int, springs: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """A wave of equal blades, the mean of these, with springs at the contact points.
+
+        Returns
+        -------
+        squares : (n_sector,) float
+            Squared frequencies.
+        phi, motion : (n_sector, n_sector), (3 n_points, n_sector) complex
+            Modes, and their motion at the points.
+        """
+        n, root = self.n, slice(self.n - self.n_root, self.n)
+        K = scipy.linalg.block_diag(self.stiffness.mean(axis=0), np.diag(self.damper_stiffness)).astype(complex)
+        M = scipy.linalg.block_diag(self.mass, np.diag(self.damper_mass.mean(axis=0))).astype(complex)
+        K[root, root] += self.disk_stiffness[d]
+        M[root, root] += self.disk_mass[d]
+        G = self.rows.astype(complex)
+        G[..., :n] *= np.exp(2j * np.pi * d * self.sector / self.n_blades)[:, None, None]
+        G = G.reshape(-1, self.n_sector)
+        squares, phi = scipy.linalg.eigh(K + G.conj().T @ (springs.reshape(-1, 1) * G), M)
+        return squares, phi, G @ phi
 
     def elastic_forces(self, x: NDArray) -> NDArray:
         """(n_blades, n) static forces that blades and disk take at coordinates (n_blades, n)."""

@@ -27,6 +27,44 @@ static void test_product(const bd_kernel *kernel, size_t m, size_t n, size_t k, 
     free(expected);
 }
 
+static void test_add_product(const bd_kernel *kernel, size_t m, size_t n, size_t k, unsigned long long *seed) {
+    const size_t stride_a = k + 2, stride_b = n + 1, stride_c = n + 3;
+    double *A = random_numbers(m * stride_a, seed), *B = random_numbers(k * stride_b, seed);
+    double *C = random_numbers(m * stride_c, seed), *expected = not_numbers(m * stride_c);
+    memcpy(expected, C, sizeof(double) * m * stride_c);
+    for (size_t i = 0; i < m; ++i)
+        for (size_t j = 0; j < n; ++j)
+            for (size_t p = 0; p < k; ++p) expected[i * stride_c + j] -= 1.5 * A[i * stride_a + p] * B[p * stride_b + j];
+    kernel->add_product(m, n, k, -1.5, A, stride_a, B, stride_b, C, stride_c);
+    for (size_t i = 0; i < m * stride_c; ++i) CHECK_NEAR(C[i], expected[i], 1e-13);
+    free(A);
+    free(B);
+    free(C);
+    free(expected);
+}
+
+/* A permutation beside random numbers a thousand times as small: rows must be exchanged. */
+static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed) {
+    double *A = random_numbers((size_t)(n * n), seed), *inverse = not_numbers((size_t)(n * n));
+    int *pivot = malloc(sizeof(int) * (size_t)n);
+    for (int i = 0; i < n * n; ++i) A[i] *= 1e-3;
+    for (int i = 0; i < n; ++i) A[i * n + (i + 1) % n] += i % 2 ? 1.0 : -1.0;
+    memcpy(inverse, A, sizeof(double) * (size_t)(n * n));
+    const int negative = (n % 2 ? 0 : 1) + (n + 1) / 2; /* a cycle of n, and every other entry */
+    CHECK(kernel->invert(n, inverse, pivot) == (negative % 2 ? -1 : 1));
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+            double sum = 0.0;
+            for (int p = 0; p < n; ++p) sum += A[i * n + p] * inverse[p * n + j];
+            CHECK_NEAR(sum, i == j ? 1.0 : 0.0, 1e-12);
+        }
+    for (int i = 0; i < n; ++i) A[i] = 0.0;
+    CHECK(kernel->invert(n, A, pivot) == 0);
+    free(A);
+    free(inverse);
+    free(pivot);
+}
+
 static void test_vectors(const bd_kernel *kernel, size_t pairs, size_t columns, unsigned long long *seed) {
     const size_t rows = 2 * pairs;
     double *A = random_numbers(rows * columns, seed), *x = random_numbers(columns, seed), *y = not_numbers(rows);
@@ -130,12 +168,14 @@ int main(void) {
         unsigned long long seed = 50;
         for (size_t m = 1; m <= 13; ++m)
             for (size_t columns = 1; columns <= 50; ++columns)
-                test_product(kernel[v], m, columns, (m + columns) % 7, &seed);
+                test_product(kernel[v], m, columns, (m + columns) % 7, &seed),
+                    test_add_product(kernel[v], m, columns, (m + columns) % 7, &seed);
         test_product(kernel[v], 33, 112, 72, &seed);
         for (size_t pairs = 1; pairs <= 3; ++pairs)
             for (size_t columns = 1; columns <= 37; ++columns) test_vectors(kernel[v], pairs, columns, &seed);
         for (int n_source = 1; n_source <= 3; ++n_source) test_fill(kernel[v], n_source, &seed);
         test_grid(kernel[v], &seed);
+        for (int size = 1; size <= 40; ++size) test_invert(kernel[v], size, &seed);
     }
     return check_result();
 }

@@ -129,9 +129,21 @@ def test_from_weak_springs_on_only_near_rivals_are_freed_further():
     far, near = (climbed(k, (0.1, 0.01), (9.9, height)) for k, height in enumerate((9.6, 9.75)))
     assert far.below == near.below == 0.03 and climbed(0, (0.1,), (1.0,)).below == 0.1
     asked = []
-    search = SimpleNamespace(weakened=lambda p: asked.append(p.blade) or replace(p, last=True))
+    search = SimpleNamespace(weakened=lambda p: asked.append(p.blade) or replace(p, last=True), different=list)
     Search.freed(search, [far, near, climbed(2, (0.1, 0.0), (10.0, 10.0))])
     assert asked == [1]
+
+
+def test_peaks_that_become_one_are_followed_once(monkeypatch):
+    at, asked = SimpleNamespace(y=np.array([0.0, 100.0])), []
+
+    def weakened(_, peak):
+        asked.append(peak.heights)
+        return Climbed(at, 7, (*peak.springs, 0.0 if len(peak.springs) > 1 else 0.01), (*peak.heights, 10.0))
+
+    monkeypatch.setattr(Search, "weakened", weakened)
+    freed = Search(None, 1.0, (0.0, 0.0)).freed([climbed(1, (0.1,), (9.9,)), climbed(2, (0.1,), (9.8,))])
+    assert asked == [(9.9,), (9.9, 10.0), (9.8,), (9.8, 10.0)] and len(freed) == 1
 
 
 def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
