@@ -70,7 +70,7 @@ def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
     for f in np.linspace(200.0, 500.0, 16):
         y = np.append(system.at_rest, 2.0 * np.pi * f)
         for line_search in found:
-            c = system.correct_at(y[:-1], y[-1], system.units_about(y, 1.0), 1e-9, 40, line_search)
+            c = system.correct_at(y[:-1], y[-1], system.units_about(y, 1.0), 1e-9, 60, line_search)
             found[line_search] += c.status == 0
     assert max(found[0], found[1]) < 14 < found[2] == 16, found
 
