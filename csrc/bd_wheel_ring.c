@@ -304,10 +304,10 @@ bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
 static void add_product(const bd_ring *w, int transposed, int m, int n, double alpha, const double *A, const double *x,
                         double *y) {
     const int from = transposed ? m : n, to = transposed ? n : m;
-    double *t = w->product, *turned = t + to;
+    double *t = w->product;
     if (transposed) {
-        for (int i = 0; i < from; ++i) turned[i] = alpha * x[i];
-        w->kernel->multiply_transposed((size_t)m, (size_t)n, A, turned, y);
+        for (int i = 0; i < from; ++i) t[i] = alpha * x[i];
+        w->kernel->multiply_transposed((size_t)m, (size_t)n, A, t, y);
         return;
     }
     w->kernel->multiply((size_t)m, (size_t)n, A, x, t);

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from bdamper.model.basis import ModalBasis as ModalBasis
 from bdamper.model.local import LocalBasis
-from bdamper.model.spin import SpinStatic
+from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.stress import StressSet
 from bdamper.util import validate
 from bdamper.util.plotting import Plottable, draw
@@ -353,7 +353,8 @@ class Digest(Protocol):
 def feed_digest(digest: Digest, key: str, value: object) -> None:
     """Add a value of any kind that a model holds to a digest, with the path that leads to it.
 
-    All but ``residual0``, which follows from the rest by a product of matrices that processors round each in their way.
+    All but ``residual0`` beside a flexibility, from which it follows by a product of matrices that processors round each in
+    their way.
     """
     if isinstance(value, np.ndarray):
         digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())
@@ -365,7 +366,9 @@ def feed_digest(digest: Digest, key: str, value: object) -> None:
         for item in fields(value):
             part = getattr(value, item.name)
             later = ("constant_force", "drag", "local", "speed", "spin")  # earlier versions did not know them
-            if item.name != "residual0" and not (part is None and item.name in later):
+            if isinstance(value, ModalBasis) and isinstance(part, SpeedBasis) and value.flexibility is not None:
+                part = replace(part, residual0=None)
+            if not (part is None and item.name in later):
                 feed_digest(digest, f"{key}.{item.name}", part)
     else:
         digest.update(f"{key}={value!r};".encode())
