@@ -80,10 +80,11 @@ class AtPreload:
 
     @staticmethod
     def of(record: Mapping[str, Any]) -> AtPreload:
-        """What was recorded, as read from JSON."""
+        """What was recorded, as read from JSON, in which arrays of a curve without points have no shape."""
         made: AtPreload = typed(AtPreload, record)
-        n = len(made.curve)
-        return replace(made, curve=replace(made.curve, unknowns=np.zeros((n, 0)), shares=made.curve.shares.reshape(n, 3)))
+        curve, n = made.curve, len(made.curve)
+        shapes = {"harmonics": curve.harmonics.reshape(n, 2), "shares": curve.shares.reshape(n, 3)}
+        return replace(made, curve=replace(curve, unknowns=np.zeros((n, 0)), **shapes))
 
 
 @one_thread

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.status import left_undone
+from bdamper.util.tables import Tabular, quantities
 from bdamper.util.text import UNITS, aligned, amount, spaced
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
@@ -104,8 +105,10 @@ class Summarised:
             return str(self)
         facts = [(fact.name, fact.to_digits(6)) for fact in self.facts()]
         told = {*(name for name, _ in facts)}
-        single = [(spaced(f.name), getattr(self, f.name)) for f in fields(cast(Any, self))]
-        known = [Fact(n, v, UNITS.get(n, "")) for n, v in single if isinstance(v, int | float | str) and str(v)]
+        marked = quantities(type(self)) if isinstance(self, Tabular) else {}
+        units = UNITS | {name: mark.unit for name, mark in marked.items()}
+        single = [Fact(spaced(f.name), getattr(self, f.name), units.get(f.name, "")) for f in fields(cast(Any, self))]
+        known = [fact for fact in single if isinstance(fact.value, int | float | str) and str(fact.value)]
         facts += [(fact.name, fact.to_digits(6)) for fact in known if fact.name not in told | {"model hash"}]
         texts = [text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text]
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")

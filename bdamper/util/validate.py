@@ -175,6 +175,7 @@ def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = ""
 
 def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
     """A mapping of some of the keys to values."""
+    keys = tuple(keys)
     that(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
     unknown = [key for key in value if key not in keys]
     if unknown:

@@ -198,3 +198,9 @@ def test_a_drift_that_stops_a_thousand_vibrations_away_has_drifted_off(far, stat
     path = follow(Stops(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
     assert path.points[-1].y[0] == pytest.approx(far, rel=1e-4)
     assert path.status == status
+
+
+@pytest.mark.parametrize("wrong", [{"step": 0.5}, {"min_step": 0.1}])
+def test_steps_are_in_order(wrong):
+    with pytest.raises(bd.SettingError, match="steps: expected"):
+        ContinuationOptions(**wrong)

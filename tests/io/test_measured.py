@@ -118,3 +118,9 @@ def test_a_response_that_cannot_be_read(tmp_path, text, message):
         read_response(write(tmp_path, text))
     with pytest.raises(BdamperError, match="expected a CSV file, found a folder"):
         read_response(tmp_path)
+
+
+@pytest.mark.parametrize("values", [(1.0, np.nan), (np.inf, 1.0)])
+def test_frequencies_and_responses_are_finite(values):
+    with pytest.raises(BdamperError, match="expected finite frequencies and responses"):
+        Measurement("rig", np.array(values[:1]), np.array(values[1:], complex))

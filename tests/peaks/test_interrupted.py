@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.track import without_points
 from bdamper.peaks.at_preload import AtPreload, at_preload
 from bdamper.peaks.optimal import optimal_curve
+from bdamper.util.cost import Cost
 from bdamper.util.results_file import as_line
 
 ASKED = {"preload": (20.0, 10e3), "n": 8, "frequency": (250.0, 400.0)}
@@ -110,6 +113,13 @@ def test_what_is_kept_is_what_was_found():
         assert np.array_equal(getattr(again.curve, name), getattr(there.curve, name)), name
     assert np.array_equal(again.top.peak.y, there.top.peak.y) and again.top.kind == there.top.kind
     assert json.loads(as_line(again.record())) == json.loads(as_line(there.record()))
+
+
+def test_a_curve_without_points_keeps_its_shape():
+    curve = without_points(new_study(), 300.0, "failed", ContinuationOptions(), Cost())
+    light = replace(curve, harmonics=curve.harmonics[:, :2])
+    again = AtPreload.of(json.loads(as_line(AtPreload(300.0, light, None, np.nan, "", Cost()).record()))).curve
+    assert again.amplitude.shape == (0,) and again.shares.shape == (0, 3) and list(again.columns()) == list(light.columns())
 
 
 def test_a_file_of_another_search_is_refused(tmp_path):

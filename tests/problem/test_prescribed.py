@@ -71,3 +71,9 @@ def test_free_bodies_need_a_load():
     study = plain_study(bd.reference_model(contact_points=9), engine_order=5, excitation=bd.Excitation("tip"))
     with pytest.raises(bd.SettingError, match="expected no free body"):
         bd.prescribe_preload(study, {"left": 1.0})
+
+
+def test_a_point_without_normal_stiffness_is_refused(study, monkeypatch):
+    monkeypatch.setattr(type(study), "point_stiffness", np.zeros((24, 3)))
+    with pytest.raises(bd.SettingError, match="expected a positive normal stiffness at every point"):
+        bd.prescribe_preload(study, {"platform": 1.0})

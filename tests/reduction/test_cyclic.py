@@ -13,7 +13,7 @@ from bdamper.fe.assemble import discretise
 from bdamper.fe.geometry import Material, turn
 from bdamper.fe.mesh import join_blocks
 from bdamper.fe.sector import SectorFE
-from bdamper.reduction.cyclic import CyclicSector, match_faces
+from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, match_faces
 
 N = 6
 
@@ -146,3 +146,11 @@ def test_reference_sector_between_its_neighbours():
     residual = (force - three.mass @ u * omega2).reshape(-1, 3, 3)
     loose = np.setdiff1d(np.arange(len(fe.blade.nodes)), fe.clamped)
     assert np.abs(residual[middle[loose]]).max() < 1e-7 * np.abs(force).max()
+
+
+def test_x_or_y_alone_fixed_on_a_face_is_refused(sector):
+    body, left, right, _ = sector
+    fixed = np.zeros((len(body.nodes), 3), bool)
+    fixed[[left[0], right[0]], 0] = True
+    with pytest.raises(ValueError, match="fixed in one of the directions X and Y"):
+        cyclic_transformation(len(body.nodes), left, right, fixed, N, 1)

@@ -187,6 +187,10 @@ class TestBottomLine:
             assert not line.endswith(tuple("0123456789")) or line.startswith("  ")
 
 
+def test_details_have_the_units_of_the_columns(peak):
+    assert "parameter         8 kN" in peak.details()
+
+
 def test_places_close_together_are_told_apart():
     assert str(Fold(360.12, 1e-3, 1)) == "fold: 1 mm at 360.12 Hz (point 1)"
     assert _as_words({"preload": 1001.0}) == "preload 1.001 kN" and _as_words({"mu": 0.46049}) == "mu 0.46049"

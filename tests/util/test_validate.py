@@ -278,3 +278,7 @@ def test_a_load_whose_motions_are_left_out_is_named(study):
         with pytest.raises(bd.SettingError, match=r"the study leaves out the motions of \['damper'\] along the load"):
             ask()
     assert still.static(0.0).converged
+
+
+def test_keys_of_a_mapping_may_be_an_iterator():
+    assert validate.mapping("x", {"b": 1}, (k for k in "ab"), "faces") == {"b": 1}
