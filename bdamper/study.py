@@ -281,7 +281,11 @@ class Study(Problem, Comparable):
             curve = marched.with_kept(self, curve, places, progress=progress)
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
         if margin and material is not None and not stopped:
-            curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
+            try:
+                curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
+            except KeyboardInterrupt:
+                return curve
+            stopped = curve.margins[0].best_status == INTERRUPTED
         if check != "harmonics" or stopped:
             return curve
         return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)

@@ -324,7 +324,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         value, best = (self.values[j], self.margin[j]) if np.isnan(self.best_value) else (self.best_value, self.best_margin)
         worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
         head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
-        limit = ["Below 1 the limit is exceeded."] if self.margin[i] < 1.0 else []
+        limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
         return " ".join([f"{head}, least {worst}.", *self.kept_lines, *limit])
 
 

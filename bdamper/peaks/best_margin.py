@@ -25,12 +25,14 @@ from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
-from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, because
 
 BESIDE = 1e-3
 """Relative distance of the preloads at which the slope of a margin is read: peaks to 1e-8 leave 1e-5 of it."""
 AGREES = 0.02
 """Share by which the least margin of a whole tracking curve may lie below that of the highest peak."""
+WHERE = {"end": "at the end of the preloads with a value", "unknown": "next to preloads where none is known"}
+"""Of the largest margin, by the kind of place, if it was not refined."""
 
 
 @one_thread
@@ -51,14 +53,15 @@ def best_margin(
     ----------
     problem : Problem
     curve : OptimalCurve
-        Of this problem.  Where it has what a blade keeps, ``in_time`` has the margin of that.
+        Of this problem.  Where it has what a blade keeps of that peak, ``in_time`` has the margin of that.
     material, criterion, line, on, sets, speed
         As for :func:`bdamper.fatigue.margin.margin`.
 
     Returns
     -------
     MarginCurve
-        ``best_value`` is the preload, ``best_status`` tells how far it is known.
+        ``best_value`` is the preload, ``best_status`` tells how far it is known.  After Ctrl-C the best at a
+        preload of the curve.
     """
     validate.instance("curve", curve, OptimalCurve)
     found = margin(problem, curve, material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
@@ -78,20 +81,22 @@ def best_margin(
         return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(beside[1] / beside[0])))
 
     def ask(places: Sequence[float]) -> list[Place]:
-        tops = [(there.preload, there.top) for there in curves.follow([float(np.exp(x)) for x in places]) if there.known]
-        return [place(top.peak, p) for p, top in tops if top is not None]
+        followed = curves.follow([float(np.exp(x)) for x in places])
+        return [place(t.top.peak, t.preload) if t.known and t.top else Place(x, np.inf) for x, t in zip(places, followed)]
 
     with Curves(problem, (low, high)) as curves:
-        rows = np.flatnonzero(np.isfinite(curve.amplitude))
-        places = [place(_peak(problem, curve, int(k)), float(curve.preload[k])) for k in rows]
+        rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
+        places = [place(_peak(problem, curve, k), p) if is_known else Place(np.log(p), np.inf) for k, p, is_known in rows]
         places, best = least(places, ask, lambda a, b, x: x)
         kept = {k.preload: k for k in curve.kept if np.isfinite(k.mean)}
-        tops = [(p, there.top.peak.y) for p in kept for there in curves.follow([p]) if there.known and there.top]
+        peaks = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
+        tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, kept[p].balance, rtol=1e-3, atol=0.0)]
     if curves.interrupted:
-        raise KeyboardInterrupt
+        i = found.greatest
+        return replace(found, best_value=found.values[i], best_margin=found.margin[i], best_status=INTERRUPTED)
     at = places[best.index]
     preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
-    where = "at the end of the preloads with a value" if best.kind == "end" else "refined between its neighbours"
+    where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, preload, value)
     status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
     in_time = tuple(judge.margins(problem, y[:-1], float(y[-1]), p, kept[p]) for p, y in tops)

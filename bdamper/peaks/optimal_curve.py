@@ -302,9 +302,13 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def least_kept(self) -> Kept | None:
-        """Of the preloads with a march in time that at which a blade keeps least; None where fewer than two are known."""
-        known = [k for k in self.kept if np.isfinite(k.mean)]
-        return min(known, key=lambda k: k.mean) if len(known) > 1 else None
+        """Of the preloads whose march in time is complete that at which a blade keeps least; None of fewer than two."""
+        return min(self._known, key=lambda k: k.mean) if len(self._known) > 1 else None
+
+    @property
+    def _known(self) -> list[Kept]:
+        """What a blade keeps where nothing is left open about it."""
+        return [k for k in self.kept if np.isfinite(k.mean) and word(k.status) == COMPLETE]
 
     def facts(self) -> tuple[Fact, ...]:
         """The optimum and how far it is verified, and the limits without contact and with all closed points stuck."""
@@ -340,8 +344,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         out = [f"Least resonance at {where}: {at}{gain}."]
         out += [self._said_of(kept) for kept in self.kept]
         if least := self.least_kept:
-            beyond = ", the last on its side: less may be kept beyond" if least in (self.kept[0], self.kept[-1]) else ""
-            out.append(f"Of these preloads a blade keeps least at {amount(least.preload, 'N')}{beyond}.")
+            beyond = ", the last on its side: less may be kept beyond" if least in (self._known[0], self._known[-1]) else ""
+            out.append(f"Of the preloads where it is known a blade keeps least at {amount(least.preload, 'N')}{beyond}.")
         low, high = self.preloads_within(NEAR_BEST * o.amplitude)
         limit = amount(NEAR_BEST * o.amplitude, "m")
         out.append(f"From {amount(low, 'N')} to {amount(high, 'N')} it stays below {limit}.")

@@ -117,8 +117,8 @@ class Levels:
         return np.sort(a[across] + share * (a[across + 1] - a[across]))[::-1]
 
     def start(self, frequency: float) -> NDArray:
-        """Unknowns of the point of the highest level next to a frequency."""
-        high = np.flatnonzero(self.amplitude >= RULES.lower * self.at(frequency)[0])
+        """Unknowns of the point of the highest level next to a frequency, of any level where the curve has a gap."""
+        high = np.flatnonzero(self.amplitude >= RULES.lower * max(self.at(frequency), default=0.0))
         return np.asarray(self.unknowns[high[np.abs(self.frequency[high] - frequency).argmin()]])
 
     def lower(self, frequency: float, own: float) -> float:
