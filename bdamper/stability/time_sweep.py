@@ -262,9 +262,8 @@ def sweep_in_time(
         A tracking curve of this study at this preload, from one of whose solutions the march starts.  By default the
         lowest solution between folds that is found at the first frequency, as by :meth:`Curve.sweep`.
     index : int, optional
-        Of the point of that curve; by default the highest solution at the first frequency, branches that close on
-        themselves aside, or the point next to it where the curve has none there.  The march settles at the first
-        frequency before the sweep begins.
+        Of the point of that curve; by default the highest solution at the first frequency, or next to it in a gap,
+        branches that close on themselves aside.  The march settles at the first frequency before the sweep begins.
     steps_per_period : int, optional
         256 by default.
     check : bool

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -47,7 +48,8 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     """The largest period is a fifth above the balance at one preload, and not known at another."""
     p, top = curve.optimum.preload, curve.optimum.amplitude
     known = Kept(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
-    found = study.best_margin(replace(curve, kept=(known, Kept(*(np.nan,) * 4, 300.0, top))), AISI_1050)
+    others = Kept(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
+    found = study.best_margin(replace(curve, kept=(known, *others)), AISI_1050)
     (one,) = found.in_time
     assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
     said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: a blade keeps up to"
@@ -57,17 +59,49 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     found.save(tmp_path / "margins.h5")
     assert bd.load(tmp_path / "margins.h5").in_time[0].least == one.least
     assert curve.margins[0].in_time == ()
+    assert found.margin[found.least] > 1.0 and "exceeded" not in found.bottom_line()
+    weak = replace(found, in_time=(replace(one, factor=0.9 / one.least * one.factor),))
+    assert weak.bottom_line().endswith("Below 1 the limit is exceeded.")
 
 
 def test_the_margin_is_asked_for_after_the_march(study, curve, monkeypatch):
     """Not where the march was interrupted: then there is an end of it."""
     monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
-    monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: curve.kept)
+    asked = SimpleNamespace(best_status="complete")
+    monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: asked)
     for status, margins in (("complete", 1), ("interrupted", 0)):
         kept = Kept(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(study_room.marched, "with_kept", lambda s, c, *_, kept=kept, **__: replace(c, kept=(kept,)))
         found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
-        assert found.kept == (kept,) and found.margins == ((kept,),) * margins
+        assert found.kept == (kept,) and found.margins == (asked,) * margins
+
+
+def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch):
+    """Before those of the curve are known the curve alone, later their largest; no ladder is begun after either."""
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
+    monkeypatch.setattr(study_room.accuracy_tolerance, "with_ladder", None)
+    ask = {"check": "harmonics", "quantity": "margin", "material": AISI_1050}
+    monkeypatch.setattr(LeastMargin, "__call__", stop)
+    (found,) = study.optimal_curve((40.0, 400.0), 6, **ask).margins
+    np.testing.assert_array_equal(found.margin, curve.margins[0].margin)
+    assert (found.best_margin, found.best_status) == (np.nanmax(found.margin), "interrupted")
+    monkeypatch.setattr(best_margin, "margin", lambda *_, **__: stop())
+    assert study.optimal_curve((40.0, 400.0), 6, **ask).margins == ()
+
+
+def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve):
+    gone = curve.preload < 1.5 * curve.optimum.preload
+    part = replace(curve, amplitude=np.where(gone, np.nan, curve.amplitude),
+                   unknowns=np.where(gone[:, None], np.nan, curve.unknowns))  # fmt: skip
+    found, whole = study.best_margin(part, AISI_1050), curve.margins[0]
+    assert 0 < gone.sum() < len(curve) - 1 and found.best_margin > 1.2 * np.nanmax(found.margin)
+    assert found.best_margin > (1.0 - best_margin.AGREES) * whole.best_margin
+    fresh = study.margin(study.peak(found.best_value), AISI_1050).least
+    assert found.best_margin == pytest.approx(fresh, rel=1e-6), found.best_status
 
 
 def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):

@@ -54,7 +54,7 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     assert least.mean == min(k.mean for k in found.kept) and least in found.kept
     at = amount(least.preload, "N")
     ends = least.preload != best
-    assert f"Of these preloads a blade keeps least at {at}{', the last on its side' * ends}" in said
+    assert f"Of the preloads where it is known a blade keeps least at {at}{', the last on its side' * ends}" in said
     assert ("least is kept", f"at {at}, {least.text}") in [fact[:2] for fact in found.facts()]
     assert f"least kept, {at}" in found.plot()[0].get_legend_handles_labels()[1]
     plt.close("all")
@@ -63,6 +63,12 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     assert lower.least_kept.preload == best and "the last on its side" not in lower.bottom_line()
     lone = replace(found, kept=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
     assert lone.least_kept is None and "keeps least" not in lone.bottom_line()
+    for i, doubt in ((1, "incomplete: its mean still changes"), (1, "interrupted"), (0, "not found: no motion stays")):
+        open_ = [low, replace(middle, mean=0.5 * low.mean), replace(high, mean=0.4 * low.mean)]
+        for least, last in ((2, open_), (1 - i, [*open_[:2], replace(high, mean=2.0 * low.mean)])):
+            kept = [replace(k, status=doubt) if j == i else k for j, k in enumerate(last)]
+            at = amount(kept[least].preload, "N")
+            assert f"keeps least at {at}, the last on its side: less" in replace(found, kept=tuple(kept)).bottom_line()
 
 
 def test_what_cannot_be_marched_says_why(study, curve, monkeypatch):

@@ -1,5 +1,7 @@
 """What a blade keeps: levels of a curve, the walk to the fall of one mass, the reference disk."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -52,6 +54,8 @@ def test_one_mass_keeps_its_branch_to_the_fold(bent, walked):
     assert walked.balance == curve.peak.amplitude and 0.9 < walked.factor <= 1.01
     said = walked.bottom_line()
     assert "The motion falls at" in said and f"a blade keeps {walked.text}" in said and said.split(";")[0] in str(walked)
+    doubtful = replace(walked, status="incomplete: some steps failed").bottom_line()
+    assert "(incomplete: some steps failed). The motion falls" in doubtful and "complete" not in said
     assert walked.details().count("diameters") == walked.details().count("mean") == 1
 
 

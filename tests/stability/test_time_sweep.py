@@ -141,6 +141,9 @@ def test_it_starts_from_a_point_of_a_curve(separating):
     np.testing.assert_allclose(by_default, upper.amplitude, rtol=1e-6), "the highest solution there"
     beyond = separating.sweep_in_time(0.0, (11.3, 11.8), **options)
     assert beyond.amplitude[0] < 1.01 * curve.amplitude.max(), "the curve ends before"
+    apart = replace(curve, branch=np.arange(len(curve)), closed=())
+    in_gap = separating.sweep_in_time(0.0, (11.3, f), **options | {"start": apart}).amplitude
+    assert in_gap[0] < 1.01 * curve.amplitude.max(), "no two of its points are joined"
 
 
 def test_it_is_drawn_written_and_read(linear, tmp_path):
