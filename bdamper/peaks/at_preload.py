@@ -83,8 +83,8 @@ class AtPreload:
         """What was recorded, as read from JSON, in which arrays of a curve without points have no shape."""
         made: AtPreload = typed(AtPreload, record)
         curve, n = made.curve, len(made.curve)
-        shapes = {"harmonics": curve.harmonics.reshape(n, 2), "shares": curve.shares.reshape(n, 3)}
-        return replace(made, curve=replace(curve, unknowns=np.zeros((n, 0)), **shapes))
+        harmonics, shares = curve.harmonics.reshape(n, 2), curve.shares.reshape(n, 3)
+        return replace(made, curve=replace(curve, unknowns=np.zeros((n, 0)), harmonics=harmonics, shares=shares))
 
 
 @one_thread

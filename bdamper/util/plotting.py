@@ -105,7 +105,7 @@ class Summarised:
             return str(self)
         facts = [(fact.name, fact.to_digits(6)) for fact in self.facts()]
         told = {*(name for name, _ in facts)}
-        marked = quantities(type(self)) if isinstance(self, Tabular) else {}
+        marked = quantities(cast(Any, type(self))) if isinstance(self, Tabular) else {}
         units = UNITS | {name: mark.unit for name, mark in marked.items()}
         single = [Fact(spaced(f.name), getattr(self, f.name), units.get(f.name, "")) for f in fields(cast(Any, self))]
         known = [fact for fact in single if isinstance(fact.value, int | float | str) and str(fact.value)]
