@@ -277,10 +277,10 @@ def plot_sample_tail(
     title = title or f"{len(x)} wheels, blade frequencies {spread}"
     with drawing(ax, title=title, legend=7.0) as ax:
         _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
-        at = np.linspace(fit.threshold, fit.bound, 2000)
-        at = at[fit.cdf(at) < 1.0 - 0.02 / len(x)]
+        at = np.linspace(fit.threshold, fit.percentile(100.0 - 2.0 / len(x)), 2000)
         in_a_bar = len(x) * (edges[1] - edges[0])
-        ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, bound {fit.bound:.3g}")
+        bound = f"bound {fit.bound:.3g}" if fit.bound < 2.0 * at[-1] else "bound not seen"
+        ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, {bound}")
         low, value, high = sample.percentile(95.0)[:, i, j]
         ax.axvline(value, color="0.45", linewidth=1.0, label=f"95 % of wheels: at most {value:.3g}")
         ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0, label="how sure that is")

@@ -6,6 +6,7 @@ import random
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -214,3 +215,13 @@ def test_what_does_not_fit_is_refused_before_any_work(study, options, message, m
 def test_a_measured_pattern(study, quick):
     pattern = Mistuning.from_frequencies([100.0, 103.0, 98.0, 101.0, 99.0])
     assert sample(study, distribution=pattern).drawn["distribution"] == pattern.deviation.tolist()
+
+
+@pytest.mark.parametrize("preload", [500.0, 1000.0, 2000.0])
+def test_tails_of_the_stored_wheels_are_drawn(preload):
+    """At 2 kN the fit sees no bound: its shape is 1e5, its bound far beyond every value."""
+    sample = bd.load(Path(bd.__file__).parent / "data/wheels.h5")
+    fit, axes = sample.tail(preload=preload), sample.plot_tail(preload=preload)
+    words = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert len(sample) >= 50 and (fit.bound > 2.0 * np.nanmax(sample.amplification)) == (preload == 2000.0)
+    assert any("bound not seen" in text for text in words) == (preload == 2000.0)
