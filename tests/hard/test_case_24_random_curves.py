@@ -102,7 +102,8 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
     system, state = study.system(preload), study.static(preload)
     start, log = find_start(study, preload, omega, ContinuationOptions(), CostMeter(0.0))
     assert start is None
-    assert any("the bodies drift away" in line for line in log)
+    # how far the last attempt comes hangs on rounding; that the body has no mean place, said by one of them, does not
+    assert any("the bodies drift away" in line or "moves without bound" in line for line in log)
 
     ring = Ring(system, study.model.n_blades, study.engine_order)
     steps = 512
