@@ -178,6 +178,11 @@ def on_the_typical_blade(name: str) -> dict[str, Any]:
     return {"curve": time.process_time() - begin, **record(of.kept(curve))}
 
 
+def motion(r: dict[str, Any]) -> str:
+    """What is kept, in a cell of a table."""
+    return f"{r['mean']:.1f} ({r['lowest']:.1f} to {r['highest']:.1f}) at {r['frequency']:.1f} Hz"
+
+
 def main() -> None:
     """Compute what is missing, and print the tables."""
     known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
@@ -205,8 +210,7 @@ def main() -> None:
     print("\n| cell | curve | peak of the balance (\u00b5m) | kept | of it |\n|---|---|---|---|---|")
     for name in CELLS:
         if r := known.get(name):
-            kept = f"{r['mean']:.1f} ({r['lowest']:.1f} to {r['highest']:.1f}) at {r['frequency']:.1f} Hz"
-            print(f"| {name} | {r['curve']} | {r['balance']:.1f} | {kept} | {r['status']} |")
+            print(f"| {name} | {r['curve']} | {r['balance']:.1f} | {motion(r)} | {r['status']} |")
     for name in filter(known.get, SLOWLY):
         r = known[name]
         print(f"\n{name}: highest mean of 80 periods {r['highest']:.1f} at {r['at']:.1f} Hz")
@@ -218,8 +222,7 @@ def main() -> None:
     print("\n| typical blade | peak of the balance (\u00b5m) | kept | time of a curve (s) |\n|---|---|---|---|")
     for name in TYPICAL:
         if r := known.get(name):
-            kept = f"{r['mean']:.1f} ({r['lowest']:.1f} to {r['highest']:.1f}) at {r['frequency']:.1f} Hz"
-            print(f"| {name} | {r['balance']:.1f} | {kept} | {r['curve']:.1f} |")
+            print(f"| {name} | {r['balance']:.1f} | {motion(r)} | {r['curve']:.1f} |")
     print("\n| blade modes | 3 harmonics (mm) | 5 | 7 | 9 | 13 | kept | falls at |\n" + "|---" * 8 + "|")
     for name in GROUND:
         if r := known.get(name):

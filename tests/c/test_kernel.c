@@ -167,9 +167,10 @@ int main(void) {
     for (int v = 0; v < n; ++v) {
         unsigned long long seed = 50;
         for (size_t m = 1; m <= 13; ++m)
-            for (size_t columns = 1; columns <= 50; ++columns)
-                test_product(kernel[v], m, columns, (m + columns) % 7, &seed),
-                    test_add_product(kernel[v], m, columns, (m + columns) % 7, &seed);
+            for (size_t columns = 1; columns <= 50; ++columns) {
+                test_product(kernel[v], m, columns, (m + columns) % 7, &seed);
+                test_add_product(kernel[v], m, columns, (m + columns) % 7, &seed);
+            }
         test_product(kernel[v], 33, 112, 72, &seed);
         for (size_t pairs = 1; pairs <= 3; ++pairs)
             for (size_t columns = 1; columns <= 37; ++columns) test_vectors(kernel[v], pairs, columns, &seed);

@@ -138,7 +138,7 @@ def test_it_starts_from_a_point_of_a_curve(separating):
     upper = separating.sweep_in_time(0.0, (11.3, f), index=high, **options)
     assert upper.amplitude[0] == pytest.approx(curve.amplitude[high], rel=0.03)
     by_default = separating.sweep_in_time(0.0, (11.3, f), **options).amplitude
-    np.testing.assert_allclose(by_default, upper.amplitude, rtol=1e-6), "the highest solution there"
+    np.testing.assert_allclose(by_default, upper.amplitude, rtol=1e-6, err_msg="not the highest solution there")
     beyond = separating.sweep_in_time(0.0, (11.3, 11.8), **options)
     assert beyond.amplitude[0] < 1.01 * curve.amplitude.max(), "the curve ends before"
     apart = replace(curve, branch=np.arange(len(curve)), closed=())
