@@ -3,11 +3,38 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bdamper.contact.preload import PreloadState
 from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
 from bdamper.peaks.optimal_curve import Limit
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
+
+
+def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:
+    """(modes,) resonances (Hz) of the constrained bodies without contact, and with all that are closed at rest stuck.
+
+    A mode has the lowest stuck resonance above its own that no mode below it has.
+
+    Raises
+    ------
+    SettingError
+        If there are not so many modes.
+    """
+    system = problem.system(0.0)
+    basis = system.bases[1]
+    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
+    if np.any(system.springs):
+        elastic = system.linear_modes(None)[0] ** 2
+    validate.require(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
+    free = np.sqrt(elastic[:modes])
+    poles = list(system.linear_modes(stuck_springs(problem, state))[0])
+    stuck = []
+    for w in free:
+        poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
+        stuck.append(poles.pop(0) if poles else w)
+    return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
 
 
 def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
@@ -24,17 +51,8 @@ def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     SettingError
         If there is no such mode.
     """
-    system = problem.system(0.0)
-    basis = system.bases[1]
-    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
-    if np.any(system.springs):  # they tie the modes together
-        elastic = system.linear_modes(None)[0] ** 2
-    validate.require(1 <= mode <= len(elastic), "mode", f"1 to {len(elastic)}", mode)
-    free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
-    springs = stuck_springs(problem, problem.equilibrium(1.0 if problem.carries_load else 0.0))
-    poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
-    above = poles[poles >= free * (1.0 - 1e-9)]
-    stuck = float(above[0]) if len(above) else free
+    state = problem.equilibrium(1.0 if problem.carries_load else 0.0)
+    free, stuck = (float(f[-1]) for f in free_and_stuck(problem, state, mode))
     margin = beyond(free, stuck)
     return max(0.1 * free, free - margin), stuck + margin
 

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.peaks.interval import free_and_stuck
 from bdamper.problem.at_speed import RPM, Conditions, asked_speeds, preload_at, under
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossings import Crossings, OverSpeed, SpeedLine, speed_values
-from bdamper.speed.family import SpeedFamily, free_and_stuck
+from bdamper.speed.family import SpeedFamily
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError

@@ -14,14 +14,14 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.preload import PreloadState
 from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.family import HarmonicFamily, node_speeds
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.validation import as_checked
+from bdamper.peaks.interval import free_and_stuck
 from bdamper.problem.at_speed import Conditions, preload_at, under
-from bdamper.problem.problem import Problem, stuck_springs
+from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -144,28 +144,3 @@ class SpeedFamily(Generic[P]):
         problem = self.problem(omega)
         both = free_and_stuck(problem, problem.equilibrium(self.preload(omega)), mode)
         return 2.0 * np.pi * np.array(both)[:, mode - 1]
-
-
-def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:
-    """(modes,) resonances (Hz) of the constrained bodies without contact, and with all that are closed at rest stuck.
-
-    A mode has the lowest stuck resonance above its own that no mode below it has.
-
-    Raises
-    ------
-    SettingError
-        If there are not so many modes.
-    """
-    system = problem.system(0.0)
-    basis = system.bases[1]
-    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
-    if np.any(system.springs):
-        elastic = system.linear_modes(None)[0] ** 2
-    validate.require(modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
-    free = np.sqrt(elastic[:modes])
-    poles = list(system.linear_modes(stuck_springs(problem, state))[0])
-    stuck = []
-    for w in free:
-        poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
-        stuck.append(poles.pop(0) if poles else w)
-    return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)

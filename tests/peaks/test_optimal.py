@@ -15,7 +15,7 @@ from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks import optimal, sensitivity
 from bdamper.peaks.at_preload import AtPreload
 from bdamper.peaks.highest import Highest, maxima
-from bdamper.peaks.interval import linear_peak, resonance_interval
+from bdamper.peaks.interval import free_and_stuck, linear_peak, resonance_interval
 from bdamper.peaks.least import CORNER
 from bdamper.peaks.newton import amplitude_at, coarse_options, find_peak, peak_scale, slope_along
 from bdamper.problem.variation import vary
@@ -239,6 +239,13 @@ class TestFindPeak:
         low, high = resonance_interval(study)
         assert low < linear_peak(study, INTERVAL, 1.0, stuck=False).frequency
         assert high > linear_peak(study, INTERVAL, 1.0, stuck=True).frequency
+
+    def test_no_two_modes_share_a_stuck_resonance(self):
+        """The stuck resonance of the hard disk's fifth mode lies above its sixth mode, whose own is higher."""
+        study = plain_study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4)
+        free, stuck = free_and_stuck(study, study.equilibrium(1.0), 6)
+        assert free[5] < stuck[4] < stuck[5]
+        assert resonance_interval(study, 6)[1] > stuck[5]
 
 
 class TestNewtonToThePeak:

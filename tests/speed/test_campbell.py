@@ -8,9 +8,9 @@ import pytest
 import bdamper as bd
 from bdamper.contact.preload import static_state
 from bdamper.model.spin import SpeedBasis
+from bdamper.peaks.interval import free_and_stuck
 from bdamper.problem import problem
 from bdamper.speed.campbell import line_crossings
-from bdamper.speed.family import free_and_stuck
 from tests.plain import plain_study
 from tests.turning import turning_disk
 
