@@ -242,7 +242,7 @@ class TestFindPeak:
 
     def test_no_two_modes_share_a_stuck_resonance(self):
         """The stuck resonance of the hard disk's fifth mode lies above its sixth mode, whose own is higher."""
-        study = plain_study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4)
+        study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4)
         free, stuck = free_and_stuck(study, study.equilibrium(1.0), 6)
         assert free[5] < stuck[4] < stuck[5]
         assert resonance_interval(study, 6)[1] > stuck[5]
