@@ -7,9 +7,9 @@ Large blades are reduced to the shapes that matter there (:mod:`bdamper.wheel.re
 are then found anew on the whole wheel, and what that changes is part of the error.
 
 **Connected** is whether the curve through the peak leads to an end of the band: it is followed both ways, for as many
-evaluations as the search took, a quarter of them on reduced wheels.  Those stay "unknown" as a rule: a curve of 65 blades
-stalls 243 points and 0.3 Hz from the peak.  A blade may not keep all connected maxima: the curve of a lumped wheel of six
-blades (300 N, ``tests/wheel/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others
+evaluations as the search took.  On reduced wheels it is "unknown" at once: a curve of 65 blades stalls 243 points and 0.3 Hz
+from the peak, and a quarter of the evaluations, a third of a peak's time, decided none of four (the first two wheels of the
+shipped sample at 1 and 2 kN).  A blade may not keep all connected maxima: the curve of a lumped wheel of six blades (300 N, ``tests/wheel/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others
 of 5.4 to 12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods.
 """
 
@@ -60,7 +60,7 @@ class WheelPeakOptions:
     reduced : bool
         Whether large blades are reduced for the search.
     connected : bool
-        Whether it is found out if the curve through the peak leads to an end of the band.
+        Whether it is found out if the curve through the peak leads to an end of the band, of wheels that are not reduced.
     """
 
     spacing: float = 1.0
@@ -168,7 +168,7 @@ def peak(
     top, changed = _corrected(equations, search, whole, peaks)
     system = None if top is None else (whole if changed is not None else search).held(top.springs[-1])
     u = None if top is None else top.at.y[:-1]
-    joined = "not asked" if not options.connected else "unknown" if top is None else _connected(search, peaks, top)
+    joined = _connected(equations, search, top) if options.connected else "not asked"
     gap, empty = _gap(points, swept), np.zeros((wheel.n_blades, 0))
     return WheelPeak(
         preload=float(preload),
@@ -267,19 +267,14 @@ def _reason(
     return "; ".join(parts)
 
 
-def _connected(search: Search, peaks: list[Climbed], top: Climbed) -> str:
-    """Whether the curve through the highest peak leads to an end of the band: "yes", "no", or "unknown".
-
-    On the equations of the search, from its peak of that blade.
-    """
-    at = min((p for p in peaks if p.blade == top.blade), key=lambda p: abs(p.at.y[-1] - top.at.y[-1]), default=None)
-    if at is None:
+def _connected(equations: _Equations, search: Search, top: Climbed | None) -> str:
+    """Whether the curve through the highest peak leads to an end of the band: "yes", "no", or "unknown"."""
+    if top is None or equations.shapes is not None:
         return "unknown"
-    system = search.held(at.springs[-1])
-    options = ContinuationOptions(tolerance=1e-7, locate=False)
-    share = search.evaluations // (1 if system.structure.n_kept > 1 else 4)
+    system, options = search.held(top.springs[-1]), ContinuationOptions(tolerance=1e-7, locate=False)
+    share = search.evaluations
     for up in (False, True):
-        path = follow(system.within(share), at.at.y, search.band, up=up, options=options)
+        path = follow(system.within(share), top.at.y, search.band, up=up, options=options)
         if path.status in ("complete", "turned back"):
             return "yes"
         if path.status == "closed":

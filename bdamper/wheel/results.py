@@ -18,7 +18,7 @@ from bdamper.util.status import COMPLETE, HELD, Status
 from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
 from bdamper.util.text import amount, height
 
-CONNECTED = {"unknown": "unknown: its curve could not be followed to an end of the band or back to itself"}
+CONNECTED = {"unknown": "unknown: its curve was not followed to an end of the band or back to itself"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,7 +183,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         changed, what the reduced wheel of the search is off the whole one, and what climbs may have missed; 0 where dampers
         are free and all maxima of the sweep were climbed.
     connected : {"yes", "no", "unknown", "not asked"}
-        Whether the curve through the peak leads to an end of the band, as far as it was followed.
+        Whether the curve through the peak leads to an end of the band, as far as it was followed; those of reduced wheels are
+        not.
     interval : (low, high), Hz
         Band of the sweep.
     """
