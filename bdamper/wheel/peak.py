@@ -7,16 +7,18 @@ Large blades are reduced to the shapes that matter there (:mod:`bdamper.wheel.re
 are then found anew on the whole wheel, and what that changes is part of the error.
 
 **Connected** is whether the curve through the peak leads to an end of the band: it is followed both ways, for as many
-evaluations as the search took.  On reduced wheels it is "unknown" at once: a curve of 65 blades stalls 243 points and 0.3 Hz
-from the peak, and a quarter of the evaluations, a third of a peak's time, decided none of four (the first two wheels of the
-shipped sample at 1 and 2 kN).  A blade may not keep all connected maxima: the curve of a lumped wheel of six blades (300 N, ``tests/wheel/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others
-of 5.4 to 12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods.
+evaluations as the search took.  On reduced wheels it is "unknown" at once: a curve of 65 blades stalls 243 points and 0.3
+Hz from the peak, and a quarter of the evaluations, a third of a peak's time, decided none of four (the first two wheels of
+the shipped sample at 1 and 2 kN).  A blade may not keep all connected maxima: the curve of a lumped wheel of six blades
+(300 N, ``tests/wheel/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4
+to 12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from itertools import product
 from math import tau
 
 import numpy as np
@@ -27,7 +29,7 @@ from bdamper.continuation.path import ContinuationOptions
 from bdamper.util import status, validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
-from bdamper.wheel.band import band
+from bdamper.wheel.band import FAR, band
 from bdamper.wheel.loading import wheel_system
 from bdamper.wheel.reduction import SHAPES, close, family_shapes, reduced_state
 from bdamper.wheel.results import WheelPeak
@@ -134,7 +136,9 @@ def peak(
     wheel : Wheel
     preload : float, N
     frequency : (low, high), Hz, optional
-        Of the sweep; ``bdamper.wheel.band.band`` by default.
+        Of the sweep; ``bdamper.wheel.band.band`` by default, and where no blade has a peak in it up to 1.5 times the tuned
+        peak's: a lumped wheel of six blades (engine order 2, 300 N) vibrates at 295 Hz with its dampers held, 13 Hz above
+        that band, and its peak of 230 Hz lies on a branch that comes down from folds at 291 Hz.
     options : WheelPeakOptions
 
     Returns
@@ -151,11 +155,11 @@ def peak(
         frequency = validate.interval("frequency", frequency)
     equations = _Equations.of(wheel, preload, options.reduced)
     tuned = wheel.tuned_peak(preload)
-    low, high, width = band(wheel, preload)
-    low, high = frequency or (low, high)
-    n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
-    points = tau * np.linspace(low, high, n)
-    for springs in WEAKER:
+    begin, end, width = band(wheel, preload)
+    bands = [frequency] if frequency else [(begin, end), (begin, max(end, FAR * tuned.frequency))]
+    for (low, high), springs in product(bands, WEAKER):
+        n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
+        points = tau * np.linspace(low, high, n)
         search = Search(equations.system, tau * width, (float(points[0]), float(points[-1])), meter, springs)
         swept = search.sweep(points)
         climbed = [search.climb(y, blade, None) for y, blade in search.candidates(swept, options.climbs)]

@@ -183,8 +183,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         changed, what the reduced wheel of the search is off the whole one, and what climbs may have missed; 0 where dampers
         are free and all maxima of the sweep were climbed.
     connected : {"yes", "no", "unknown", "not asked"}
-        Whether the curve through the peak leads to an end of the band, as far as it was followed; those of reduced wheels are
-        not.
+        Whether the curve through the peak leads to an end of the band, as far as it was followed: not on reduced wheels.
     interval : (low, high), Hz
         Band of the sweep.
     """

@@ -78,6 +78,15 @@ def test_a_sweep_without_peaks_is_tried_with_weaker_springs():
     assert top.climbs[:, 3].max() < 0.1
 
 
+def test_a_band_without_peaks_is_widened_upward():
+    """Dampers held vibrate 13 Hz above the waves of the tuned peak, whose branch comes down from folds up there."""
+    wheel = Wheel(study(engine_order=2))
+    assert band(wheel, 300.0)[1] == pytest.approx(282.2, abs=0.1)
+    top = wheel.peak(300.0, options=WheelPeakOptions(connected=False))
+    assert top.amplification == pytest.approx(1.0, abs=1e-6) and top.interval[1] == pytest.approx(1.5 * top.frequency)
+    assert wheel.peak(300.0, (168.9, 282.2), options=WheelPeakOptions(connected=False)).status == "not found"
+
+
 def test_shapes_that_do_not_serve_are_left_out():
     """Random attachments, whose flexibility twelve shapes do not have: the reduced wheel's peak is a quarter as high."""
     lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).with_(excitation=bd.Excitation("tip", amplitude=100.0))
