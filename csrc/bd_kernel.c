@@ -38,7 +38,8 @@ BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const
             if (from + BD_WIDTH <= n_columns)
                 bd_store(c + from, bd_load(c + from) + f.alpha * sum[r][v]);
             else
-                for (size_t j = from; j < n_columns; ++j) c[j] += f.alpha * bd_entry(sum[r][v], j - from);
+                for (size_t j = 0; j + 1 < BD_WIDTH; ++j) /* entries by constants stay in registers */
+                    if (from + j < n_columns) c[from + j] += f.alpha * bd_entry(sum[r][v], j);
         }
     }
 }
@@ -87,32 +88,58 @@ static void add_product(size_t m, size_t n, size_t k, double alpha, const double
     all_strips(m, n, k, (left_factor){A, stride_a, 1, alpha}, B, stride_b, C, stride_c);
 }
 
-/* Gauss and Jordan's elimination in place, rows exchanged. */
-static int invert(int n, double *restrict A, int *restrict pivot) {
+/* Gauss and Jordan's elimination in place of the b columns of A from the first, in P (b, stride) one after another, whole rows
+ * of A exchanged. */
+static int eliminate_columns(int n, int first, int b, double *P, int stride, double *A, int *pivot) {
     int sign = 1;
-    for (int k = 0; k < n; ++k) {
-        double *row = A + k * n;
+    for (int k = first; k < first + b; ++k) {
+        double *own = P + (k - first) * stride;
         int p = k;
         for (int i = k + 1; i < n; ++i)
-            if (fabs(A[i * n + k]) > fabs(A[p * n + k])) p = i;
+            if (fabs(own[i]) > fabs(own[p])) p = i;
         pivot[k] = p;
-        const double found = A[p * n + k];
+        const double found = own[p];
         if (!(fabs(found) > 0.0) || isinf(found)) return 0;
         if ((found < 0.0) != (p != k)) sign = -sign;
-        if (p != k)
-            for (int j = 0; j < n; ++j) {
-                const double t = A[p * n + j];
-                A[p * n + j] = row[j], row[j] = t;
-            }
-        row[k] = 1.0;
-        for (int j = 0; j < n; ++j) row[j] /= found;
-        for (int i = 0; i < n; ++i) {
-            double *to = A + i * n;
-            const double f = to[k];
-            if (i == k) continue;
-            to[k] = 0.0;
-            for (int j = 0; j < n; ++j) to[j] -= f * row[j];
+        for (int j = 0; j < n && p != k; ++j) {
+            const double t = A[p * n + j];
+            A[p * n + j] = A[k * n + j], A[k * n + j] = t;
         }
+        for (double *to = P; to < P + b * stride; to += stride) {
+            if (to == own) continue;
+            const double f = to[p] / found;
+            for (int i = 0; i < n; i += BD_WIDTH) bd_store(to + i, bd_load(to + i) - f * bd_load(own + i));
+            to[p] = to[k], to[k] = f;
+        }
+        for (int i = 0; i < n; i += BD_WIDTH) bd_store(own + i, bd_load(own + i) / -found);
+        own[p] = own[k];
+        own[k] = 1.0 / found;
+    }
+    return sign;
+}
+
+/* The columns of a block make one product with the rows that they were eliminated by, for all other columns at once. */
+static int invert(int n, double *restrict A, int *restrict pivot, double *restrict work) {
+    const int stride = (n + 7) / 8 * 8;
+    int sign = 1;
+    for (int first = 0; first < n; first += BD_KERNEL_BLOCK) {
+        const int b = n - first < BD_KERNEL_BLOCK ? n - first : BD_KERNEL_BLOCK;
+        double *rows = work, *P = work + b * stride;
+        memset(P, 0, sizeof(double) * (size_t)(b * stride));
+        for (int j = 0; j < b; ++j)
+            for (int i = 0; i < n; ++i) P[j * stride + i] = A[i * n + first + j];
+        const int found = eliminate_columns(n, first, b, P, stride, A, pivot);
+        if (!found) return 0;
+        sign *= found;
+        memcpy(rows, A + first * n, sizeof(double) * (size_t)(b * n));
+        for (int i = 0; i < n; ++i) memset(A + i * n + first, 0, sizeof(double) * (size_t)b);
+        memset(A + first * n, 0, sizeof(double) * (size_t)(b * n));
+        for (int i = 0; i < b; ++i) {
+            memset(rows + i * n + first, 0, sizeof(double) * (size_t)b);
+            rows[i * n + first + i] = 1.0;
+        }
+        all_strips((size_t)n, (size_t)n, (size_t)b, (left_factor){P, 1, (size_t)stride, 1.0}, rows, (size_t)n, A,
+                   (size_t)n);
     }
     for (int k = n - 1; k >= 0; --k)
         if (pivot[k] != k)
@@ -181,8 +208,32 @@ BD_INLINE double dot(size_t n, const double *a, const double *x) {
     return sum;
 }
 
+/* As `dot` for rows that share x; `last` are the last BD_WIDTH of x with zeros for those that were taken before. */
+BD_INLINE void dots(const int n_rows, size_t n, const double *A, const double *x, bd_vec last, double *y) {
+    bd_vec sum[4][2];
+    for (int r = 0; r < n_rows; ++r) sum[r][0] = sum[r][1] = bd_all(0.0);
+    size_t j = 0;
+    for (; j + 2 * BD_WIDTH <= n; j += 2 * BD_WIDTH)
+        for (int r = 0; r < n_rows; ++r)
+            for (size_t v = 0; v < 2; ++v)
+                sum[r][v] += bd_load(A + (size_t)r * n + j + v * BD_WIDTH) * bd_load(x + j + v * BD_WIDTH);
+    if (j + BD_WIDTH <= n) {
+        for (int r = 0; r < n_rows; ++r) sum[r][0] += bd_load(A + (size_t)r * n + j) * bd_load(x + j);
+        j += BD_WIDTH;
+    }
+    if (j < n)
+        for (int r = 0; r < n_rows; ++r) sum[r][1] += bd_load(A + (size_t)r * n + n - BD_WIDTH) * last;
+    for (int r = 0; r < n_rows; ++r) y[r] = bd_sum(sum[r][0] + sum[r][1]);
+}
+
 static void multiply(size_t rows, size_t columns, const double *A, const double *x, double *y) {
-    for (size_t i = 0; i < rows; ++i) y[i] = dot(columns, A + i * columns, x);
+    size_t i = 0;
+    if (columns >= BD_WIDTH) {
+        double end[BD_WIDTH];
+        for (size_t j = 0; j < BD_WIDTH; ++j) end[j] = j + columns % BD_WIDTH < BD_WIDTH ? 0.0 : x[columns - BD_WIDTH + j];
+        for (; i + 4 <= rows; i += 4) dots(4, columns, A + i * columns, x, bd_load(end), y + i);
+    }
+    for (; i < rows; ++i) y[i] = dot(columns, A + i * columns, x);
 }
 
 static void multiply_pairs(size_t pairs, size_t columns, const double *A, const double *x, const double *x_turned,

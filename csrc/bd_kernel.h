@@ -4,8 +4,9 @@
 
 #include "bd_types.h"
 
-enum { BD_LANES = 8 };       /* contact points that the sampled evaluation takes together */
-enum { BD_KERNEL_PAD = 16 }; /* numbers that may be read behind the end of a matrix */
+enum { BD_LANES = 8 };        /* contact points that the sampled evaluation takes together */
+enum { BD_KERNEL_PAD = 16 };  /* numbers that may be read behind the end of a matrix */
+enum { BD_KERNEL_BLOCK = 4 }; /* columns that `invert` eliminates together */
 
 /* Rows of a tangent times the modes: see fill_rows below. */
 typedef struct {
@@ -61,8 +62,9 @@ typedef struct {
     /* C (m, n) += alpha A B with A (m, k), B (k, n); row strides. */
     void (*add_product)(size_t m, size_t n, size_t k, double alpha, const double *A, size_t stride_a, const double *B,
                         size_t stride_b, double *C, size_t stride_c);
-    /* A (n, n) becomes its inverse, with a pivot for every row; the sign of its determinant, 0 if that is singular. */
-    int (*invert)(int n, double *A, int *pivot);
+    /* A (n, n) becomes its inverse, with a pivot for every row and work (2, BD_KERNEL_BLOCK, n + 8); the sign of its
+     * determinant, 0 if that is singular. */
+    int (*invert)(int n, double *A, int *pivot, double *work);
     /* z_i = sum over sources and rows of block_i times the rows of G that belong to them, for all coefficients i.
      * Up to 7 numbers behind the end of a row of z are overwritten. */
     void (*fill_rows)(const bd_fill *fill);

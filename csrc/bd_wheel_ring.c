@@ -34,7 +34,7 @@ static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const 
 
 /* A (n, n) becomes its inverse; its sign of determinant counts. */
 static int invert(bd_ring *w, double *A, int n) {
-    const int sign = w->kernel->invert(n, A, w->pivot);
+    const int sign = w->kernel->invert(n, A, w->pivot, w->work);
     if (sign < 0) w->sign = -w->sign;
     return sign != 0 && isfinite(A[0]);
 }
@@ -79,7 +79,7 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
                  {&w->columns, e * q},
                  {&w->seen, q * q + N * (e + 2 * q)},
                  {&w->product, e + 2 * q},
-                 {&w->work, 3 * most + 2 * whole}};
+                 {&w->work, 3 * most + 2 * whole + 2 * BD_KERNEL_BLOCK * (most + 8)}};
     size_t total = BD_KERNEL_PAD;
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i) total += parts[i].n;
     w->memory = malloc(sizeof(double) * total);

@@ -46,12 +46,13 @@ static void test_add_product(const bd_kernel *kernel, size_t m, size_t n, size_t
 /* A permutation beside random numbers a thousand times as small: rows must be exchanged. */
 static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed) {
     double *A = random_numbers((size_t)(n * n), seed), *inverse = not_numbers((size_t)(n * n));
+    double *work = not_numbers(2 * BD_KERNEL_BLOCK * (size_t)(n + 8));
     int *pivot = malloc(sizeof(int) * (size_t)n);
     for (int i = 0; i < n * n; ++i) A[i] *= 1e-3;
     for (int i = 0; i < n; ++i) A[i * n + (i + 1) % n] += i % 2 ? 1.0 : -1.0;
     memcpy(inverse, A, sizeof(double) * (size_t)(n * n));
     const int negative = (n % 2 ? 0 : 1) + (n + 1) / 2; /* a cycle of n, and every other entry */
-    CHECK(kernel->invert(n, inverse, pivot) == (negative % 2 ? -1 : 1));
+    CHECK(kernel->invert(n, inverse, pivot, work) == (negative % 2 ? -1 : 1));
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j) {
             double sum = 0.0;
@@ -59,9 +60,10 @@ static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed
             CHECK_NEAR(sum, i == j ? 1.0 : 0.0, 1e-12);
         }
     for (int i = 0; i < n; ++i) A[i] = 0.0;
-    CHECK(kernel->invert(n, A, pivot) == 0);
+    CHECK(kernel->invert(n, A, pivot, work) == 0);
     free(A);
     free(inverse);
+    free(work);
     free(pivot);
 }
 
