@@ -497,10 +497,10 @@ static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
         {&w->border, W + 1, NULL},
         {&w->scale, W + 1, NULL},
         {&w->column, W + 1, NULL},
-        {&w->b, 4 * (W + 1), NULL},
+        {&w->b, 3 * (W + 1), NULL},
         {&w->f, W + 1, NULL},
         {&w->rest, most, NULL},
-        {&w->krylov, (M + 1) * Y + (M + 1) * M + 4 * M, NULL},
+        {&w->krylov, (M + 1) * (Y + M + W) + 5 * M, NULL},
     };
     unsigned char *flags = malloc((size_t)in->n_point + nc + N);
     own->next = flags;

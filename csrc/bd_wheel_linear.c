@@ -135,11 +135,12 @@ static double rotated(double *h, double *cosine, double *sine, double *g, int k,
     return last;
 }
 
-/* x = B^-1 b to a tolerance, with b (a vector and one number) overwritten. */
-static bd_status solve_once(bd_wheel *w, double tolerance, double *b, double *x) {
+/* x = B^-1 b to a tolerance, b and x a vector and one number.  M^-1 R of every y is kept, so that x needs no solution more. */
+static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, double *x) {
     const size_t ny = blade_numbers(w), nb = (size_t)w->in.n_blade, ns = (size_t)w->size;
     double *V = w->krylov, *H = V + (MOST + 1) * ny, *cosine = H + (MOST + 1) * MOST, *sine = cosine + MOST,
-           *g = sine + MOST;
+           *g = sine + MOST, *Z = g + MOST + 1;
+    const size_t n1 = (size_t)w->whole + 1;
     double *y = w->blade;
     precondition(w, b, x);
     blades_scaled(w, x, V);
@@ -154,8 +155,8 @@ static bd_status solve_once(bd_wheel *w, double tolerance, double *b, double *x)
         const double *u = V + (size_t)k * ny;
         for (size_t i = 0; i < ny; ++i) y[i] = u[i] * w->scale[i / nb * ns + i % nb];
         left_out(w, y, w->f);
-        precondition(w, w->f, w->rest);
-        blades_scaled(w, w->rest, v);
+        precondition(w, w->f, Z + (size_t)k * n1);
+        blades_scaled(w, Z + (size_t)k * n1, v);
         for (size_t i = 0; i < ny; ++i) v[i] = u[i] - v[i];
         double *h = H + k * MOST;
         const double size = orthogonalised(w, V, k, v, ny, h), last = rotated(h, cosine, sine, g, k, size);
@@ -171,13 +172,7 @@ static bd_status solve_once(bd_wheel *w, double tolerance, double *b, double *x)
         for (int j = i + 1; j < k; ++j) g[i] -= H[j * MOST + i] * g[j];
         g[i] /= H[i * MOST + i];
     }
-    memset(y, 0, sizeof(double) * ny);
-    for (int i = 0; i < k; ++i)
-        for (size_t j = 0; j < ny; ++j) y[j] += g[i] * V[(size_t)i * ny + j];
-    for (size_t i = 0; i < ny; ++i) y[i] *= w->scale[i / nb * ns + i % nb];
-    left_out(w, y, w->f);
-    for (int i = 0; i < w->whole; ++i) b[i] += w->f[i];
-    precondition(w, b, x);
+    w->ring.kernel->multiply_transposed((size_t)k, n1, Z, g, x);
     return BD_OK;
 }
 
@@ -202,14 +197,13 @@ static void subtract_product(bd_wheel *w, const double *x, double *b) {
 static bd_status solve_bordered(bd_wheel *w, double tolerance, double *b) {
     const size_t n1 = (size_t)w->whole + 1;
     enum { PASSES = 6 };
-    double *x = w->b + n1, *more = x + n1, *left = more + n1, last = INFINITY;
+    double *x = w->b + n1, *left = x + n1, last = INFINITY;
     memcpy(left, b, sizeof(double) * n1);
     bd_status status = solve_once(w, fmax(tolerance, ACCURATE), b, x);
     memcpy(b, x, sizeof(double) * n1);
     for (int pass = 0; status == BD_OK && tolerance < ACCURATE && pass < PASSES; ++pass) {
         subtract_product(w, x, left);
-        memcpy(more, left, sizeof(double) * n1);
-        status = solve_once(w, ACCURATE, more, x);
+        status = solve_once(w, ACCURATE, left, x);
         const double size = scaled_norm(w, x), whole = scaled_norm(w, b);
         if (status != BD_OK || !(size < 0.5 * last)) return BD_OK;
         for (size_t i = 0; i < n1; ++i) b[i] += x[i];
