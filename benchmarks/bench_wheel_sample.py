@@ -3,7 +3,8 @@
 ``python -m benchmarks wheel_sample`` asks wheels of 2 % (standard deviation of blade frequencies) for their highest blade
 at 500, 1,000 and 2,000 N with one harmonic, audits a tenth of them by a search with three times the climbs, prints what
 they show and draws the pictures of docs/wheel.md.  ``python -m benchmarks.bench_wheel_sample 60`` takes sixty wheels,
-``python -m benchmarks.bench_wheel_sample 24 3`` twenty-four with three harmonics, which are compared with the former.
+``python -m benchmarks.bench_wheel_sample 6 3`` six with three harmonics, at 2,000 N alone and without audits since a peak
+takes ten times as long, which are compared with the former.
 
 Peaks are kept in ``benchmarks/results/wheel_<harmonics>.jsonl`` as they come, so that a sample goes on where it was
 interrupted, with more wheels, too; what is complete with one harmonic is ``bdamper/data/wheels.h5``.
@@ -39,11 +40,12 @@ def place(harmonics: int) -> Path:
     return Path(bd.__file__).parent / "data/wheels.h5" if harmonics == 1 else RESULTS / f"wheels_{harmonics}.h5"
 
 
-def run(wheels: int, harmonics: int, audit: float = AUDIT) -> MistunedSample:
+def run(wheels: int, harmonics: int) -> MistunedSample:
     """The sample, from its file as far as it is there."""
+    preloads, audit = (PRELOADS, AUDIT) if harmonics == 1 else (PRELOADS[-1:], 0.0)
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
         sample = bd.mistuned_sample(
-            study(harmonics), DEVIATION, PRELOADS, wheels, audit=audit, executor=pool, progress=True,
+            study(harmonics), DEVIATION, preloads, wheels, audit=audit, executor=pool, progress=True,
             resume=RESULTS / f"wheel_{harmonics}.jsonl",
         )  # fmt: skip
     if any(s.startswith("not run") for s in (*sample.status, *sample.curve_status)):
@@ -96,19 +98,20 @@ def compare(one: MistunedSample, three: MistunedSample) -> None:
     """Ratios of amplitudes and amplification factors of the same wheels, three harmonics over one."""
     both = np.isin(one.wheels, three.wheels)
     for j, preload in enumerate(three.preload):
-        height = three.amplitude[:, 0, j] / one.amplitude[both, 0, j]
-        factor = three.amplification[:, 0, j] / one.amplification[both, 0, j]
-        ends = (np.nanquantile(v, [0.0, 0.5, 1.0]) for v in (height, factor))
+        at = both, 0, int(np.flatnonzero(one.preload == preload)[0])
+        ratios = three.amplitude[:, 0, j] / one.amplitude[at], three.amplification[:, 0, j] / one.amplification[at]
+        ends = (np.nanquantile(v, [0.0, 0.5, 1.0]) for v in ratios)
         print(f"{preload:g} N, three harmonics over one:", *("{1:.3f} ({0:.3f} to {2:.3f})".format(*e) for e in ends))
 
 
 def main(wheels: int = WHEELS, harmonics: int = 1) -> None:
     """Run a sample, print and draw what it shows."""
     sample = run(wheels, harmonics)
-    show(sample)
     if harmonics == 1:
+        show(sample)
         draw(sample)
     else:
+        print(sample.details())
         compare(stored(), sample)
 
 

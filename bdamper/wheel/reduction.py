@@ -44,7 +44,7 @@ def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
 
 
 def family_shapes(structure: Structure, omega: float) -> NDArray:
-    """(n, m) shapes of the blades about a frequency (rad/s), the family's own last, of mass one each.
+    """(n, m) shapes of the blades about a frequency (rad/s), of mass one: ever more flexible ones, the family's own last.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
     common = np.linalg.solve(L.T, np.linalg.svd(L.T @ np.array(own).T, full_matrices=False)[0][:, 0])
     seen = np.sqrt(tuned.point_stiffness).reshape(-1, 1) * structure.rows[..., : structure.n].reshape(-1, structure.n)
     _, V = np.linalg.eigh(seen @ W @ seen.T)
-    found = np.column_stack([W @ seen.T @ V[:, : -SHAPES - 1 : -1], common])
+    found = np.column_stack([W @ seen.T @ V[:, -SHAPES:], common])
     return np.asarray(found / np.sqrt(np.einsum("ij,ik,kj->j", found, M, found)))
 
 

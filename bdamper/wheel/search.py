@@ -202,7 +202,10 @@ class Search:
         return None
 
     def settled(self, peak: Climbed, y: NDArray | None = None) -> Climbed | None:
-        """The same peak as a solution to the tolerance, or where it is from another point near it."""
+        """The same peak as a solution to the tolerance, or where it is from another point near it.
+
+        From that it is only as exact as climbs are: on 65 blades with three harmonics an exact one took 76 s and failed.
+        """
         if y is not None:
             found = self.climb(y, peak.blade, peak.springs[-1])
             if found is None:
@@ -213,9 +216,10 @@ class Search:
         c = system.solve(peak.at.y, Plane(peak.at.tangent), scale, TOLERANCE, 25, 2)
         if c.status != OK:
             return None
-        exact = find_peak(system.of_blade(peak.blade), c.y, tangent=c.tangent, scale=scale, options=EXACT, reach=NEAR_BY)
-        if exact.converged:
-            c = replace(c, y=exact.y, tangent=exact.tangent, residual=exact.residual)
+        if y is None:
+            top = find_peak(system.of_blade(peak.blade), c.y, tangent=c.tangent, scale=scale, options=EXACT, reach=NEAR_BY)
+            if top.converged:
+                c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)
         height = float(np.abs(system.responses(c.y[:-1])[peak.blade, 1]))
         return replace(peak, at=c, heights=(*peak.heights[:-1], height))
 

@@ -11,7 +11,7 @@ from bdamper.harmonic_balance.conditions import Fixed
 from bdamper.util.cost import CostMeter
 from bdamper.wheel import DamperVariation, Mistuning, WheelPeakOptions
 from bdamper.wheel.loading import wheel_system
-from bdamper.wheel.reduction import reduced_state
+from bdamper.wheel.reduction import family_shapes, reduced_state
 from bdamper.wheel.wheel import Wheel
 from tests.following import find_start
 from tests.wheel.lumped import lumped_study, size, solution
@@ -172,6 +172,20 @@ def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
             np.testing.assert_allclose(found[..., part], expected[..., part], rtol=0, atol=1e-9 * np.abs(r).max())
         moved = whole.responses(whole.flat(X))[:, 1]
         np.testing.assert_allclose(system.responses(system.flat(b))[:, 1], moved, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("harmonics", "kept"), [(1, 1), (3, 8)])
+def test_the_elimination_keeps_what_contacts_bend_most_where_there_are_harmonics(harmonics, kept):
+    """The last shapes of a blade are the most important ones: without them the stuck frequency is further off."""
+    s = wheel(6, harmonics, n_att=14).structure
+    shapes = family_shapes(s, 2.0 * np.pi * 200.0)
+    assert s.reduced(shapes).n_kept == kept
+
+    def stuck(s):
+        return s.wave(1, s.tuned.point_stiffness)[0][0]
+
+    last, first = (stuck(s.reduced(shapes[:, at])) for at in (np.arange(5, 13), np.r_[0:7, 12]))
+    assert stuck(s) < last < first
 
 
 @pytest.mark.slow
