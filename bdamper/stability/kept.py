@@ -99,6 +99,40 @@ class Place(NamedTuple):
         return float(self.amplitude.mean())
 
 
+def stay(march: March, own: float, limit: float, alone: bool = False, long: bool = False) -> Place:
+    """March until a motion near the level ``own`` (m) stays or has fallen below a limit.
+
+    Parameters
+    ----------
+    march : March
+        At its start.
+    own, limit : float, m
+    alone : bool
+        Whether it is known that there is no lower solution to fall to.
+    long : bool
+        Whether amplitudes are those of the last two windows, not of one.
+    """
+    rules, drift = RULES.stretched(march.memory), np.inf
+    most = RULES.grown * own
+    while True:
+        march.run(len(march.harmonics) + rules.window // 2)
+        n, amplitude = len(march.harmonics), march.amplitude
+        if march.overflowed:
+            break
+        if n < 2 * rules.window:
+            continue
+        last, before = (
+            float(amplitude[-rules.window :].mean()),
+            float(amplitude[-2 * rules.window : -rules.window].mean()),
+        )
+        drift = last / before - 1.0
+        gone = (last < limit and before < limit) or (last > most and before > most)
+        if gone or n >= rules.most or ((n >= rules.fewest or alone) and abs(drift) <= rules.drift):
+            break
+    kept = amplitude[-(2 if long else 1) * rules.window :]
+    return Place(march.omega / TWO_PI, kept, bool(limit <= kept.mean() <= most), march.motion, drift)
+
+
 class Levels:
     """The amplitudes (m) of a tracking curve over frequency, branches that close on themselves aside."""
 
@@ -181,28 +215,9 @@ class Walk:
         """March at one frequency until a motion near the level ``own`` (m) stays or has fallen."""
         march = March(self.ring, TWO_PI * frequency, start, finer * self.steps)
         lower = self.levels.lower(frequency, own)
-        limit = max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own)
-        rules, drift = RULES.stretched(march.memory), np.inf
-        while True:
-            done = len(march.harmonics)
-            march.run(done + rules.window // 2)
-            n, amplitude = len(march.harmonics), march.amplitude
-            self.periods += n - done
-            if march.overflowed:
-                break
-            if n < 2 * rules.window:
-                continue
-            last, before = (
-                float(amplitude[-rules.window :].mean()),
-                float(amplitude[-2 * rules.window : -rules.window].mean()),
-            )
-            drift = last / before - 1.0
-            most = RULES.grown * own
-            gone = (last < limit and before < limit) or (last > most and before > most)
-            if gone or n >= rules.most or ((n >= rules.fewest or not lower) and abs(drift) <= rules.drift):
-                break
-        kept = amplitude[-(2 if finer > 1 else 1) * rules.window :]
-        return Place(float(frequency), kept, bool(limit <= kept.mean() <= RULES.grown * own), march.motion, drift)
+        place = stay(march, own, max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own), not lower, finer > 1)
+        self.periods += len(march.harmonics)
+        return place
 
     def go(self, start: float, step: float) -> None:
         """From the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""

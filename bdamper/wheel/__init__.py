@@ -3,6 +3,7 @@
 In: a problem whose model has a sector-local basis.  Out: curves and peaks of every blade, and statistics of many wheels.
 """
 
+from bdamper.wheel.kept import WheelKept
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
 from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.peak import WheelPeakOptions
@@ -19,6 +20,7 @@ __all__ = [
     "Mistuning",
     "Wheel",
     "WheelCurve",
+    "WheelKept",
     "WheelOptimalCurve",
     "WheelPeak",
     "WheelPeakOptions",

@@ -60,13 +60,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     seed: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        try:
-            values = np.array(self.deviation, float)
-        except (TypeError, ValueError):
-            values = np.array(np.nan)
-        if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > -1.0).all()):
-            expected = "(n_blades,) or (n_blades, n_modes) finite frequency deviations above -1"
-            raise validate.unfit("mistuning", expected, self.deviation)
+        values = _by_blade("mistuning", self.deviation, -1.0, "finite frequency deviations above -1")
         validate.choice("mean", self.mean, ("kept", "taken out"))
         values.setflags(write=False)
         object.__setattr__(self, "deviation", values)
@@ -96,12 +90,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             takes it out.
         source : str
         """
-        try:
-            values = np.array(frequency, float)
-        except (TypeError, ValueError):
-            values = np.array(np.nan)
-        if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > 0.0).all()):
-            raise validate.unfit("frequency", "(n_blades,) or (n_blades, n_modes) frequencies above 0 Hz", frequency)
+        values = _by_blade("frequency", frequency, 0.0, "frequencies above 0 Hz")
         if reference is None:
             return cls(values / values.mean(axis=0) - 1.0, "taken out", source)
         n = 1 if values.ndim == 1 else values.shape[1]
@@ -181,11 +170,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     def n_blades(self) -> int:
         return len(self.deviation)
 
-    @property
-    def stiffness_change(self) -> NDArray:
-        """Relative change of stiffness ``(1 + eps)**2 - 1``, of the shape of ``deviation``."""
-        return self.deviation * (2.0 + self.deviation)
-
     def by_mode(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Change of stiffness of each cantilever mode (n_blades, n_modes), and of the rest of each blade (n_blades,).
 
@@ -196,7 +180,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         SettingError
             If deviations are given for more modes than there are.
         """
-        change = self.stiffness_change.reshape(self.n_blades, -1)
+        change = (self.deviation * (2.0 + self.deviation)).reshape(self.n_blades, -1)
         rest = change.mean(axis=1)
         if change.shape[1] == 1:
             return np.repeat(change, n_modes, axis=1), rest
@@ -332,17 +316,6 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
     def n_blades(self) -> int:
         return len(self.missing)
 
-    def turned(self, blades: int = 1) -> Self:
-        """The dampers turned by some blades: damper ``n + blades`` becomes what damper ``n`` was."""
-        return self._taken((np.arange(self.n_blades) - blades) % self.n_blades)
-
-    def mirrored(self) -> Self:
-        """The dampers mirrored with the blades (:meth:`Mistuning.mirrored`): damper ``-n - 1`` becomes what ``n`` was."""
-        return self._taken((-np.arange(self.n_blades) - 1) % self.n_blades)
-
-    def _taken(self, order: NDArray) -> Self:
-        return type(self)(**{name: getattr(self, name)[order] for name in (*_LIMITS, "missing")}, seed=self.seed)
-
     def __str__(self) -> str:
         lines = [f"{self.n_blades} dampers, {int(self.missing.sum())} missing"]
         for name in _LIMITS:
@@ -355,6 +328,17 @@ _LIMITS: dict[str, dict[str, Any]] = {
     "mass": {"above": 0.0}, "friction_coefficient": {"least": 0.0}, "contact_stiffness": {"above": 0.0},
     "gap": {"least": 0.0, "unit": "m"},
 }  # fmt: skip
+
+
+def _by_blade(name: str, given: ArrayLike, above: float, what: str) -> NDArray:
+    """(n_blades,) or (n_blades, n_modes) finite numbers above a limit."""
+    try:
+        values = np.array(given, float)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
+    if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > above).all()):
+        raise validate.unfit(name, f"(n_blades,) or (n_blades, n_modes) {what}", given)
+    return values
 
 
 def _seed(seed: Any) -> tuple[int, ...]:

@@ -11,7 +11,7 @@ evaluations as the search took.  On reduced wheels it is "unknown" at once: a cu
 Hz from the peak, and a quarter of the evaluations, a third of a peak's time, decided none of four (the first two wheels of
 the shipped sample at 1 and 2 kN).  A blade may not keep all connected maxima: the curve of a lumped wheel of six blades
 (300 N, ``tests/wheel/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4
-to 12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods.
+to 12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods (``Wheel.kept``).
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def peak(
     system = None if top is None else (whole if changed is not None else search).held(top.springs[-1])
     u = None if top is None else top.at.y[:-1]
     joined = _connected(equations, search, top) if options.connected else "not asked"
-    gap, empty = _gap(points, swept), np.zeros((wheel.n_blades, 0))
+    gap = _gap(points, swept)
     return WheelPeak(
         preload=float(preload),
         frequency=np.nan if top is None else float(top.at.y[-1]) / tau,
@@ -181,8 +181,7 @@ def peak(
         blade=-1 if top is None else top.blade,
         tuned_frequency=tuned.frequency,
         tuned_amplitude=tuned.amplitude,
-        response=empty if system is None or u is None else system.responses(u),
-        shares=empty if system is None or u is None else wheel.damper_shares(system.contact(u)[2]),
+        response=np.zeros((wheel.n_blades, 0)) if system is None or u is None else system.responses(u),
         climbs=np.array(
             [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
         ).reshape(-1, 5),

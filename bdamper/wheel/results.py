@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bdamper.model.model import Model
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, HELD, Status
@@ -22,7 +22,7 @@ CONNECTED = {"unknown": "unknown: its curve was not followed to an end of the ba
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfWheel:
+class OfWheel(Recorded):
     """What all results of a wheel have.
 
     Parameters
@@ -30,14 +30,10 @@ class OfWheel:
     deviation : (n_blades, n_modes) float
         Frequency deviations of the blades.
     cost : Cost
-    settings : mapping
-    model_hash : str
     """
 
     deviation: NDArray
     cost: Cost
-    settings: dict[str, Any] = field(default_factory=dict, repr=False)
-    model_hash: str = ""
 
 
 @brief
@@ -52,8 +48,6 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     frequency : (n,) float, Hz
     response : (n, n_blades, n_harmonics + 1) complex, m
         Of every blade at the response location, the mean first; each in its own axes.
-    shares : (n, n_blades, 3) float
-        Stick, slip and open of every damper, mean over its friction points and the cycle.
     residual : (n,) float
         Relative to excitation and static load.
     point_kind : tuple of str
@@ -61,8 +55,6 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     preload : float, N
     status, reason : str
         "complete" if there are solutions at every frequency of the interval.
-    springs : float
-        On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     branch : (n,) int
         Of each point; points of one branch follow each other.
     left_out : tuple of str
@@ -71,13 +63,11 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
 
     frequency: Hertz
     response: NDArray
-    shares: NDArray
     residual: Numbers
     point_kind: Kinds
     preload: float
     status: Status
     reason: str
-    springs: float = 0.0
     branch: NDArray = field(default_factory=lambda: np.zeros(0, int))
     left_out: tuple[str, ...] = ()
 
@@ -123,8 +113,7 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
 
     def facts(self) -> tuple[Fact, ...]:
         """What the curve is of and where it is highest."""
-        held = f", dampers held by {self.springs:g} of their stuck stiffness" if self.springs else ""
-        head = Fact("preload", self.preload, "N"), Fact("curve of a wheel", f"{self.status}, {len(self)} points{held}")
+        head = Fact("preload", self.preload, "N"), Fact("curve of a wheel", f"{self.status}, {len(self)} points")
         if not len(self):
             return (*head, Fact("reason", self.reason))
         i, blade = self.highest
@@ -164,8 +153,6 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         Of the highest peak of the tuned wheel at the same preload and engine order.
     response : (n_blades, n_harmonics + 1) complex, m
         Of all blades there, the mean first.
-    shares : (n_blades, 3) float
-        Stick, slip and open of every damper.
     climbs : (n, 5) float
         Of every peak that was climbed: blade, frequency (Hz) and amplitude (m) with the mean of dampers held as in the
         sweep; the weakest springs with which it was found, and its amplitude (m) then.
@@ -195,7 +182,6 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     tuned_frequency: float
     tuned_amplitude: float
     response: NDArray
-    shares: NDArray
     climbs: NDArray
     sweep_frequency: NDArray
     sweep_amplitude: NDArray
@@ -244,18 +230,18 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
 
     def facts(self) -> tuple[Fact, ...]:
         """The highest blade, and how much higher it is than those of the tuned wheel."""
+        head = Fact("preload", self.preload, "N"), Fact("peak of a wheel", f"{self.status}: {self.reason}")
         if not self.found:
-            return Fact("preload", self.preload, "N"), Fact("peak of a wheel", f"{self.status}: {self.reason}")
+            return head
         return (
-            Fact("preload", self.preload, "N"),
-            Fact("peak of a wheel", f"{self.status}: {self.reason}"),
+            *head,
             Fact("highest amplitude", self.amplitude, "m"),
             *([Fact("the highest may be higher by", 100.0 * self.error, "%")] if self.error else []),
             Fact("at the frequency", self.frequency, "Hz"),
             Fact("of blade", self.blade),
             Fact("amplification factor", self.amplification),
             Fact("connected with an end of the band", CONNECTED.get(self.connected, self.connected)),
-            Fact("kept in time", "not tested: a blade may fall from a peak of a curve with many folds"),
+            Fact("kept in time", "not tested: ask kept of a small wheel"),
         )
 
     def bottom_line(self) -> str:

@@ -74,25 +74,19 @@ class _Job:
         try:
             with LongWork() as work:
                 wheel = self.drawn(settings["wheel"], settings["standard_deviation"])
-                if "interval" in settings:
-                    values, cost = _highest(wheel, settings["preload"], settings["interval"], thorough(self.options))
-                else:
-                    values, cost = _highest(
-                        wheel, settings["preload"], self.frequency, replace(self.options, connected=False)
-                    )
+                options = thorough(self.options) if "interval" in settings else replace(self.options, connected=False)
+                peak = wheel.peak(settings["preload"], settings.get("interval", self.frequency), options=options)
+                if not peak.found:
+                    raise BdamperError(f"{peak.status}: {peak.reason}")
+                cost, values = peak.cost, {name: getattr(peak, name) for name in OF_PEAKS}
+                values |= {
+                    "climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)
+                }  # fmt: skip
             if work.interrupted:
                 raise KeyboardInterrupt
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
             status = because(FAILED, error)
         return {"status": status, "values": values, "seconds": cost.seconds, "cost": asdict(cost)}
-
-
-def _highest(wheel: Wheel, preload: float, frequency: Any, options: WheelPeakOptions) -> tuple[dict[str, Any], Cost]:
-    peak = wheel.peak(preload, frequency, options=options)
-    if not peak.found:
-        raise BdamperError(f"{peak.status}: {peak.reason}")
-    counts = {"climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)}
-    return {name: getattr(peak, name) for name in OF_PEAKS} | counts, peak.cost
 
 
 def thorough(options: WheelPeakOptions) -> WheelPeakOptions:
@@ -101,20 +95,6 @@ def thorough(options: WheelPeakOptions) -> WheelPeakOptions:
         options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most,
         connected=False,
     )  # fmt: skip
-
-
-def _checked_dampers(dampers: Any, n_blades: int) -> Mapping[str, Any] | None:
-    if dampers is None:
-        return None
-    given = dict(validate.mapping("dampers", dampers, _VARIED, "variations of dampers"))
-    DamperVariation.drawn(n_blades, **given)  # its errors come before any work
-    return given
-
-
-def _numbers(wheels: Any) -> tuple[int, ...]:
-    if np.ndim(wheels) == 0:
-        return tuple(range(validate.whole("wheels", wheels, least=1)))
-    return validate.wholes("wheels", wheels)
 
 
 def audit_wheels(wheels: Sequence[int], share: float, seed: int = 0) -> NDArray:
@@ -187,7 +167,8 @@ def mistuned_sample(
     wheel = Wheel(study)
     deviations = validate.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validate.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
-    numbers = _numbers(wheels)
+    wheels = range(validate.whole("wheels", wheels, least=1)) if np.ndim(wheels) == 0 else wheels
+    numbers = validate.wholes("wheels", wheels)
     if not isinstance(distribution, Mistuning):
         validate.choice("distribution", distribution, DISTRIBUTIONS)
     validate.choice("mean", mean, ("kept", "taken out"))
@@ -196,8 +177,10 @@ def mistuned_sample(
     frequency = None if frequency is None else validate.interval("frequency", frequency)
     check_executor(executor)
     validate.flag("progress", progress)
-    job = _Job(wheel, distribution, mean, modes, _checked_dampers(dampers, wheel.n_blades), frequency, options, seed)
-    job.drawn(0, float(deviations.max()))  # deviations beyond what a blade can have, or more modes than there are
+    if dampers is not None:
+        dampers = dict(validate.mapping("dampers", dampers, _VARIED, "variations of dampers"))
+    job = _Job(wheel, distribution, mean, modes, dampers, frequency, options, seed)
+    job.drawn(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
     asked = _Asked(numbers, deviations, preloads, float(audit), audit_wheels(numbers, audit, seed))
     for value in preloads:
         wheel.tuned_peak(float(value))  # made before the job is sent out

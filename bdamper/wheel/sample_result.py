@@ -13,7 +13,7 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, left_undone, word
+from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, word
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 from bdamper.util.text import amount
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
@@ -83,11 +83,6 @@ class Audit:
         missed = np.unique(self.wheel[self.missed])
         open_still = np.setdiff1d(self.wheel[self.undecided], missed)
         return share(len(missed), len(np.setdiff1d(self.wheel, open_still)))
-
-    @property
-    def largest(self) -> float:
-        """Largest relative excess of the thorough search."""
-        return float(np.nanmax(self.thorough / self.search, initial=0.0)) - 1.0
 
     def __str__(self) -> str:
         n, missed = len(np.unique(self.wheel)), self.missed
@@ -231,14 +226,14 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         known = self.springs[np.isfinite(self.springs)]
         return float(np.mean(known > 0.0)) if len(known) else 0.0
 
-    def percentile(self, q: float, quantity: str = "amplification", confidence: float = 0.95) -> NDArray:
+    def percentile(self, q: float, quantity: str = "amplification") -> NDArray:
         """(3, n_deviations, n_preloads): lower end, estimate, upper end of a percentile over the wheels.
 
         Intervals are those of order statistics (:mod:`bdamper.wheel.statistics`), infinite where the sample is too small.
         """
         values = getattr(self, validate.choice("quantity", quantity, ("amplification", "amplitude", "frequency")))
         cells = [
-            [percentile(values[:, i, j], q, confidence) for j in range(values.shape[2])] for i in range(values.shape[1])
+            [percentile(values[:, i, j], q) for j in range(values.shape[2])] for i in range(values.shape[1])
         ]
         return np.moveaxis(np.array(cells), -1, 0)
 
@@ -318,14 +313,20 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         return {"wheel": self.wheels, "standard_deviation": self.standard_deviation, "preload": self.preload}
 
     def facts(self) -> tuple[Fact, ...]:
-        """Number of wheels, and the amplification factors of the last cell."""
-        middle, upper = (self.percentile(q)[1, -1, -1] for q in (50.0, 99.0))
+        """Number of wheels, the amplification factors of every cell, and what the audits say."""
+        middle, upper = self.percentile(50.0)[1], self.percentile(99.0)
+        cells = [
+            Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 99 % {Interval(*upper[:, i, j])}")
+            for i, d in enumerate(self.standard_deviation) for j, p in enumerate(self.preload)
+        ]  # fmt: skip
+        spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
         return (
-            Fact("wheels", len(self)),
-            Fact("standard deviation", 100.0 * float(self.standard_deviation[-1]), "%"),
-            Fact("preload", float(self.preload[-1]), "N"),
-            Fact("amplification factor, median", float(middle)),
-            Fact("amplification factor, 99 %", float(upper)),
+            Fact("wheels", f"{len(self)} of {self.n_blades} blades"),
+            Fact("without a peak", sum(word(s) == FAILED for s in self.status)),
+            Fact("held", int((self.springs > 0.0).sum())),
+            *cells,
+            *(Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.wheel)}") for a in map(self.audit, (False, True))),
+            Fact("processor", f"{spent[0]:.0f} s, {spent[1]:.0f} s for the audit"),
         )
 
     def bottom_line(self) -> str:
@@ -336,26 +337,3 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
             f"Blades that differ by {spread} raise the highest amplitude by the factor {middle[1]:.3g} in half of "
             f"{len(self)} wheels and by {upper[1]:.3g}{ends} in one of a hundred, at a preload of {load}."
         )
-
-    def details(self) -> str:
-        failed, held = sum(word(s) == FAILED for s in self.status), int((self.springs > 0.0).sum())
-        pattern = self.drawn.get("distribution", "")
-        pattern = pattern if isinstance(pattern, str) else "measured pattern"
-        spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
-        lines = [
-            f"{len(self)} wheels of {self.n_blades} blades ({pattern}, seed {self.drawn.get('seed', '')}), "
-            f"{len(self.standard_deviation)} standard deviations, {len(self.preload)} preloads: {failed} without a peak, "
-            f"{held} with the mean of dampers held; "
-            f"{spent[0]:.0f} s of the processor, {spent[1]:.0f} s for the audit"
-        ]
-        lines += left_undone(self.status, "peaks")
-        median, upper = self.percentile(50.0), self.percentile(99.0)
-        for i, deviation in enumerate(self.standard_deviation):
-            for j, preload in enumerate(self.preload):
-                factors = f"median {median[1, i, j]:.4g}, 99 % {Interval(*upper[:, i, j])}"
-                lines.append(f"  {100.0 * deviation:g} %, {preload:g} N: amplification factor {factors}")
-        for tail in (False, True):
-            audit = self.audit(tail)
-            if len(audit.wheel):
-                lines.append(f"  {str(audit).splitlines()[0]}")
-        return "\n".join(lines)

@@ -1,9 +1,9 @@
 """Statistics of a sample of wheels: percentiles and shares with confidence intervals, and the tail of a distribution.
 
 Intervals of percentiles are those of order statistics, which assume nothing of the distribution: of n independent values
-the number below the percentile is binomial, so that two of the sorted values enclose it with at least the confidence asked
-for.  Where the sample is too small for an upper end, the interval is open.  Intervals of shares are those of Clopper and
-Pearson (Biometrika 26, 1934), which cover with at least their confidence.
+the number below the percentile is binomial, so that two of the sorted values enclose it with at least 95 %.  Where the
+sample is too small for an upper end, the interval is open.  Intervals of shares are those of Clopper and Pearson
+(Biometrika 26, 1934), which cover with at least their confidence.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Interval(NamedTuple):
         return f"{amount(self.value, unit, 4)} ({low} to {high})"
 
 
-def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
+def percentile(values: NDArray, q: float) -> Interval:
     """A percentile of the distribution that independent values are drawn from.
 
     Parameters
@@ -49,8 +49,6 @@ def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
         NaN where it is not known: those may lie anywhere, and the interval holds wherever they do.
     q : float
         Between 0 and 100.
-    confidence : float
-        At least which the interval has.
 
     Returns
     -------
@@ -58,14 +56,13 @@ def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
         The value is the median-unbiased estimate of those that are known, within the sample; NaN without values.
     """
     q = validate.number("percentile", q, above=0.0, below=100.0) / 100.0
-    confidence = validate.number("confidence", confidence, above=0.0, below=1.0)
     known = np.sort(values[np.isfinite(values)])
     n = len(values)
     if not len(known):
         return Interval(np.nan, np.nan, np.nan)
     # at the lower end all that are not known count as below the others, at the upper end as above
-    low = int(scipy.stats.binom.ppf(0.5 * (1.0 - confidence), n, q)) - 1 - (n - len(known))
-    high = int(scipy.stats.binom.ppf(0.5 * (1.0 + confidence), n, q))
+    low = int(scipy.stats.binom.ppf(0.025, n, q)) - 1 - (n - len(known))
+    high = int(scipy.stats.binom.ppf(0.975, n, q))
     return Interval(
         float(known[low]) if low >= 0 else -np.inf,
         float(np.quantile(known, q, method="median_unbiased")),
@@ -73,14 +70,13 @@ def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
     )
 
 
-def share(count: int, n: int, confidence: float = 0.95) -> Interval:
+def share(count: int, n: int) -> Interval:
     """A probability of which ``count`` of ``n`` independent trials came true, with the interval of Clopper and Pearson."""
     count = validate.whole("count", count, most=validate.whole("n", n))
     if n == 0:
         return Interval(0.0, np.nan, 1.0)
-    side = 0.5 * (1.0 - confidence)
-    low = float(scipy.stats.beta.ppf(side, count, n - count + 1)) if count > 0 else 0.0
-    high = float(scipy.stats.beta.ppf(1.0 - side, count + 1, n - count)) if count < n else 1.0
+    low = float(scipy.stats.beta.ppf(0.025, count, n - count + 1)) if count > 0 else 0.0
+    high = float(scipy.stats.beta.ppf(0.975, count + 1, n - count)) if count < n else 1.0
     return Interval(low, count / n, high)
 
 

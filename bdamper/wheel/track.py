@@ -26,11 +26,10 @@ EASING = (1.0, 0.1, 0.01, 0.0)
 
 def first_point(system: WheelSystem, omega: float) -> NDArray | None:
     """A solution at one frequency (rad/s) from the static state, or by way of dampers held by springs, or None."""
-    own = system.holding
-    for way in ((own,), (*(s for s in EASING if s > own), own)):
+    for way in (EASING[-1:], EASING):
         y = np.append(system.at_rest, omega)
         for held in way:
-            eased = system if held == own else system.held(held)
+            eased = system.held(held) if held else system
             c = eased.solve(y, Fixed(), eased.units_about(y, omega), 1e-9, 60, 2)
             y = c.y
         if c.status == OK:
@@ -54,7 +53,6 @@ def track(
     *,
     from_high: bool = False,
     options: ContinuationOptions | None = None,
-    springs: float = 0.0,
 ) -> WheelCurve:
     """Response of all blades over a frequency interval at one preload.
 
@@ -66,8 +64,6 @@ def track(
     from_high : bool
         Set off from the upper end.
     options : ContinuationOptions
-    springs : float
-        On the mean of dampers, relative to their stiffness when stuck, as peaks with dampers held have.
 
     Returns
     -------
@@ -81,9 +77,7 @@ def track(
     validate.flag("from_high", from_high)
     if options is not None:
         validate.instance("options", options, ContinuationOptions)
-    springs = validate.number("springs", springs, least=0.0)
-    free = wheel.system(preload)
-    whole = free.held(springs) if springs else free
+    whole = wheel.system(preload)
     options = options or ContinuationOptions(locate=False)
     options = replace(options, budget=options.budget or evaluation_budget(whole))
     assert options.budget is not None
@@ -105,14 +99,10 @@ def track(
         response=np.array([whole.responses(p.y[:-1]) for p, _ in ordered]).reshape(
             len(ordered), wheel.n_blades, whole.n_harmonics + 1
         ),
-        shares=np.array([wheel.damper_shares(whole.contact(p.y[:-1])[2]) for p, _ in ordered]).reshape(
-            -1, wheel.n_blades, 3
-        ),
         residual=np.array([p.residual for p, _ in ordered]),
         point_kind=tuple("fold" if turn else p.kind for turn, (p, _) in zip(_turns(at, branch), ordered)),
         branch=branch,
         preload=float(preload),
-        springs=springs,
         status=status,
         reason=reason,
         left_out=tuple(str(part) for part in (*left_out, *search.lost)),

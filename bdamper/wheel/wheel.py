@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from bdamper.util import validate
 from bdamper.util.repr import brief
+from bdamper.wheel.kept import kept
 from bdamper.wheel.optimal import optimal_curve
 from bdamper.wheel.peak import peak
 from bdamper.wheel.track import track
@@ -41,4 +42,5 @@ class Wheel(WheelProblem):
 
     track = track
     peak = peak
+    kept = kept
     optimal_curve = optimal_curve

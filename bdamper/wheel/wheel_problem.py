@@ -109,13 +109,6 @@ class WheelProblem:
         place = self.structure.tuned.response_location
         return self.structure.location_rows(place.location, place.direction, "response")
 
-    def damper_shares(self, shares: NDArray) -> NDArray:
-        """(n_blades, 3) stick, slip and open of every damper, from those of all points (n_blades n_points, 5)."""
-        shares, rub = shares.reshape(self.n_blades, -1, 5), self.structure.tuned.friction > 0.0
-        part = shares[:, rub] if rub.any() else np.full((len(shares), 1, 5), np.nan)
-        stick, slip = 0.5 * (part[..., 0] + part[..., 2]), 0.5 * (part[..., 1] + part[..., 3])
-        return np.stack([stick, slip, part[..., 4]], axis=-1).mean(axis=1)
-
     def state(self, preload: float) -> Loaded:
         """The static state under a preload (N)."""
         preload = self.tuned().check_preload(preload)

@@ -9,8 +9,8 @@ from bdamper.wheel import DamperVariation, Mistuning
 
 def test_stiffness_follows_the_square_of_the_frequency():
     one = Mistuning([0.05, -0.02, 0.0])
-    assert np.allclose(1.0 + one.stiffness_change, [1.05**2, 0.98**2, 1.0], rtol=1e-15)
     modes, rest = one.by_mode(4)
+    assert np.allclose(1.0 + rest, [1.05**2, 0.98**2, 1.0], rtol=1e-15)
     assert modes.shape == (3, 4) and np.array_equal(modes[:, 3], rest)
 
 

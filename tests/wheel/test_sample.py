@@ -97,7 +97,7 @@ def test_the_audit_finds_what_the_search_has_missed(study, quick):
     assert found.missed.sum() == 6 and set(found.wheel[found.missed]) == {MISSED}
     # the thorough search of wheel 5 has no peak: it says nothing for the other
     assert found.undecided.sum() == 6 and set(found.wheel[found.undecided]) == {5}
-    assert np.isclose(found.share.value, 1 / 7) and np.isclose(found.largest, 1 / 0.95 - 1.0)
+    assert np.isclose(found.share.value, 1 / 7)
     assert 0.0036 < found.share.low < 0.0037 and 0.57 < found.share.high < 0.58
     assert "14.3 % of the wheels" in str(found) and "wheel 3, 1 %, 200 N: +5.26 %" in str(found)
     assert "wheel 5, 1 %, 200 N: failed: not found" in str(found)
@@ -189,7 +189,7 @@ def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
     found = sample(study)
     assert found.status.count("complete") == 20 and not found.complete
     assert np.isfinite(found.amplitude).sum() == 20 and set(found.curve_status) == {"not asked"}
-    assert "interrupted: 28 of 48 peaks were not run" in found.details()
+    assert "interrupted: 28 of 48 parts were not run" in found.details()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,55 @@
+"""A wheel as one structure in time: its equations are those of the harmonic balance, and which wheels are marched."""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.stability.march import March
+from bdamper.wheel import DamperVariation, Mistuning, Wheel, WheelPeakOptions
+from bdamper.wheel.kept import OneStructure
+from tests.wheel.lumped import lumped_study, size
+from tests.wheel.test_symmetry import N, solved, study
+
+OMEGA = 2.0 * np.pi * 190.0
+DAMPERS = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
+
+
+@pytest.mark.parametrize(("deviation", "tolerance"), [(0.0, 1e-9), (0.03, 3e-4)])
+def test_the_one_structure_has_the_solutions_of_the_wheel(deviation, tolerance):
+    """To rounding where blades are equal; where they differ the damping that couples modes is left out."""
+    X, system = solved(Wheel(study(harmonics=2), Mistuning.drawn(N, deviation, seed=1), DAMPERS), OMEGA)
+    u = system.flat(X)
+    for blade in (0, 4):
+        one = OneStructure(system, blade)
+        v, sector = one.start(u), one.ring.system
+        np.testing.assert_allclose(sector.response(v), system.responses(u)[blade], rtol=1e-9)
+        here, away = (size(sector, sector.residual(np.append(at, OMEGA))) for at in (v, 1.01 * v))
+        assert here < tolerance * away
+
+
+def test_amplitudes_of_all_blades_are_those_of_the_response():
+    X, system = solved(Wheel(study(), Mistuning.drawn(N, 0.03, seed=1), DAMPERS), OMEGA)
+    one = OneStructure(system, 2)
+    march = March(one.ring, OMEGA, one.start(system.flat(X)), 64)
+    found = one.amplitudes(march, 3)
+    march.run(3)
+    np.testing.assert_allclose(found[:, 2], march.amplitude, rtol=1e-9)
+
+
+def test_a_blade_keeps_a_peak_without_folds():
+    """Long steps will do to see that it stays: one harmonic is a tenth too high."""
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
+    kept = wheel.kept(peak, steps_per_period=32)
+    assert kept.status == "complete" and kept.blade == peak.blade and kept.marched
+    assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
+
+
+def test_what_cannot_be_marched_is_refused():
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
+    with pytest.raises(bd.SettingError, match="peak of this wheel"):
+        wheel.with_(mistuning=None).kept(peak)
+    many = Wheel(lumped_study(14, 1, n_c=2, r=2))
+    with pytest.raises(bd.SettingError, match=r"at most 13 blades.*found 14"):
+        many.kept(peak)
