@@ -74,31 +74,31 @@ class OneStructure:
             out[every, :, every] += own
             return out.reshape(N * n, N * n)
 
-        squares, phi = scipy.linalg.eigh(whole(s.stiffness, s.disk_stiffness), whole(s.mass, s.disk_mass))
+        mass = whole(s.mass, s.disk_mass)
+        squares, phi = scipy.linalg.eigh(whole(s.stiffness, s.disk_stiffness), mass)
         damping = np.einsum("ik,ik->k", phi, whole(0.0, s.damping) @ phi)
         self.system, self.modes = system, np.zeros((N, size, N * size))
         self.modes[:, :n, : N * n] = phi.reshape(N, n, -1)
         self.modes[:, n:, N * n :] = np.eye(N * nd).reshape(N, nd, -1)
+        self.inverse = self.modes.copy()
+        self.inverse[:, :n, : N * n] = (mass @ phi).reshape(N, n, -1)
         motion = np.stack([s.motion(x) for x in self.modes.transpose(2, 0, 1)], axis=-1)
         basis = HarmonicBasis(
             (), np.append(squares, np.tile(s.damper_stiffness, N)), np.zeros(N * size), motion.reshape(-1, 3, N * size), 0,
             np.append(np.ones(N * n), s.damper_mass), np.append(damping, np.tile(s.damper_damping, N)),
         )  # fmt: skip
         self.rows = np.einsum("i,bik->bk", system.response_row, self.modes[:, :n])
-        flat = self.modes.reshape(N * size, -1)
-        force = (self._coefficients(system.force) @ flat).ravel()
+        force = self._taken(system.force, self.modes)
         one = HarmonicSystem([basis] * (n_coef // 2 + 1), system.points, force, [self.rows[blade]] * (n_coef // 2 + 1))
         self.ring = Ring(one, 1, 0)
 
-    def _coefficients(self, u: NDArray) -> NDArray:
-        """(n_coefficients, n_blades n_sector) of unknowns."""
-        X = self.system.array(u)
-        return X.transpose(1, 0, 2).reshape(X.shape[1], -1)
+    def _taken(self, u: NDArray, rows: NDArray) -> NDArray:
+        """Coefficients (n_blades, n_coefficients, n_sector) times rows (n_blades, n_sector, n_modes), as unknowns."""
+        return np.asarray(np.tensordot(self.system.array(u).transpose(1, 0, 2), rows, 2).ravel())
 
     def start(self, u: NDArray) -> NDArray:
         """Unknowns of the one structure from those of the wheel."""
-        flat = self.modes.reshape(self.modes.shape[2], -1)
-        return np.linalg.solve(flat, self._coefficients(u).T).T.ravel()
+        return self._taken(u, self.inverse)
 
     def amplitudes(self, march: March, periods: int) -> NDArray:
         """(periods, n_blades) amplitudes of all blades while a march goes on."""

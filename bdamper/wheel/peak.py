@@ -186,7 +186,6 @@ def peak(
             [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
         ).reshape(-1, 5),
         sweep_frequency=np.array([y[-1] for y in met]) / tau,
-        sweep_amplitude=np.array([np.abs(search.system.responses(y[:-1])[:, 1]) for y in met]).reshape(-1, wheel.n_blades),
         status=_status(top, gap, changed is None and equations.shapes is not None),
         reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks climbed from {len(met)} of {n} points"),
         residual=np.nan if top is None else top.at.residual,

@@ -156,8 +156,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     climbs : (n, 5) float
         Of every peak that was climbed: blade, frequency (Hz) and amplitude (m) with the mean of dampers held as in the
         sweep; the weakest springs with which it was found, and its amplitude (m) then.
-    sweep_frequency, sweep_amplitude : (n,), (n, n_blades) float, Hz and m
-        The coarse sweep, whose points satisfy the equations only loosely.
+    sweep_frequency : (n,) float, Hz
+        Of the coarse sweep's solutions.
     status, reason : str
         "complete"; "held" if the peak was found only with springs on the mean of dampers or on the reduced wheel;
         "incomplete", a lower bound, if the sweep leaves out a part of its band, which the reason names; or "not found".
@@ -184,7 +184,6 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     response: NDArray
     climbs: NDArray
     sweep_frequency: NDArray
-    sweep_amplitude: NDArray
     status: Status
     reason: str
     residual: float
@@ -203,11 +202,6 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     def found(self) -> bool:
         """Complete or held."""
         return self.status in (COMPLETE, HELD)
-
-    @property
-    def held_amplitude(self) -> float:
-        """Of the highest peak with the mean of dampers held as in the sweep (m), with which peaks are looked for."""
-        return float(self.climbs[:, 2].max()) if len(self.climbs) else np.nan
 
     @property
     def amplification(self) -> float:

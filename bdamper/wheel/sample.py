@@ -41,7 +41,7 @@ from bdamper.wheel.wheel import Wheel
 
 _AUDIT = 3
 """Last number of the seed with which audited wheels are drawn."""
-OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error", "held_amplitude"
+OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
 _VARIED = ("mass", "friction_coefficient", "contact_stiffness", "gap", "missing")
 
 
@@ -145,8 +145,7 @@ def mistuned_sample(
     frequency, options
         Of the search for each peak, as in ``Wheel.peak``.
     audit : float
-        Probability with which each wheel is drawn, before any result is known, to be searched thoroughly, and share of the
-        highest wheels that are.
+        Probability with which a wheel, drawn before any result, is searched thoroughly, and share of the highest that are.
     seed : int
         Equal seeds give equal wheels.
     executor, resume, progress
@@ -167,8 +166,7 @@ def mistuned_sample(
     wheel = Wheel(study)
     deviations = validate.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validate.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
-    wheels = range(validate.whole("wheels", wheels, least=1)) if np.ndim(wheels) == 0 else wheels
-    numbers = validate.wholes("wheels", wheels)
+    numbers = validate.wholes("wheels", wheels if np.ndim(wheels) else range(validate.whole("wheels", wheels, least=1)))
     if not isinstance(distribution, Mistuning):
         validate.choice("distribution", distribution, DISTRIBUTIONS)
     validate.choice("mean", mean, ("kept", "taken out"))
@@ -177,9 +175,8 @@ def mistuned_sample(
     frequency = None if frequency is None else validate.interval("frequency", frequency)
     check_executor(executor)
     validate.flag("progress", progress)
-    if dampers is not None:
-        dampers = dict(validate.mapping("dampers", dampers, _VARIED, "variations of dampers"))
-    job = _Job(wheel, distribution, mean, modes, dampers, frequency, options, seed)
+    given = None if dampers is None else dict(validate.mapping("dampers", dampers, _VARIED, "variations of dampers"))
+    job = _Job(wheel, distribution, mean, modes, given, frequency, options, seed)
     job.drawn(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
     asked = _Asked(numbers, deviations, preloads, float(audit), audit_wheels(numbers, audit, seed))
     for value in preloads:

@@ -160,9 +160,9 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     preload : (n_preloads,) float, N
     amplitude, frequency, blade : float, m and Hz
         Of the highest blade, and its number.
-    residual, springs, error, held_amplitude : float
-        ``springs`` on the mean of dampers, ``error`` of the amplitude that they leave, amplitude (m) with the mean held as
-        in the sweep (:class:`~bdamper.wheel.results.WheelPeak`).
+    residual, springs, error : float
+        ``springs`` on the mean of dampers, and ``error`` of the amplitude that they leave
+        (:class:`~bdamper.wheel.results.WheelPeak`).
     tuned_amplitude, tuned_frequency : (n_preloads,) float, m and Hz
         Of the tuned wheel at the same preload.
     status : tuple of str
@@ -193,7 +193,6 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     residual: Numbers
     springs: Numbers
     error: Numbers
-    held_amplitude: Metres
     tuned_amplitude: NDArray
     tuned_frequency: NDArray
     status: Annotated[Statuses, Quantity(name="run")]

@@ -160,7 +160,7 @@ def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
     monkeypatch.setattr(Search, "freed", lambda self, peaks: seen.extend(own(self, peaks)) or seen)
     top = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(500.0, options=FEW)
     highest = max(seen, key=lambda peak: peak.height)
-    assert top.converged and top.error == MISSED and top.held_amplitude == max(peak.heights[0] for peak in seen)
+    assert top.converged and top.error == MISSED
     assert highest.heights[0] > 1.1 * top.amplitude  # springs of a tenth
     for n in range(1, len(highest.heights)):
         part = replace(highest, springs=highest.springs[:n], heights=highest.heights[:n])
