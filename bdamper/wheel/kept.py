@@ -33,8 +33,8 @@ from bdamper.wheel.system import WheelSystem
 from bdamper.wheel.wheel_problem import WheelProblem
 
 MOST_BLADES = 13
-"""Of a wheel that is marched.  A period of 13 blades of the shipped disk (9 points a face, 598 coordinates) takes 0.9 s of
-the processor, one of 7 blades 0.15 s, which is the third power of their number: some five minutes for a peak that stays."""
+"""Of a wheel that is marched: what a period takes grows with the third power of them (docs/measured.md, "Peaks of unequal
+wheels")."""
 
 
 @brief
