@@ -29,8 +29,9 @@
 
 /* Tolerances of linear equations that are solved iteratively: for a Newton step, a tangent, and the step after a trial.  Where
  * many steps do not halve the residual that of a step is made stricter: near sharp resonances the solution of loose ones is
- * none. */
-static const double OF_STEP = 1e-2, OF_TANGENT = 1e-3, OF_TRIAL = 1.0, STRICTER = 0.03;
+ * none.  Below 1e-5 nothing is won: with 1e-12 six peaks of the shipped wheel (65 blades, 500 N to 2 kN) were the same, and at
+ * 2 kN the elimination was solved a quarter more often. */
+static const double OF_STEP = 1e-2, OF_TANGENT = 1e-3, OF_TRIAL = 1.0, STRICTER = 0.03, STRICTEST = 1e-5;
 
 /* One run of Newton's method. */
 typedef struct {
@@ -243,7 +244,7 @@ static bd_status iterate(newton_run *run) {
         if (i == 0) run->first_residual = report->residual;
         status = judge(run);
         if (status != BD_OK) return status;
-        if (i > 8 && report->residual > 0.5 * run->residual_before) run->linear = fmax(STRICTER * run->linear, 1e-12);
+        if (i > 8 && report->residual > 0.5 * run->residual_before) run->linear = fmax(STRICTER * run->linear, STRICTEST);
         run->arrived = report->residual <= run->options->tolerance && !stationary;
         if (run->arrived && !run->tangent) return BD_OK;
         status = find_step(run, !run->arrived, run->arrived || stationary);

@@ -167,7 +167,7 @@ static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
     }
 }
 
-/* to (rows of group, columns of group; leading dimension ld) += the entries of a sector matrix that belong to coordinates
+/* to (rows of group, columns of group; leading dimension ld) = the entries of a sector matrix that belong to coordinates
  * [i0, i1) and [j0, j1). */
 static void take(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1, double *to, int ld) {
     const int wide = w->in.n_coef * w->size;
@@ -176,7 +176,7 @@ static void take(const bd_ring *w, const double *from, int i0, int i1, int j0, i
             const double *row = from + (size_t)(c * w->size + i) * (size_t)wide;
             double *out = to + (size_t)(c * (i1 - i0) + i - i0) * (size_t)ld;
             for (int d = 0; d < w->in.n_coef; ++d)
-                for (int j = j0; j < j1; ++j) out[d * (j1 - j0) + j - j0] += row[d * w->size + j];
+                memcpy(out + d * (j1 - j0), row + d * w->size + j0, sizeof(double) * (size_t)(j1 - j0));
         }
 }
 
@@ -198,9 +198,6 @@ static int eliminate_blade(bd_ring *w, int n) {
     double *inverse = w->inverse + (size_t)n * (size_t)E * (size_t)E, *back = w->back + (size_t)n * (size_t)E * (size_t)q;
     double *couple = w->couple + (size_t)n * (size_t)q * (size_t)E, *S = w->seen;
     double *columns = w->columns;
-    memset(inverse, 0, sizeof(double) * (size_t)E * (size_t)E);
-    memset(columns, 0, sizeof(double) * (size_t)E * (size_t)q);
-    memset(couple, 0, sizeof(double) * (size_t)q * (size_t)E);
     memset(S, 0, sizeof(double) * (size_t)q * (size_t)q);
     take(w, w->left, 0, e, 0, e, inverse, E);
     take(w, w->left, 0, e, e, nb, columns, q);
