@@ -25,6 +25,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Stopwatch
 from bdamper.util.errors import SettingError
 from bdamper.util.kept import Kept
+from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, NOT_FOUND, because
 from bdamper.util.text import amount
@@ -52,6 +53,10 @@ class WheelKept(Kept, kind="bdamper-wheel-kept"):
 
     blade: int = -1
     blades: NDArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Which blade it is, and what it keeps."""
+        return (Fact("blade", self.blade), *super().facts())
 
 
 class OneStructure:
@@ -125,8 +130,8 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
     Returns
     -------
     WheelKept
-        "not found" where the blade falls, to another level or none, or grows: the amplitudes are NaN, the status says where
-        it comes to, and ``blades`` has those of all.
+        "not found" where the blade falls, to another level or none, or grows, or where contact forces were not found in a
+        step: the amplitudes are NaN, the status says where it comes to, and ``blades`` has those of all.
 
     Raises
     ------
@@ -154,7 +159,7 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
     why = one.ring.unsolved or ("" if place.stays else f"blade {peak.blade} comes to {amount(place.mean, 'm')} {there}")
     amplitudes = place.mean, float(place.amplitude.min()), float(place.amplitude.max())
     return WheelKept(
-        *(amplitudes if place.stays else (np.nan,) * 3), peak.frequency, peak.preload, peak.amplitude, periods=periods,
+        *((np.nan,) * 3 if why else amplitudes), peak.frequency, peak.preload, peak.amplitude, periods=periods,
         status=because(NOT_FOUND, why) if why else COMPLETE, settings=settings, model_hash=model_hash, blade=peak.blade,
         blades=one.amplitudes(march, RULES.window), cost=replace(one.ring.cost, **watch.read()),
     )  # fmt: skip

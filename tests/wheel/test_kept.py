@@ -1,10 +1,13 @@
 """A wheel as one structure in time: its equations are those of the harmonic balance, and which wheels are marched."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.stability.march import March
+from bdamper.stability.time_integration import Ring
 from bdamper.wheel import DamperVariation, Mistuning, Wheel, WheelPeakOptions
 from bdamper.wheel.kept import OneStructure
 from tests.wheel.lumped import lumped_study, size
@@ -43,6 +46,19 @@ def test_a_blade_keeps_a_peak_without_folds():
     kept = wheel.kept(peak, steps_per_period=32)
     assert kept.status == "complete" and kept.blade == peak.blade and kept.marched
     assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
+    assert f"blade            {peak.blade}" in str(kept)
+
+
+def test_what_is_not_kept_has_no_amplitude(monkeypatch):
+    """A peak under twice the preload that it is said to be of, which falls, and a march whose steps were not all solved."""
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
+    fallen = wheel.kept(replace(peak, preload=1000.0), steps_per_period=32)
+    assert fallen.status.startswith(f"not found: blade {peak.blade} comes to 263") and np.isnan(fallen.mean)
+    assert fallen.blades[:, peak.blade].mean() == pytest.approx(263e-6, rel=0.01)
+    monkeypatch.setattr(Ring, "unsolved", property(lambda ring: "contact forces were not found in 1 of 9 steps"))
+    unsolved = wheel.kept(peak, steps_per_period=32)
+    assert unsolved.status == "not found: contact forces were not found in 1 of 9 steps" and np.isnan(unsolved.highest)
 
 
 def test_what_cannot_be_marched_is_refused():
@@ -50,6 +66,8 @@ def test_what_cannot_be_marched_is_refused():
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
     with pytest.raises(bd.SettingError, match="peak of this wheel"):
         wheel.with_(mistuning=None).kept(peak)
+    with pytest.raises(bd.SettingError, match="peak of this wheel"):
+        wheel.kept(replace(peak, status="not found", frequency=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0))))
     many = Wheel(lumped_study(14, 1, n_c=2, r=2))
     with pytest.raises(bd.SettingError, match=r"at most 13 blades.*found 14"):
         many.kept(peak)
