@@ -41,10 +41,10 @@ SURROGATE = 0.03
 """Largest difference of a peak of the reduced wheel that was not found on the whole one.  On the shipped disk (65 blades,
 2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN."""
 
-MISSED = 0.025
-"""How much higher a peak may be that no climb has reached, where the sweep has more maxima than were climbed: nine
-searches with three times the climbs found 2.0 and 2.1 % more in two cases, in the others at most 0.15 %
-(docs/measured.md, "Peaks of unequal wheels")."""
+MISSED = 0.035
+"""How much higher a peak may be that no climb has reached, where the sweep has more maxima than were climbed: of 83 searches
+with three times the climbs those that found more than any other error covers found 2.0, 2.1 and 3.4 % (docs/measured.md,
+"Peaks of unequal wheels")."""
 
 
 @dataclass(frozen=True)
