@@ -144,6 +144,8 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
             f"kept: expected a wheel of at most {MOST_BLADES} blades, some five minutes of the processor that grow with "
             f"the third power of their number, found {wheel.n_blades}"
         )
+    if not np.isfinite(peak.amplitude):
+        raise SettingError(f"kept: expected a peak that was found, found {peak.status!r}")
     settings, model_hash = wheel.record()["settings"], wheel.study.model.hash
     if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.shape, model_hash, settings):
         raise SettingError("kept: expected a peak of this wheel on whole blades")

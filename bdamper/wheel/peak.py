@@ -42,9 +42,9 @@ SURROGATE = 0.03
 2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN."""
 
 MISSED = 0.035
-"""How much higher a peak may be that no climb has reached, where the sweep has more maxima than were climbed: of 83 searches
-with three times the climbs those that found more than any other error covers found 2.0, 2.1 and 3.4 % (docs/measured.md,
-"Peaks of unequal wheels")."""
+"""How much higher a peak may be that no climb has reached, where the sweep has more maxima than were climbed: of 83
+searches with three times the climbs those that found more than any other error covers found 2.0, 2.1 and 3.4 %
+(docs/measured.md, "Peaks of unequal wheels")."""
 
 
 @dataclass(frozen=True)

@@ -66,8 +66,9 @@ def test_what_cannot_be_marched_is_refused():
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
     with pytest.raises(bd.SettingError, match="peak of this wheel"):
         wheel.with_(mistuning=None).kept(peak)
-    with pytest.raises(bd.SettingError, match="peak of this wheel"):
-        wheel.kept(replace(peak, status="not found", frequency=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0))))
+    lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))
+    with pytest.raises(bd.SettingError, match="a peak that was found, found 'not found'"):
+        wheel.kept(lost)
     many = Wheel(lumped_study(14, 1, n_c=2, r=2))
     with pytest.raises(bd.SettingError, match=r"at most 13 blades.*found 14"):
         many.kept(peak)
