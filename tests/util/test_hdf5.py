@@ -58,11 +58,14 @@ class TestReading:
     def test_every_kind_is_known_once_the_package_is_imported(self):
         for module in pkgutil.walk_packages(bd.__path__, "bdamper."):
             importlib.import_module(module.name)
-        kinds = {cls._format[0] for cls in Storable.__subclasses__()}
+        classes = list(Storable.__subclasses__())
+        for cls in classes:
+            classes += cls.__subclasses__()
+        kinds = {cls._format[0] for cls in classes}
         code = "import bdamper; from bdamper.util.hdf5 import _READERS; print(*_READERS)"
         known = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
         assert set(known) == kinds | {"bdamper-model", "bdamper-study"}
-        assert len(kinds) == len(Storable.__subclasses__()) >= 10
+        assert len(kinds) == len(classes) >= 10
 
     def test_models(self, tmp_path):
         model = bd.reference_model(contact_points=24)
@@ -198,9 +201,9 @@ class TestVersions:
         assert type(result).__name__ == expected["kind"] and str(result)
         if "status" in expected:
             assert result.status == current(expected["status"])
-        columns = result.columns() if "columns" in expected else {}
-        assert set(expected.get("columns", {})) <= set(columns)
-        for column, (unit, value) in expected.get("columns", {}).items():
+        columns, then = result.columns() if "columns" in expected else {}, expected.get("columns", {})
+        assert set(then) - set(columns) <= {"held_amplitude"}  # gone since 0.6
+        for column, (unit, value) in ((c, found) for c, found in then.items() if c in columns):
             found = np.asarray(columns[column].values)
             assert columns[column].unit == unit, column
             if isinstance(value, list):
