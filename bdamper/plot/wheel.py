@@ -20,6 +20,7 @@ from bdamper.util.plotting import draws
 from bdamper.util.status import HELD
 from bdamper.util.tables import label
 from bdamper.util.text import amount
+from bdamper.wheel.kept import WheelKept
 from bdamper.wheel.mistuning import Mistuning
 from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.results import WheelCurve, WheelPeak
@@ -154,6 +155,20 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
         ax.bar(np.arange(len(peak.amplitudes)), peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
         ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
         ax.set(xlabel="Blade", ylabel="Amplitude (m)")
+    return ax
+
+
+@draws(WheelKept)
+def plot_wheel_kept(kept: WheelKept, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Bars of what all blades keep, with the range of the last periods, and the peak of the harmonic balance as a line."""
+    title = title or f"{amount(kept.preload, 'N')}, {kept.frequency:.5g} Hz: {kept.status.partition(':')[0]}"
+    with drawing(ax, title=title, legend=7.0) as ax:
+        mean = kept.blades.mean(axis=0)
+        shade = np.where(np.arange(len(mean)) == kept.blade, "0.15", "0.65")
+        ends = [mean - kept.blades.min(axis=0), kept.blades.max(axis=0) - mean]
+        ax.bar(np.arange(len(mean)), mean, yerr=ends, color=shade, edgecolor="k", linewidth=0.3, capsize=2.0, ecolor="0.4")
+        ax.axhline(kept.balance, color="k", linewidth=1.0, label=f"harmonic balance, blade {kept.blade}")
+        ax.set(xlabel="Blade", ylabel="Amplitude in time (m)")
     return ax
 
 

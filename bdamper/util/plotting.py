@@ -74,6 +74,11 @@ class Fact(NamedTuple):
     unit: str = ""
 
     @property
+    def known(self) -> bool:
+        """Whether there is something to show: a number that is not NaN, or a text."""
+        return isinstance(self.value, int | float | str) and str(self.value) not in ("", "nan")
+
+    @property
     def text(self) -> str:
         """Value with its unit, in three digits."""
         return self.to_digits(3)
@@ -103,13 +108,12 @@ class Summarised:
         """Everything that there is to say, in lines: facts, single values, a short table, notes, warnings and cost."""
         if not self.bottom_line():
             return str(self)
-        facts = [(fact.name, fact.to_digits(6)) for fact in self.facts()]
-        told = {*(name for name, _ in facts)}
+        facts = [(fact.name, fact.to_digits(6)) for fact in self.facts() if fact.known]
+        told = {"model hash", *(fact.name for fact in self.facts())}
         marked = quantities(cast(Any, type(self))) if isinstance(self, Tabular) else {}
         units = UNITS | {name: mark.unit for name, mark in marked.items()}
         single = [Fact(spaced(f.name), getattr(self, f.name), units.get(f.name, "")) for f in fields(cast(Any, self))]
-        known = [fact for fact in single if isinstance(fact.value, int | float | str) and str(fact.value)]
-        facts += [(fact.name, fact.to_digits(6)) for fact in known if fact.name not in told | {"model hash"}]
+        facts += [(fact.name, fact.to_digits(6)) for fact in single if fact.known and fact.name not in told]
         texts = [text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text]
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         texts += left_undone(status, "parts") if isinstance(status, tuple) else []
@@ -128,7 +132,7 @@ class Summarised:
 
     def _table(self) -> list[tuple[str, ...]]:
         """Head, which may be empty, and rows of the table."""
-        return [(), *((fact.name, fact.text) for fact in self.facts() if fact.value == fact.value)]
+        return [(), *((fact.name, fact.text) for fact in self.facts() if fact.known)]
 
     def _shown(self) -> Any:
         """What the picture is of; None for no picture."""

@@ -25,7 +25,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Stopwatch
 from bdamper.util.errors import SettingError
 from bdamper.util.kept import Kept
-from bdamper.util.plotting import Fact
+from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, NOT_FOUND, because
 from bdamper.util.text import amount
@@ -40,8 +40,10 @@ wheels")."""
 
 @brief
 @dataclass(frozen=True)
-class WheelKept(Kept, kind="bdamper-wheel-kept"):
+class WheelKept(Kept, Plottable, kind="bdamper-wheel-kept"):
     """What the highest blade of a wheel keeps of its peak.
+
+    ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_kept`).
 
     Parameters
     ----------
@@ -117,7 +119,7 @@ class OneStructure:
 
 @one_thread
 def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> WheelKept:
-    """Whether the highest blade keeps its peak, by a march of all blades that starts there.
+    """Whether the highest blade keeps its peak, by a march of all blades that starts there.  Ctrl-C leaves no result.
 
     Parameters
     ----------

@@ -59,8 +59,14 @@ static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed
             for (int p = 0; p < n; ++p) sum += A[i * n + p] * inverse[p * n + j];
             CHECK_NEAR(sum, i == j ? 1.0 : 0.0, 1e-12);
         }
-    for (int i = 0; i < n; ++i) A[i] = 0.0;
-    CHECK(kernel->invert(n, A, pivot, work) == 0);
+    for (int lost = 0; lost < 3;
+         ++lost) { /* a column of zeros, one that is no number, and a second that is twice the first */
+        const int at = lost < 2 ? n / 2 : 1;
+        memcpy(inverse, A, sizeof(double) * (size_t)(n * n));
+        for (int i = 0; i < n && at < n; ++i)
+            inverse[i * n + at] = lost == 0 ? 0.0 : lost == 1 ? NAN : 2.0 * inverse[i * n];
+        CHECK(at == n || kernel->invert(n, inverse, pivot, work) == 0);
+    }
     free(A);
     free(inverse);
     free(work);
