@@ -160,7 +160,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         Of the coarse sweep's solutions.
     status, reason : str
         "complete"; "held" if the peak was found only with springs on the mean of dampers or on the reduced wheel;
-        "incomplete", a lower bound, if the sweep leaves out a part of its band, which the reason names; or "not found".
+        "incomplete", a lower bound, if the sweep leaves out a part of its band or no blade is as high as those of the tuned
+        wheel, as the reason says; or "not found".
     residual : float
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float

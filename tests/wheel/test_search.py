@@ -87,6 +87,16 @@ def test_a_band_without_peaks_is_widened_upward():
     assert wheel.peak(300.0, (168.9, 282.2), options=WheelPeakOptions(connected=False)).status == "not found"
 
 
+def test_a_wheel_lower_than_the_tuned_one_is_a_lower_bound():
+    """Blades apart from their dampers reach a hundred millimetres; the search has what dampers held by springs have."""
+    wheel = Wheel(study(engine_order=2))
+    top = wheel.peak(100.0, options=WheelPeakOptions(connected=False))
+    assert top.amplification < 0.1 and top.status == "incomplete"
+    assert "lower than the tuned wheel, 118 mm at 199.6" in top.reason
+    narrow = (210.0, 299.0)  # without the tuned peak
+    assert wheel.peak(100.0, narrow, options=WheelPeakOptions(connected=False)).status != "incomplete"
+
+
 def test_shapes_that_do_not_serve_are_left_out():
     """Random attachments, whose flexibility twelve shapes do not have: the reduced wheel's peak is a quarter as high."""
     lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).with_(excitation=bd.Excitation("tip", amplitude=100.0))
