@@ -92,12 +92,13 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     load[:, n:] *= factor[:, None]
     constant[pinned, n:] = 0.0
     moved = preload * factor[:, None, None] * shift
+    state = tuned.equilibrium(preload)
+    mean = np.tile(local_vector(structure, state.q, False), (N, 1))
     if dampers is None:
-        state = tuned.equilibrium(preload)
-        mean = np.tile(local_vector(structure, state.q, False), (N, 1))
         slider, force = np.tile(state.slider, (N, 1)), np.tile(state.force, (N, 1))
     else:
-        mean, slider, force = static_wheel(structure, points, load, moved, constant, pinned, tuned.load_history)
+        mean[pinned, n:] = 0.0
+        mean, slider, force = static_wheel(structure, points, load, moved, constant, pinned, tuned.load_history, mean)
     slider = np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider)
     points = replace(points, slider=slider, shift=moved.reshape(-1, 3))
     return Loaded(points, load + constant, mean, force.reshape(N, -1, 3), pinned)

@@ -38,7 +38,7 @@ def quick(monkeypatch):
     def peak(wheel, preload, frequency, *, options):
         time.sleep(0.002)
         audit = frequency is not None
-        assert (options.climbs, options.least, options.spacing) == ((24, 60, 0.5) if audit else (8, 30, 1.0))
+        assert (options.climbs, options.least, options.spacing) == ((36, 120, 0.25) if audit else (12, 60, 0.5))
         assert tuple(frequency or ()) == ((180.0, 220.0) if audit else ()) and not options.connected
         missed = 0.95 if wheel.mistuning.seed == (0, MISSED) and not audit else 1.0
         return SimpleNamespace(

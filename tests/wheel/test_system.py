@@ -150,6 +150,25 @@ def test_a_missing_damper_leaves_its_place_empty():
     assert load[0].max() > 0.0 and load[2].max() == 0.0
 
 
+def hard_disk():
+    return bd.Study(
+        bd.reference_model("bladed_disk", contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.4, harmonics=1,
+        contact_stiffness="unit_traction",
+    )  # fmt: skip
+
+
+def test_dampers_of_the_hard_disk_that_differ_are_in_equilibrium():
+    """From contacts that just touch Newton's method does not arrive there, however small the load."""
+    dampers = DamperVariation.drawn(65, mass=0.05, friction_coefficient=0.1, seed=1)
+    w = Wheel(hard_disk(), dampers=dampers)
+    state, n = w.state(2000.0), w.structure.n
+    balance = state.force.reshape(65, -1) @ w.structure.rows[..., n:].reshape(-1, state.load.shape[1] - n)
+    np.testing.assert_allclose(balance, state.load[:, n:], atol=1e-8 * np.abs(state.load[:, n:]).max())
+    pressed, rubbed = state.force[..., 2], np.abs(state.force[..., :2]).max(axis=-1)
+    assert pressed.min() >= 0.0 and (rubbed <= state.points.mu.reshape(65, -1) * pressed + 1e-9).all()
+    np.testing.assert_allclose(state.load[:, n:].max(axis=1) / state.load[:, n:].max(), dampers.mass / dampers.mass.max())
+
+
 def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
     """Residuals of the reduced wheel are those of the whole one on its shapes; with fewer shapes they are as well."""
     rng = np.random.default_rng(6)
@@ -191,11 +210,7 @@ def test_the_elimination_keeps_what_contacts_bend_most_where_there_are_harmonics
 @pytest.mark.slow
 def test_the_search_finds_the_peak_that_one_with_few_climbs_missed():
     """Of the shipped disk: 0.7195 mm with free dampers, third among those held; the reduced wheel is less than 1 % off."""
-    study = bd.Study(
-        bd.reference_model("bladed_disk", contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.4, harmonics=1,
-        contact_stiffness="unit_traction",
-    )  # fmt: skip
-    wheel = Wheel(study, Mistuning.drawn(65, 0.02, seed=(0, 1)))
+    wheel = Wheel(hard_disk(), Mistuning.drawn(65, 0.02, seed=(0, 1)))
     top = wheel.peak(2000.0, options=WheelPeakOptions(connected=False))
     assert (top.status, top.blade) == ("complete", 17) and top.residual < 1e-9
     assert top.amplitude == pytest.approx(0.719539e-3, rel=1e-4) and top.frequency == pytest.approx(350.24, abs=0.05)
