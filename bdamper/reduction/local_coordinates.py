@@ -397,7 +397,8 @@ def local_basis(
         strain = found.carried.T @ (blade.stiffness @ found.carried)
         strain = 0.5 * (strain + strain.T)
     stiffness = np.zeros((n, n))
-    stiffness[own, own] = np.diag(np.einsum("ij,ij->j", shapes[:, own], body.stiffness @ shapes[:, own]))
+    attached = np.einsum("ij,ij->j", shapes[:, own], body.stiffness @ shapes[:, own])[len(found.omega2) :]
+    stiffness[own, own] = np.diag(np.append(found.omega2, attached))
     stiffness[rest, rest] = strain
     mass = shapes.T @ (body.mass @ shapes)
     root = found.carried[blade.root_dofs]

@@ -1,10 +1,11 @@
 """Quasi-static contact analysis of a whole wheel whose dampers differ.
 
 The load grows in steps, and every step starts from the sliders of the step before.  The equations of a step are those of
-the wheel without harmonics: contacts at rest follow the law of :mod:`bdamper.contact.preload`.  Newton's method of the first
-step starts from the state of dampers that are alike.  From nothing, where all contacts just touch, it does not arrive on the
-shipped disk (65 blades, friction coefficients or masses 0.5 to 10 % apart), and shorter steps are no easier: a state is
-proportional to its load.
+the wheel without harmonics: contacts at rest follow the law of :mod:`bdamper.contact.preload`.  Newton's method of the
+first step starts from the state of dampers that are alike.  From nothing, where all contacts just touch, it does not arrive
+on the shipped disk (65 blades, friction coefficients or masses 0.5 to 10 % apart), and shorter steps are no easier: where
+no faces are apart a state is proportional to its load, so that every other step starts from that of the step before times
+the ratio of their loads.
 """
 
 from __future__ import annotations
@@ -77,8 +78,8 @@ def static_wheel(
                 structure, at, (0,), now * load + constant, still, np.zeros(structure.n), pinned, (scale, scale),
                 0.0 * load,
             )  # fmt: skip
-            u = u if done else now * alike.ravel()
-            found = system.correct_at(u, 1.0, np.full(len(u) + 1, max(float(np.abs(u).max()), 1e-9)), LEFT, 60, 2)
+            start = now / done * u if done else now * alike.ravel()
+            found = system.correct_at(start, 1.0, np.full(len(u) + 1, max(float(np.abs(start).max()), 1e-9)), LEFT, 60, 2)
             if found.status != OK:
                 step *= 0.5
                 if abs(step) < least:

@@ -12,9 +12,11 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
+from bdamper import fe
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.reduction import LocalSizes
 from bdamper.util.cost import CostMeter
-from bdamper.wheel import Mistuning
+from bdamper.wheel import DamperVariation, Mistuning
 from bdamper.wheel.wheel import Wheel
 from tests.annulus import Annulus, small_sector, small_wheel
 from tests.following import find_start
@@ -176,3 +178,14 @@ def test_directions_of_a_wheel_of_finite_elements():
         back, system = solved(backward.with_(mistuning=mistuning), frequency)
         ratio = np.abs(system.responses(system.flat(back))[:, 1])[places] / height
         assert np.abs(ratio - 1.0).max() > 1e-3
+
+
+def test_a_disk_of_six_blades_whose_dampers_differ():
+    """What is built passes the checks of a model, and the state of its dampers is proportional to the load."""
+    model = fe.bladed_disk(points=4, engine_order=2, fe=fe.SectorFE(fe.Geometry(n_blades=6)), wheel=LocalSizes())
+    study = bd.Study(model, bd.Excitation("tip"), 2, friction_coefficient=0.4, harmonics=1)
+    dampers = DamperVariation.drawn(6, mass=0.05, friction_coefficient=0.1, missing=[3], seed=1)
+    wheel = Wheel(study, dampers=dampers)
+    one, ten = wheel.state(1000.0), wheel.state(1e4)
+    np.testing.assert_allclose(ten.force, 10.0 * one.force, atol=1e-7 * np.abs(ten.force).max())
+    assert one.force[[2, 4]].any(axis=(1, 2)).all() and not one.force[3].any()
