@@ -26,7 +26,7 @@ from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.results import WheelCurve, WheelPeak
 from bdamper.wheel.sample_result import MistunedSample
 
-PERCENTILES = (50.0, 95.0, 99.0)
+PERCENTILES = (50.0, 95.0)
 _FACTOR = "Amplification of the worst blade"
 
 
@@ -161,14 +161,14 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
 @draws(WheelKept)
 def plot_wheel_kept(kept: WheelKept, ax: Axes | None = None, *, title: str = "") -> Axes:
     """Bars of what all blades keep, with the range of the last periods, and the peak of the harmonic balance as a line."""
-    title = title or f"{amount(kept.preload, 'N')}, {kept.frequency:.5g} Hz: {kept.status.partition(':')[0]}"
+    title = title or f"Peak of blade {kept.blade}{'' if kept.mean > 0.0 else ' not'} kept, {amount(kept.preload, 'N')}"
     with drawing(ax, title=title, legend=7.0) as ax:
         mean = kept.blades.mean(axis=0)
         shade = np.where(np.arange(len(mean)) == kept.blade, "0.15", "0.65")
-        ends = [mean - kept.blades.min(axis=0), kept.blades.max(axis=0) - mean]
-        ax.bar(np.arange(len(mean)), mean, yerr=ends, color=shade, edgecolor="k", linewidth=0.3, capsize=2.0, ecolor="0.4")
-        ax.axhline(kept.balance, color="k", linewidth=1.0, label=f"harmonic balance, blade {kept.blade}")
-        ax.set(xlabel="Blade", ylabel="Amplitude in time (m)")
+        bars = [mean - kept.blades.min(axis=0), kept.blades.max(axis=0) - mean]
+        ax.bar(np.arange(len(mean)), mean, yerr=bars, color=shade, edgecolor="k", linewidth=0.3, capsize=2.0, ecolor="0.4")
+        ax.axhline(kept.balance, color="k", linewidth=1.0, label="harmonic balance")
+        ax.set(xlabel="Blade", ylabel="Amplitude in time, mean and range (m)")
     return ax
 
 
@@ -219,11 +219,17 @@ def plot_wheel(peak: WheelPeak, model: Model, ax: Axes | None = None, *, mode: i
     return ax
 
 
+def _of(sample: MistunedSample, i: int, n: int) -> str:
+    return f"{n} wheels, blade frequencies {100.0 * sample.standard_deviation[i]:g} % (standard deviation)"
+
+
 @draws(MistunedSample)
 def plot_sample(
     sample: MistunedSample, ax: Axes | None = None, *, percentiles: Sequence[float] = PERCENTILES, title: str = ""
 ) -> Axes:
     """Percentiles of the amplification factor over the standard deviation of mistuning, a colour for each preload.
+
+    A sample of one standard deviation is drawn over the preload (:func:`plot_sample_preload`).
 
     Parameters
     ----------
@@ -237,6 +243,8 @@ def plot_sample(
     -------
     matplotlib axes
     """
+    if len(sample.standard_deviation) == 1:
+        return plot_sample_preload(sample, ax=ax, quantity="amplification", percentiles=percentiles, title=title)
     styles = STYLES[3::-1]
     x = 100.0 * sample.standard_deviation
     bands = {q: sample.percentile(q) for q in percentiles[-len(styles) :]}
@@ -288,8 +296,7 @@ def plot_sample_tail(
     x = sample.amplification[:, i, j]
     x = x[np.isfinite(x)]
     fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
-    spread = f"{100.0 * sample.standard_deviation[i]:g} % apart, {amount(float(sample.preload[j]), 'N')}"
-    title = title or f"{len(x)} wheels, blade frequencies {spread}"
+    title = title or f"{_of(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}"
     with drawing(ax, title=title, legend=7.0) as ax:
         _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
         at = np.linspace(fit.threshold, fit.percentile(100.0 - 2.0 / len(x)), 2000)
@@ -297,8 +304,8 @@ def plot_sample_tail(
         bound = f"bound {fit.bound:.3g}" if fit.bound < 2.0 * at[-1] else "bound not seen"
         ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, {bound}")
         low, value, high = sample.percentile(95.0)[:, i, j]
-        ax.axvline(value, color="0.45", linewidth=1.0, label=f"95 % of wheels: at most {value:.3g}")
-        ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0, label="how sure that is")
+        ax.axvline(value, color="0.45", linewidth=1.0, label=f"at most {value:.3g} in 95 % of wheels")
+        ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0, label="its interval of 95 %")
         ax.locator_params(axis="y", integer=True)
         ax.set(xlabel=_FACTOR, ylabel="Number of wheels")
     return ax
@@ -335,11 +342,10 @@ def plot_sample_preload(
     i, _ = sample.cell(standard_deviation, None)
     order = np.argsort(sample.preload)
     x = sample.preload[order]
-    title = title or f"{len(sample)} wheels, blade frequencies {100.0 * sample.standard_deviation[i]:g} % apart"
-    with drawing(ax, title=title, legend=7.0) as ax:
+    with drawing(ax, title=title or _of(sample, i, len(sample)), legend=7.0) as ax:
         for k, (q, colour) in enumerate(zip(percentiles, colours(len(percentiles))[::-1])):
             low, value, high = sample.percentile(q, quantity)[:, i, order]
-            ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"{q:g} % of wheels: at most")
+            ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"at most, in {q:g} % of wheels")
             band(ax, x, low, high, colour)
             best = int(np.argmin(value))
             ax.plot(x[best], value[best], "*", color=colour, markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)

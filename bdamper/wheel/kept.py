@@ -159,11 +159,12 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
         march = March(one.ring, march.omega, place.motion._replace(a=None), 2 * steps)
         place = stay(march, peak.amplitude, limit, long=True)
         periods += len(march.harmonics)
-    there = f"in time where the balance has {amount(peak.amplitude, 'm')}"
-    why = one.ring.unsolved or ("" if place.stays else f"blade {peak.blade} comes to {amount(place.mean, 'm')} {there}")
+    blades = one.amplitudes(march, RULES.window)
+    comes = f"blade {peak.blade} comes to {amount(float(blades[:, peak.blade].mean()), 'm')} in time"
+    why = one.ring.unsolved or ("" if place.stays else f"{comes} where the balance has {amount(peak.amplitude, 'm')}")
     amplitudes = place.mean, float(place.amplitude.min()), float(place.amplitude.max())
     return WheelKept(
         *((np.nan,) * 3 if why else amplitudes), peak.frequency, peak.preload, peak.amplitude, periods=periods,
         status=because(NOT_FOUND, why) if why else COMPLETE, settings=settings, model_hash=model_hash, blade=peak.blade,
-        blades=one.amplitudes(march, RULES.window), cost=replace(one.ring.cost, **watch.read()),
+        blades=blades, cost=replace(one.ring.cost, **watch.read()),
     )  # fmt: skip

@@ -90,8 +90,7 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
         head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads have a peak, {held} held")
         i = self.best
         if i is None:
-            open_ = ", ".join(f"{self.preload[k]:.6g}" for k in np.sort(self.candidates))
-            return (head, Fact("best preload computed", f"open between {open_} N" if open_ else "not found"))
+            return (head,)
         return (
             head,
             Fact("best preload computed", float(self.preload[i]), "N"),
@@ -103,7 +102,8 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
     def bottom_line(self) -> str:
         i = self.best
         if i is None:
-            return "The best preload is open: see the candidates."
+            open_ = " or ".join(amount(self.preload[k], "N") for k in np.sort(self.candidates))
+            return f"Errors leave open which preload is best: {open_}." if open_ else "No preload has a peak."
         top = f"{amount(self.amplitude[i], 'm')} (number {self.blade[i]})"
         tuned = f"{self.amplification[i]:.3g} times the tuned wheel"
         return f"The highest blade is lowest at {amount(self.preload[i], 'N')} of {len(self)} preloads: {top}, {tuned}."

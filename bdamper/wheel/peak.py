@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.peaks.newton import Peak
 from bdamper.util import status, validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
@@ -178,12 +179,7 @@ def peak(
     system = None if top is None else (whole if changed is not None else search).held(top.springs[-1])
     u = None if top is None else top.at.y[:-1]
     joined = _connected(equations, search, top) if options.connected else "not asked"
-    error = np.nan if top is None else _error(top, peaks, changed, equations, all_climbed)
-    gap = _gap(points, swept)
-    lower = top is not None and low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude
-    reason = _reason(top, gap, changed, equations, f"{len(peaks)} peaks climbed from {len(met)} of {n} points")
-    if lower:
-        reason += f"; lower than the tuned wheel, {amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
+    gap, higher = _gap(points, swept), _tuned_higher(top, tuned, low, high)
     return WheelPeak(
         preload=float(preload),
         frequency=np.nan if top is None else float(top.at.y[-1]) / tau,
@@ -196,11 +192,11 @@ def peak(
             [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
         ).reshape(-1, 5),
         sweep_frequency=np.array([y[-1] for y in met]) / tau,
-        status=_status(top, lower or gap is not None, changed is None and equations.shapes is not None),
-        reason=reason,
+        status=_status(top, bool(higher or gap), changed is None and equations.shapes is not None),
+        reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks climbed from {len(met)} of {n} points") + higher,
         residual=np.nan if top is None else top.at.residual,
         springs=0.0 if top is None else top.springs[-1],
-        error=error,
+        error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
         connected=joined,
         interval=(low, high),
         unknowns=np.zeros(equations.whole.shape) if system is None or u is None else system.array(u),
@@ -248,6 +244,14 @@ def _status(top: Climbed | None, lower: bool, reduced: bool) -> str:
     if top is None:
         return status.NOT_FOUND
     return status.INCOMPLETE if lower else status.HELD if top.springs[-1] or reduced else status.COMPLETE
+
+
+def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
+    """Where blades of the tuned wheel are higher than the highest one found, or where none was found at all."""
+    if top is not None and not (low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude):
+        return ""
+    there = f"the tuned wheel has {amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
+    return f"; searched from {low:.6g} to {high:.6g} Hz, {there}"
 
 
 def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | None:

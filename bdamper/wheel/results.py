@@ -225,8 +225,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
 
     def facts(self) -> tuple[Fact, ...]:
         """The highest blade, and how much higher it is than those of the tuned wheel."""
-        head = Fact("preload", self.preload, "N"), Fact("peak of a wheel", f"{self.status}: {self.reason}")
-        if not self.found:
+        head = Fact("preload", self.preload, "N"), Fact("status", self.status)
+        if not np.isfinite(self.amplitude):
             return head
         return (
             *head,

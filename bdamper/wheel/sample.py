@@ -237,9 +237,8 @@ def _records(
     whole = highest_wheels(height, asked.audit) | np.isin(asked.wheels, asked.audited)[:, None, None]
     at = [int(i) for i in np.flatnonzero(whole) if "interval" in peaks[i]["values"]]
     audited = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
-    for i, record in zip(
-        at, run_stored(job, audited, [f"audit {names[i]}" for i in at], executor, store, progress, "audit", "search")
-    ):
+    again = [f"audit {names[i]}" for i in at]
+    for i, record in zip(at, run_stored(job, audited, again, executor, store, progress, "audit", "search")):
         curves[i] = record
     return peaks, curves
 

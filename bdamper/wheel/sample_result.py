@@ -85,13 +85,12 @@ class Audit:
         return share(len(missed), len(np.setdiff1d(self.wheel, open_still)))
 
     def __str__(self) -> str:
-        n, missed = len(np.unique(self.wheel)), self.missed
-        found = self.share
+        n, missed, found = len(np.unique(self.wheel)), self.missed, self.share
         lines = [
-            f"audit of {n} wheels ({self.kind}), {len(self.wheel)} searches with three times the climbs: "
-            f"{100.0 * found.value:.3g} % of the wheels ({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %) missed by "
-            f"more than {100.0 * self.tolerance:g} %, {int((missed & ~self.covered).sum())} beyond their error, "
-            f"{int(self.undecided.sum())} not decided"
+            f"audit of {n} wheels ({self.kind}), {len(missed)} searches with three times the climbs: {int(missed.sum())} "
+            f"higher by more than {100.0 * self.tolerance:g} %, {int((missed & ~self.covered).sum())} beyond their error, "
+            f"{int(self.undecided.sum())} not decided; {100.0 * found.value:.3g} % of the wheels with any "
+            f"({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %)"
         ]
         for i in np.flatnonzero(missed | self.undecided):
             excess = f"{100.0 * (self.thorough[i] / self.search[i] - 1.0):+.2f} %" if missed[i] else self.status[i]
@@ -231,9 +230,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         Intervals are those of order statistics (:mod:`bdamper.wheel.statistics`), infinite where the sample is too small.
         """
         values = getattr(self, validate.choice("quantity", quantity, ("amplification", "amplitude", "frequency")))
-        cells = [
-            [percentile(values[:, i, j], q) for j in range(values.shape[2])] for i in range(values.shape[1])
-        ]
+        cells = [[percentile(values[:, i, j], q) for j in range(values.shape[2])] for i in range(values.shape[1])]
         return np.moveaxis(np.array(cells), -1, 0)
 
     def tail(self, standard_deviation: float | None = None, preload: float | None = None, tail: float = 0.5) -> WeibullTail:
@@ -258,7 +255,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
             out.append(int(at[0]))
         return out[0], out[1]
 
-    def best_preload(self, q: float = 99.0, standard_deviation: float | None = None) -> BestPreload:
+    def best_preload(self, q: float = 95.0, standard_deviation: float | None = None) -> BestPreload:
         """The preload that protects the worst blade of ``q`` % of the wheels best, of the preloads of the sample.
 
         Raises
@@ -313,9 +310,9 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
 
     def facts(self) -> tuple[Fact, ...]:
         """Number of wheels, the amplification factors of every cell, and what the audits say."""
-        middle, upper = self.percentile(50.0)[1], self.percentile(99.0)
+        middle, upper = self.percentile(50.0)[1], self.percentile(95.0)
         cells = [
-            Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 99 % {Interval(*upper[:, i, j])}")
+            Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 95 % {Interval(*upper[:, i, j])}")
             for i, d in enumerate(self.standard_deviation) for j, p in enumerate(self.preload)
         ]  # fmt: skip
         spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
@@ -329,10 +326,10 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         )
 
     def bottom_line(self) -> str:
-        middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 99.0))
+        middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 95.0))
         spread, load = f"{100.0 * float(self.standard_deviation[-1]):.3g} %", amount(self.preload[-1], "N")
         ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if np.isfinite(upper).all() else " (no upper bound from so few)"
         return (
             f"Blades that differ by {spread} raise the highest amplitude by the factor {middle[1]:.3g} in half of "
-            f"{len(self)} wheels and by {upper[1]:.3g}{ends} in one of a hundred, at a preload of {load}."
+            f"{len(self)} wheels and by {upper[1]:.3g}{ends} in one of twenty, at a preload of {load}."
         )

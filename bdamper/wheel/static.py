@@ -3,9 +3,9 @@
 The load grows in steps, and every step starts from the sliders of the step before.  The equations of a step are those of
 the wheel without harmonics: contacts at rest follow the law of :mod:`bdamper.contact.preload`.  Newton's method of the
 first step starts from the state of dampers that are alike.  From nothing, where all contacts just touch, it does not arrive
-on the shipped disk (65 blades, friction coefficients or masses 0.5 to 10 % apart), and shorter steps are no easier: where
-no faces are apart a state is proportional to its load, so that every other step starts from that of the step before times
-the ratio of their loads.
+on 65 blades with friction coefficients or masses 0.5 to 10 % apart, and shorter steps are no easier: where no faces are
+apart a state is proportional to its load, so that every other step starts from that of the step before times the ratio of
+their loads.
 """
 
 from __future__ import annotations
@@ -63,9 +63,8 @@ def static_wheel(
     """
     if (points.law == LAW_CUBIC).any():
         raise SettingError("dampers: expected all alike in a model with cubic springs, found dampers that differ")
-    scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-300)
-    touching = np.where(points.n0 < 0.0, 0.0, points.n0)
-    scale = max(scale, 1e-9 * float(np.abs(touching).max(initial=0.0)))
+    pressed = float(points.n0.max(initial=0.0))
+    scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-9 * pressed, 1e-300)
     still, u, done = np.zeros(load.shape, complex), np.zeros(load.size), 0.0
     slider, force = np.zeros((len(points.kn), 2)), np.zeros((len(points.kn), 3))
     for target in history:

@@ -83,14 +83,12 @@ def test_the_best_preload_is_open_where_held_dampers_leave_it_so(amplitude, erro
     curve = optimal(amplitude, error)
     assert curve.candidates.tolist() == candidates
     assert curve.best == (candidates[0] if len(candidates) == 1 else None)
-    fact = curve.facts()[1]
-    assert fact.name == "best preload computed"
     if curve.best is not None:
-        assert fact.value == 100.0 * (curve.best + 1)
+        assert curve.facts()[1] == ("best preload computed", 100.0 * (curve.best + 1), "N")
     elif candidates:
-        assert fact.text == "open between " + ", ".join(f"{100 * (k + 1)}" for k in sorted(candidates)) + " N"
+        assert curve.bottom_line().endswith(" or ".join(f"{100 * (k + 1)} N" for k in sorted(candidates)) + ".")
     else:
-        assert fact.text == "not found"
+        assert curve.bottom_line() == "No preload has a peak."
 
 
 def test_nothing_excites_a_wheel():
