@@ -59,7 +59,7 @@ class WheelPeakOptions:
         Of the points of the sweep, relative to the width of the tuned peak at half its power.
     climbs : int
         Peaks that are climbed.  Of 40 searches on 65 blades with audits those of twelve climbs from 60 points miss one,
-        those of eight from 30 nine of the same, with a tenth fewer evaluations (docs/measured.md, "Peaks of unequal
+        those of eight from 30 nine of the same, with an eighth fewer evaluations (docs/measured.md, "Peaks of unequal
         wheels").
     least, most : int
         Points of the sweep.
