@@ -227,5 +227,5 @@ def test_tails_of_the_stored_wheels_are_drawn(seen):
         sample = replace(sample, amplitude=np.repeat(rare * 4e-4, 3).reshape(-1, 1, 3))
     fit, axes = sample.tail(preload=preload), sample.plot_tail(preload=preload)
     words = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert len(sample) >= 100 and (fit.bound < 2.0 * np.nanmax(sample.amplification)) == seen
+    assert len(sample) == 300 and (fit.bound < 2.0 * np.nanmax(sample.amplification)) == seen
     assert any("bound not seen" in text for text in words) != seen
