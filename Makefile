@@ -9,6 +9,7 @@
 #   make validate  public problems and closed forms computed again, into docs/validated.md (needs CalculiX)
 #   make kernels   what rounding touches, under the kernels of the core and of OpenBLAS
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
+#   make others    models that other programs wrote and other packages carry (Debian: calculix-ccx, calculix-ccx-test; a network)
 #   make oldest    quick tests with the oldest supported dependencies (make newest: with the newest ones)
 #   make wheel     source distribution and a wheel for every Python of this machine, in dist/, each tried in an empty environment
 #   make browser   the explorer in a real browser (Debian: chromium, chromium-driver)
@@ -18,6 +19,7 @@
 PYTHON ?= python3
 VENV := .venv
 PEERS := pyHarm-os==1.2.2
+OTHERS := ansys-mapdl-reader==0.56.0
 PY := $(VENV)/bin/python
 # curves are computed in parallel, not the small linear systems of one curve
 export OPENBLAS_NUM_THREADS ?= 1
@@ -32,7 +34,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran oldest newest wheel browser cross peers clean prerequisites
+.PHONY: demo test test-slow bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -77,6 +79,14 @@ kernels: $(VENV)/dev.stamp
 nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
 
+others: $(VENV)/dev.stamp $(VENV)-others/files.stamp
+	$(call step,models by others,$(PY) -m pytest tests/others)
+
+# their files alone: nothing of these packages is imported
+$(VENV)-others/files.stamp: | $(VENV)/bin/python
+	$(call step,files of ansys-mapdl-reader,$(PY) -m pip install -qq --no-deps --target $(VENV)-others $(OTHERS))
+	@touch $@
+
 oldest: | prerequisites
 	$(call step,quick tests with the oldest supported dependencies,sh tools/test_versions.sh oldest)
 
@@ -95,17 +105,18 @@ cross: $(VENV)/dev.stamp
 accuracy: $(VENV)/test.stamp
 	$(call step,ladders of accuracy against time into docs/measured.md,$(PY) -m benchmarks.bench_accuracy)
 
-validate: $(VENV)/dev.stamp
+validate: $(VENV)/dev.stamp $(VENV)-others/files.stamp
 	$(call step,public problems into docs/validated.md,$(PY) -m benchmarks.validate)
 
 hard: $(VENV)/test.stamp
-	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard)
+	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard tests/design/test_sensitivity.py)
 
 fuzz: $(VENV)/test.stamp
 	$(call step,mutated files at full size,BDAMPER_FUZZ=20000 $(PY) -m pytest tests/fuzz)
 
 lint: $(VENV)/dev.stamp
 	$(call step,ruff,$(PY) -m ruff check .)
+	$(call step,codespell,$(VENV)/bin/codespell)
 	$(call step,mypy,$(PY) -m mypy bdamper)
 	$(call step,clang-format,$(VENV)/bin/clang-format --dry-run --Werror csrc/*.c csrc/*.h $(wildcard tests/c/*.c tests/c/*.h))
 	$(call step,compiler warnings,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/warnings.sh)
@@ -114,7 +125,7 @@ sanitize: $(VENV)/dev.stamp
 	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
-	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-newest $(VENV)-peers build builddir* dist figures docs/_build docs/gallery docs/reference docs/sg_execution_times.rst docs/tutorial .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-newest $(VENV)-others $(VENV)-peers build builddir* dist figures docs/_build docs/gallery docs/reference docs/sg_execution_times.rst docs/tutorial .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \

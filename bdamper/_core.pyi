@@ -1,9 +1,13 @@
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 _Parts = list[tuple[float, float, int]]
+_Laws = tuple[tuple[Any, ...] | None, ...] | None
+
+jenkins: Any
+bouc_wen: Any
 
 class Counts(NamedTuple):
     contact: float
@@ -108,6 +112,7 @@ class Sector(_Equations):
         squares: NDArray[np.float64] | None = None,
         order: float = 0.0,
         row_scale: NDArray[np.float64] | None = None,
+        own: _Laws = None,
     ) -> None: ...
 
 class Eased(_Equations):
@@ -169,6 +174,14 @@ class Wheel(_Equations):
     ) -> None: ...
 
 def kernels() -> tuple[str, ...]: ...
+def step_laws(
+    own: _Laws,
+    x: NDArray[np.float64],
+    memory: NDArray[np.float64],
+    after: NDArray[np.float64],
+    F: NDArray[np.float64],
+    D: NDArray[np.float64],
+) -> None: ...
 def kernel() -> str: ...
 def evaluate_contact(
     x: NDArray[np.float64],
@@ -183,6 +196,7 @@ def evaluate_contact(
     evaluation: int = 0,
     n_time: int = 0,
     load: float = ...,
+    own: _Laws = None,
 ) -> tuple[tuple[float, float, float, float, float], tuple[_Parts, _Parts]]: ...
 
 class Ring:
@@ -206,6 +220,7 @@ class Ring:
         order: NDArray[np.intc],
         force: NDArray[np.float64],
         row: NDArray[np.float64],
+        own: _Laws = None,
     ) -> None: ...
     def march(
         self,
@@ -223,5 +238,6 @@ class Ring:
         harmonic: NDArray[np.complex128] | None = None,
         trace: NDArray[np.float64] | None = None,
         first: int = 0,
+        energy: NDArray[np.float64] | None = None,
     ) -> tuple[int, int, int]: ...
     def follow(self, q: NDArray[np.float64], w: NDArray[np.float64]) -> None: ...

@@ -1,9 +1,9 @@
-"""Studies of a few masses: the matrices of the equation of motion, contacts and forces between its freedoms.
+"""Studies of a few masses: the matrices of the equation of motion, contacts and forces between its degrees of freedom.
 
     M x'' + C x' + K x + contact forces = Re(f exp(i omega t)) + P s + r_n^T N_0
 
-All modes of M and K are kept, so they are only another way to write ``x``; modes of frequency 0 are free masses.  Every
-contact is a point that sees the relative motion by rows over the freedoms, ``u = r_t x`` tangentially and the closing
+All modes of M and K are used, so they are only another way to write ``x``; modes of frequency 0 are free masses.  Every
+contact is a point that sees the relative motion by rows over the degrees of freedom, ``u = r_t x`` tangentially and closing
 ``v = r_n x`` normally, and acts on them by the same rows, ``-(r_t^T T + r_n^T N)``.  Its preload ``N_0`` is held by a
 static force.
 
@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -26,10 +26,12 @@ from numpy.typing import NDArray
 
 from bdamper.model.loads import Excitation, Response
 from bdamper.model.model import Body, BodyLoad, Interface, Location, ModalBasis, Model
+from bdamper.problem.settings import Settings
 from bdamper.study import Study
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
+Stiffness = Annotated[float, validate.Limits(least=0.0, unit="N/m")]
 Row = int | str | tuple[int | str, int | str] | Mapping[int | str, float]
 """A motion: a freedom by its number (from 0) or by the name of its location, the difference of the first and the second of
 two, or a sum with factors."""
@@ -44,22 +46,22 @@ BODY, GROUND = "masses", "ground"
 @validate.spelt
 @dataclass(frozen=True)
 class Contact:
-    """A contact between freedoms of a lumped model, or between one and the ground.
+    """A contact between degrees of freedom of a lumped model, or between one and the ground.
 
     Parameters
     ----------
     tangential, normal : int, str, tuple of two or mapping, optional
-        Sliding ``u`` and closing ``v`` (positive where the surfaces approach): ``0`` is the motion of freedom 0 against
-        the ground, ``(1, 0)`` that of freedom 1 against freedom 0, ``{0: 0.5, 1: 0.866}`` a sum; names of ``locations``
-        stand for their freedoms.  Without ``normal`` the normal load is constant, without ``tangential`` there is no
+        Sliding ``u`` and closing ``v`` (positive where the surfaces approach): ``0`` is the motion of degree of freedom 0
+        against the ground, ``(1, 0)`` that of 1 against 0, ``{0: 0.5, 1: 0.866}`` a sum; names of ``locations`` stand for
+        their degrees of freedom.  Without ``normal`` the normal load is constant, without ``tangential`` there is no
         friction.
     kt, kn : float, N/m
         Contact stiffness along each.
     mu : float
         Friction coefficient.
     preload : float, N
-        Normal load at rest, ``N = max(preload + kn v, 0)``: a static force on the freedoms that holds the surfaces
-        together, so that nothing is displaced at rest before the ``loads`` of the model act.
+        Normal load at rest, ``N = max(preload + kn v, 0)``: a static force on the degrees of freedom that holds the
+        surfaces together, so that nothing is displaced at rest before the ``loads`` of the model act.
     gap : float, m
         Distance at zero displacement, instead of a preload.
     tangential2 : as ``tangential``, optional
@@ -72,18 +74,15 @@ class Contact:
 
     tangential: Row | None = None
     normal: Row | None = None
-    kt: float = 0.0
-    kn: float = 0.0
-    mu: float = 0.0
-    preload: float = 0.0
-    gap: float = 0.0
+    kt: Stiffness = 0.0
+    kn: Stiffness = 0.0
+    mu: validate.NotNegative = 0.0
+    preload: validate.Force = 0.0
+    gap: validate.Length = 0.0
     tangential2: Row | None = None
 
     def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "kt", "kn", least=0.0, unit="N/m")
-        validate.fields(self, validate.number, "mu", least=0.0)
-        validate.fields(self, validate.number, "preload", least=0.0, unit="N")
-        validate.fields(self, validate.number, "gap", least=0.0, unit="m")
+        validate.checked(self)
         slides, closes = self.tangential is not None, self.normal is not None
         if not (slides or closes) or (self.tangential2 is not None and not slides):
             raise SettingError("contact: expected tangential, normal or both, found neither")
@@ -102,11 +101,11 @@ class Contact:
 
     @property
     def rows(self) -> tuple[Row | None, Row | None, Row | None]:
-        """Of the two tangential motions and the closing."""
+        """Rows of the two tangential motions and the closing."""
         return self.tangential, self.tangential2, self.normal
 
 
-@partial(validate.spelt, also=[f.name for f in fields(Study)])
+@partial(validate.spelt, also=[f.name for f in fields(Settings)])
 def lumped(
     mass: Any,
     damping: Any,
@@ -125,7 +124,8 @@ def lumped(
     Parameters
     ----------
     mass, damping, stiffness : number, (n,) or (n, n) float, kg, N s/m, N/m
-        Diagonals or symmetric matrices over n freedoms; the mass positive definite, the stiffness positive semidefinite.
+        Diagonals or symmetric matrices over n degrees of freedom; the mass positive definite, the stiffness positive
+        semidefinite.
         Damping that the modes of mass and stiffness do not make diagonal is carried exactly, by modes of mass and damping
         with springs between them, if every motion has a stiffness.
     contacts : sequence of Contact
@@ -211,7 +211,7 @@ def _faces(contacts: tuple[Contact, ...], cubic: Mapping[Any, float], modes: _Mo
 
 
 class _Modes:
-    """All modes of the masses, and the freedoms by number and by name."""
+    """All modes of the masses, and the degrees of freedom by number and by name."""
 
     def __init__(self, mass: Any, damping: Any, stiffness: Any, locations: Mapping[str, int] | None) -> None:
         M = _matrix("mass", mass)
@@ -228,7 +228,7 @@ class _Modes:
         self.damping_ratio, self.drag = self._damped(C)
         given = {f"x{i}": i for i in range(self.n)} if locations is None else locations
         self.locations: dict[str, int] = {}
-        for name, i in validate.instance("locations", given, Mapping, "a mapping of names to freedoms").items():
+        for name, i in validate.instance("locations", given, Mapping, "a mapping of names to degrees of freedom").items():
             self.locations[name] = validate.whole(f"location '{name}'", i, most=self.n - 1)
 
     def _damped(self, C: NDArray) -> tuple[NDArray, NDArray]:
@@ -283,7 +283,7 @@ class _Modes:
         return validate.whole(what, value, most=self.n - 1)
 
     def name(self, value: Any) -> str:
-        """The location of a freedom, made if it has none."""
+        """Location name of a degree of freedom, created if missing."""
         i = self.freedom(value, "response or force")
         if isinstance(value, str):
             return value
@@ -302,7 +302,7 @@ class _Modes:
         if isinstance(row, np.ndarray):  # in modal coordinates already
             return row
         if isinstance(row, tuple):
-            validate.that(len(row) == 2, what, "two freedoms, of which it is the difference", row)
+            validate.that(len(row) == 2, what, "two degrees of freedom, of which it is the difference", row)
             factors = [(row[0], 1.0), (row[1], -1.0)]
         elif isinstance(row, Mapping):
             factors = [(key, validate.number(f"{what}, factor of {key!r}", value)) for key, value in row.items()]
@@ -338,7 +338,7 @@ def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
 
 def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
     out = {}
-    for key, value in validate.instance("forces", forces, Mapping, "a mapping of freedoms to newtons").items():
+    for key, value in validate.instance("forces", forces, Mapping, "a mapping of degrees of freedom to newtons").items():
         modes.freedom(key, "forces")
         number = value.item() if isinstance(value, np.generic) else value
         if isinstance(number, bool) or not isinstance(number, int | float | complex) or not np.isfinite(number):
@@ -349,7 +349,7 @@ def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
 
 
 def _excitation(modes: _Modes, given: Mapping[Any, complex]) -> tuple[Excitation, dict[str, NDArray]]:
-    """The excitation, and the place at which it acts if it is spread over several freedoms."""
+    """The excitation, and the place at which it acts if it is spread over several degrees of freedom."""
     largest = max(abs(value) for value in given.values())
     if len(given) == 1:
         ((key, value),) = given.items()
@@ -389,7 +389,7 @@ def _model(
     load = None
     if loads is not None:
         f = np.zeros(modes.n)
-        for key, value in validate.instance("loads", loads, Mapping, "a mapping of freedoms to numbers").items():
+        for key, value in validate.instance("loads", loads, Mapping, "a mapping of degrees of freedom to numbers").items():
             f += validate.number(f"load on {key!r}", value) * modes.motion(key, "loads")
         validate.require(f.any(), "loads", "a static force on some freedom", dict(loads))
         elastic = modes.omega2 > 0.0

@@ -25,6 +25,7 @@ CONTACT_POINTS = {
     "paper_disk": (24, 9, 48),
     "blade_to_ground": (24,),
     "test_rig": (24,),
+    "shrouded_blade": (4,),
 }
 
 
@@ -38,17 +39,18 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     ----------
     name : str
         "turbine_blade": 60 blades of 100 mm with light wedge dampers, the typical case, for any harmonic of engine order 5.
-        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the hard case, for engine order 5 up to its
+        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for engine order 5 up to its
         seventh harmonic; with 9 points for engine orders 3 to 10 up to their third, with data over rotor speed, stress
-        rows, and a local basis for wheels of unequal blades.
+        rows, and a local basis for mistuned wheels.
         "paper_disk": another disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
         driven at "tip_trailing_edge") finds the numbers of its Figs 8 and 9; with 9 and 48 points modes of one harmonic.
         "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
         prescribed (:func:`bdamper.prescribe_preload`).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
+        "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for engine order 4.
     contact_points : int, optional
         Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 (default), 9 or 48 for "paper_disk", 9 for
-        "turbine_blade", 24 for the others.
+        "turbine_blade", 4 for "shrouded_blade", 24 for the others.
 
     Raises
     ------

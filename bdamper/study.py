@@ -6,100 +6,171 @@ The analyses are functions of their rooms that take a problem first; here they b
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import MISSING, dataclass, fields, replace
-from inspect import getdoc
+from inspect import getdoc, signature
 from pathlib import Path
-from typing import Any
+from types import MethodType
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from numpy.typing import NDArray
 
+from bdamper.accuracy import converge as more_harmonics
 from bdamper.accuracy import estimate
-from bdamper.accuracy import tolerance as accuracy_tolerance
+from bdamper.contact.stiffness import StiffnessReport
 from bdamper.continuation import linear_curve
 from bdamper.continuation import track as tracking
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.design import compare as designs
 from bdamper.design import sensitivity
 from bdamper.effects import advice
-from bdamper.effects import compare_laws as laws
 from bdamper.effects import hysteresis as cycles
 from bdamper.fatigue import cycle as stresses
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue.material import Material
 from bdamper.io.model_file import read_model, write_model
 from bdamper.io.model_groups import new_group
+from bdamper.model.loads import Excitation
 from bdamper.model.model import Model
 from bdamper.model.validation import check_model, check_model_once
 from bdamper.modes import flutter
 from bdamper.modes import mode as modes
 from bdamper.peaks import best_margin, highest, marched, optimal
+from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.problem import at_speed
-from bdamper.problem import compare_stiffness as methods
+from bdamper.problem import at_speed, results
+from bdamper.problem.asked import asked
 from bdamper.problem.plausible import check_question, check_settings
-from bdamper.problem.problem import Problem, matching
+from bdamper.problem.problem import Problem
 from bdamper.problem.settings import Settings, settings_of
 from bdamper.speed import campbell, crossings, run_up
-from bdamper.stability import floquet, steady_state, time_sweep, verification
+from bdamper.stability import floquet, settled, time_sweep
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import FilePath, check_folder, enter_reader, load, opened, written
+from bdamper.util.kept import Marched
 from bdamper.util.plotting import Fact
-from bdamper.util.repr import brief, short
+from bdamper.util.repr import brief, plain
 from bdamper.util.status import INTERRUPTED
+from bdamper.util.text import UNITS, aligned, spaced
 from bdamper.util.versions import HERE
+from bdamper.util.warn import say
 
-SHOWN = (
-    "model", "excitation", "with_", "static", "contact_map", "wedge_friction", "stiffness_report", "compare", "details",
-)  # fmt: skip
-"""What a study inherits and a user asks for."""
+S = ParamSpec("S")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
-@validate.spelt
+class analysis(Generic[P, R]):
+    """A function of a problem as a method of a study: bound to the study's problem, on the class the function itself."""
+
+    def __init__(self, function: Callable[Concatenate[Problem, P], R]) -> None:
+        self.function, self.__doc__ = function, function.__doc__
+
+    @overload
+    def __get__(self, study: None, owner: type) -> Callable[Concatenate[Problem, P], R]: ...
+    @overload
+    def __get__(self, study: Study, owner: type) -> Callable[P, R]: ...
+    def __get__(self, study: Study | None, owner: type) -> Callable[..., R]:
+        return self.function if study is None else MethodType(self.function, study.problem)
+
+
+def takes_what(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Callable[Concatenate[Study, S], None]]:
+    """The constructor of a study with the signature of that of a class."""
+
+    def signed(init: Callable[..., None]) -> Callable[..., None]:
+        init.__signature__ = signature(makes.__init__)  # type: ignore[attr-defined]
+        return init
+
+    return signed
+
+
 @brief
-@dataclass(frozen=True, eq=False)
-class Study(Problem, Comparable):
+@dataclass(frozen=True, eq=False, init=False)
+class Study(Comparable):
     """One model under one set of settings, asked for responses.
 
-    Studies are told apart by identity; what two of them have in common is seen in the settings of their results.  What
-    makes the equations is inherited from :class:`bdamper.problem.problem.Problem`.
+    Studies are told apart by identity; what two of them have in common is seen in the settings of their results.  A study
+    has its ``settings`` (:class:`bdamper.problem.settings.Settings`, whose parameters these are) and the ``problem`` that
+    is made of them (:class:`bdamper.problem.problem.Problem`): bases, contact stiffness, the equations at a preload.
     """
 
-    def __dir__(self) -> list[str]:
-        """What a user asks of a study; settings and arrays, which analyses read from it as a problem, are not named."""
-        return [name for name in (*vars(Study), *SHOWN) if not name.startswith("_")]
+    settings: Settings
+    problem: Problem
 
-    def __post_init__(self, residual_traction: str, _given: Mapping[str, Any] | None) -> None:
-        super().__post_init__(residual_traction, _given)
-        check_settings(self)
+    @takes_what(Settings)
+    def __init__(self, *given: Any, **settings: Any) -> None:
+        self._ask(Problem(Settings(*given, **settings)))
+
+    def _ask(self, problem: Problem) -> None:
+        object.__setattr__(self, "settings", problem.settings)
+        object.__setattr__(self, "problem", problem)
+        check_settings(problem)
+
+    def another(self, problem: Problem) -> Study:
+        """A study of another problem."""
+        study = object.__new__(Study)
+        study._ask(problem)
+        return study
+
+    # what it is about
+    @property
+    def model(self) -> Model:
+        """Model of the structure."""
+        return self.settings.model
+
+    @property
+    def excitation(self) -> Excitation:
+        """Location, direction and amplitude of the excitation."""
+        return self.settings.excitation
+
+    @property
+    def stiffness_report(self) -> tuple[StiffnessReport, ...]:
+        """Range of the contact stiffness and use of fallback rules, for each interface."""
+        return self.problem.stiffness_report
+
+    with_ = asked(Problem.with_)
+    with_effects = asked(Problem.with_effects)
+    static = analysis(Problem.static)
+    response_at = analysis(results.response_at)
+    contact_map = analysis(Problem.contact_map)
+    wedge_friction = analysis(Problem.wedge_friction)
 
     # what is shown of it
+    def __str__(self) -> str:
+        return "\n".join(["study", *aligned([(fact.name, fact.text) for fact in self.facts() if fact.known], "  ")])
+
     def facts(self) -> tuple[Fact, ...]:
         """Excitation, contact and size of the reduced model, and the settings that are no defaults."""
-        own = {f.name: f.default for f in fields(self) if f.init}
+        s, coupling = self.settings, self.problem.coupling
+        own = {f.name: f.default for f in fields(s)}
         named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes")
-        other = [name for name in own if name not in (*named, "contact_stiffness") and getattr(self, name) != own[name]]
-        at, seen = self.excitation, self.response_location
-        sectors = f"{self.model.n_blades} sectors, " if self.model.n_blades > 1 else ""
-        friction = sorted({mu for mu in self.friction_by_interface().values() if mu > 0.0})
+        other = [name for name in own if name not in (*named, "contact_stiffness") and getattr(s, name) != own[name]]
+        at, seen = s.excitation, s.response_location
+        sectors = f"{s.model.n_blades} sectors, " if s.model.n_blades > 1 else ""
+        friction = s.friction_values()
+
+        def force(e: Excitation) -> str:
+            return f"{e.amplitude:g} N at {e.location} {plain(e.direction)}, order {e.engine_order or s.engine_order}"
+
         return (
-            Fact("model", f"{sectors}{', '.join(self.model.bodies)} ({self.model.hash})"),
-            Fact("excitation", float(at.amplitude), f"N at {at.location} {short(at.direction)}"),
-            Fact("engine order", int(self.engine_order)),
-            Fact("response", f"{seen.location} {short(seen.direction)}"),
-            Fact("harmonics", " ".join(map(str, self.harmonic_numbers))),
+            Fact("model", f"{sectors}{', '.join(s.model.bodies)} ({s.model.hash})"),
+            Fact("excitation", float(at.amplitude), f"N at {at.location} {plain(at.direction)}"),
+            Fact("beside it", "; ".join(map(force, at.beside))),
+            Fact("engine order", int(s.engine_order)),
+            Fact("response", f"{seen.location} {plain(seen.direction)}"),
+            Fact("harmonics", " ".join(map(str, s.harmonic_numbers))),
             Fact("friction coefficient", ", ".join(f"{mu:g}" for mu in friction) or "none"),
-            Fact("contact stiffness", short(self.stiffness_method)),
-            Fact("contact points", self.coupling.n_points),
-            Fact("modes", sum(len(modes) for modes in self.coupling.modes.values())),
-            Fact("unknowns", self.n_unknowns),
-            *(Fact(name.replace("_", " "), short(getattr(self, name))) for name in other),
+            Fact("contact stiffness", plain(self.problem.stiffness_method)),
+            Fact("contact points", coupling.n_points),
+            Fact("modes", sum(len(modes) for modes in coupling.modes.values())),
+            Fact("unknowns", self.problem.n_unknowns),
+            *(Fact(spaced(name), f"{plain(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
+            Fact("neglected", "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else ""),
         )
 
     def _shown(self) -> Any:
@@ -109,14 +180,14 @@ class Study(Problem, Comparable):
         return ()  # what the settings come to is seen in results
 
     def _settings(self) -> dict[str, Any]:
-        return self.record()
+        return self.problem.record()
 
     def _model(self) -> dict[str, str]:
         return {"model": self.model.hash}
 
     # linear limits
-    free = linear_curve.free
-    stuck = linear_curve.stuck
+    free = analysis(linear_curve.free)
+    stuck = analysis(linear_curve.stuck)
 
     @validate.spelt
     def track(
@@ -124,12 +195,10 @@ class Study(Problem, Comparable):
         preload: float,
         frequency: tuple[float, float],
         *,
-        from_high: bool = False,
         options: ContinuationOptions | None = None,
         progress: bool = False,
         search_branches: bool | Sequence[float] = False,
         stability: bool = False,
-        tolerance: float | None = None,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -138,8 +207,6 @@ class Study(Problem, Comparable):
         preload : float, N
             Radial load on the damper.
         frequency : (low, high), Hz
-        from_high : bool
-            Set off from the upper end.
         options : ContinuationOptions, optional
             Steps and tolerances of the path.
         progress : bool
@@ -147,11 +214,7 @@ class Study(Problem, Comparable):
         search_branches : bool or sequence of float
             Look for branches apart, from solutions at other preloads: ratios to the preload, 0.9 and 1.2 by default.
         stability : bool
-            Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
-        tolerance : float, optional
-            Relative, on amplitude and frequency of the highest point: whole curves with the study's harmonics, two more,
-            four more ... are computed until the last three agree (:mod:`bdamper.accuracy.tolerance`).  The ``ladder`` of
-            the curve says whether they do, and their range.
+            Determine the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
 
         Returns
         -------
@@ -159,32 +222,31 @@ class Study(Problem, Comparable):
             ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
             found so far are there.
         """
+        problem = self.problem
         validate.flag("stability", stability)
-        check_question(self, [self.check_preload(preload)], frequency)
-        ways: dict[str, Any] = {
-            "from_high": from_high, "options": options, "progress": progress, "search_branches": search_branches
-        }  # fmt: skip
-        if tolerance is not None:
-            return accuracy_tolerance.track_to_tolerance(self, preload, frequency, tolerance, stability=stability, **ways)
-        curve = tracking.track(self, preload, frequency, **ways)
-        judged = len(curve) and curve.status != "interrupted" and (stability or self.stability)
-        return floquet.with_stability(self, curve) if judged else curve
-
-    def of(self, result: Curve | Peak | OptimalCurve) -> Study:
-        """This study with the harmonics that a tolerance chose for a result; otherwise the study itself.
-
-        The study's own functions find it by themselves; those that take ``curve.unknowns`` need it:
-        ``contact_status(study.of(curve), curve.unknowns[i], curve.preload)``.
-        """
-        kinds = Curve, Peak, OptimalCurve
-        return matching(self, validate.instance("result", result, kinds, "a curve or a peak of this study").settings)
+        check_question(problem, [problem.check_preload(preload)], frequency)
+        ways: dict[str, Any] = {"options": options, "progress": progress, "search_branches": search_branches}
+        curve = tracking.track(problem, preload, frequency, **ways)
+        judged = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
+        return floquet.with_stability(problem, curve) if judged else curve
 
     # stability and time
-    with_stability = floquet.with_stability
-    verify = verification.verify
-    settle = steady_state.settle
-    sweep_in_time = time_sweep.sweep_in_time
-    kept = marched.kept
+    with_stability = analysis(floquet.with_stability)
+    verify = analysis(settled.verify)
+    settle = analysis(settled.settle)
+    sweep_in_time = analysis(time_sweep.sweep_in_time)
+    march = analysis(marched.march)
+
+    def kept(self, result: Curve | Peak, *, steps_per_period: int | None = None) -> Marched:
+        """Former name of :meth:`march`.
+
+        Parameters
+        ----------
+        result, steps_per_period
+            As there.
+        """
+        say("study.kept is study.march now; the former name goes with the next version")
+        return self.march(result, steps_per_period=steps_per_period)
 
     # peaks and the optimal curve
     @validate.spelt
@@ -196,7 +258,6 @@ class Study(Problem, Comparable):
         *,
         mode: int = 1,
         options: PeakOptions | None = None,
-        tolerance: float | None = None,
     ) -> Peak:
         """The highest point of the response at one preload.
 
@@ -209,14 +270,11 @@ class Study(Problem, Comparable):
             Mode of the constrained bodies, 1 for the lowest.
         options : PeakOptions, optional
             How exactly the highest point is refined.
-        tolerance : float, optional
-            Relative: harmonics are chosen as for :meth:`track`, by the amplitude and the frequency of the peak.
         """
-        check_question(self, [self.check_preload(preload)], frequency)
-        ways: dict[str, Any] = {"mode": mode, "options": options}
-        if tolerance is not None:
-            return accuracy_tolerance.peak_to_tolerance(self, preload, frequency, tolerance, **ways)
-        return highest.highest_peak(self, preload, frequency, **ways)
+        problem = self.problem
+        preload, frequency = problem.check_preload(preload), peak_interval(problem, frequency, mode)
+        check_question(problem, [preload], frequency)
+        return highest.highest_peak(problem, preload, frequency, mode=mode, options=options)
 
     @validate.spelt
     @one_thread
@@ -229,14 +287,13 @@ class Study(Problem, Comparable):
         mode: int = 1,
         options: PeakOptions | None = None,
         executor: Executor | None = None,
-        tolerance: float = 0.05,
         check: str | bool = "time",
         progress: bool = False,
         resume: str | Path | None = None,
         quantity: str = "amplitude",
         material: Material | None = None,
     ) -> OptimalCurve:
-        """Resonance over the preload, and what a blade keeps of it at the optimum.
+        """Resonance over the preload, with the steady-state amplitude in time at the optimum.
 
         Parameters
         ----------
@@ -246,18 +303,16 @@ class Study(Problem, Comparable):
             As for :meth:`peak`.
         executor : concurrent.futures.Executor, optional
             On which the curves are followed; threads by default.
-        tolerance : float
-            Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
-        check : {"time", "neighbours", "harmonics", False}
-            "time": what a blade keeps at the optimum, by a march in time, in ``curve.kept``; "neighbours": also a factor
-            of 1.2 below and above (``bdamper.peaks.marched.with_kept``), and the least of them in ``curve.least_kept``.
-            "harmonics": compare with two, four and six more harmonics there and two more elsewhere, in ``curve.ladder``.
+        check : {"time", "neighbours", False}
+            "time": the peak at the optimum with up to 16 harmonics, in ``curve.convergence`` (:meth:`converge`), and the
+            steady-state amplitude in time there, in ``curve.kept``; "neighbours": also a factor of 1.2 below and above
+            (``bdamper.peaks.marched.with_kept``), and the least of them in ``curve.least_in_time``.
         progress : bool
             Show what is being done, and the time left.
         resume : path, optional
-            File that keeps every curve, those of the ladder too; work that was interrupted goes on from there.
+            File for all finished curves; interrupted work continues from there.
         quantity : {"amplitude", "margin"}
-            "margin": also that against fatigue of a ``material``, in ``curve.margins``, with that of what a blade keeps.
+            "margin": also that against fatigue of a ``material``, in ``curve.margins``, with that at the amplitude in time.
         material : Material, optional
 
         Returns
@@ -265,73 +320,70 @@ class Study(Problem, Comparable):
         OptimalCurve
             With the study's own harmonics.  After Ctrl-C what was known by then.
         """
-        tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
-        check = check if check is False else validate.choice("check", check, ("time", "neighbours", "harmonics"))
-        check_question(self, optimal.preload_values(preload, n), frequency)
+        problem = self.problem
+        check = check if check is False else validate.choice("check", check, ("time", "neighbours"))
+        values = optimal.preload_values(preload, n)
+        frequency = peak_interval(problem, frequency, mode) if problem.carries_load else frequency
+        check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
-        shown: dict[str, Any] = {"progress": progress, "resume": resume}
         margin = validate.choice("quantity", quantity, ("amplitude", "margin")) == "margin"
         if margin:
             validate.instance("material", material, Material, "a Material, since quantity is the margin")
-            stresses.chosen_sets(self)
-        curve = optimal.optimal_curve(self, preload, n, executor=executor, **ways, **shown)
-        if check in ("time", "neighbours") and not curve.interrupted:
+            stresses.chosen_sets(problem)
+        curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
+        if check and not curve.interrupted:
             best = curve.optimum.preload  # NaN where there is no optimum
             places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
-            curve = marched.with_kept(self, curve, places, progress=progress)
+            plain = curve
+            curve = more_harmonics.beside(
+                problem, plain, lambda: marched.with_kept(problem, plain, places, progress=progress)
+            )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
         if margin and material is not None and not stopped:
             try:
-                curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
+                curve = replace(curve, margins=(best_margin.best_margin(problem, curve, material),))
             except KeyboardInterrupt:
                 return curve
             stopped = curve.margins[0].best_status == INTERRUPTED
-        if check != "harmonics" or stopped:
-            return curve
-        return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
+        return curve
 
-    peak_sensitivities = sensitivity.peak_sensitivities
-    with_kept = marched.with_kept
-    with_sweeps = marched.with_sweeps
+    peak_sensitivities = analysis(sensitivity.peak_sensitivities)
+    curve_sensitivities = analysis(sensitivity.curve_sensitivities)
+    with_kept = analysis(marched.with_kept)
 
     # free vibration
-    nonlinear_mode = modes.nonlinear_mode
-    flutter = flutter.flutter
+    nonlinear_mode = analysis(modes.nonlinear_mode)
+    flutter = analysis(flutter.flutter)
 
     # stress and fatigue
-    stress = stresses.stress
-    margin = margins.margin
+    stress = analysis(stresses.stress)
+    margin = analysis(margins.margin)
 
-    best_margin = best_margin.best_margin
+    best_margin = analysis(best_margin.best_margin)
 
     # effects
-    advise = advice.advise
+    advise = analysis(advice.advise)
     apply = advice.apply
-    check = advice.check
-    compare_laws = laws.compare_laws
-    compare_stiffness = methods.compare_stiffness
-
-    # beside other designs
-    compare_designs = designs.compare_designs
 
     # what the contacts do in a cycle
-    hysteresis = cycles.hysteresis
-    dissipation = cycles.dissipation
+    hysteresis = analysis(cycles.hysteresis)
+    dissipation = analysis(cycles.dissipation)
 
     # over rotor speed
     at_speed = at_speed.at_speed
-    campbell = campbell.campbell
-    crossings = crossings.crossings
-    run_up = run_up.run_up
+    campbell = analysis(campbell.campbell)
+    crossings = analysis(crossings.crossings)
+    run_up = analysis(run_up.run_up)
 
     @property
     def preload(self) -> float:
         """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times squared speed."""
-        return at_speed.own_preload(self)
+        return at_speed.own_preload(self.problem)
 
     # accuracy
-    estimate_errors = estimate.estimate_errors
-    with_errors = estimate.with_errors
+    converge = analysis(more_harmonics.converge)
+    estimate_errors = analysis(estimate.estimate_errors)
+    with_errors = analysis(estimate.with_errors)
 
     def save(self, path: FilePath, *, include_model: bool = True) -> None:
         """Write the study to an HDF5 file, which :func:`bdamper.load_study` reads: model, settings and versions.
@@ -344,7 +396,7 @@ class Study(Problem, Comparable):
         """
         check_folder(path)
         check_model_once(self.model)
-        settings = self.record() | ({"contact_stiffness": None} if self.contact_stiffness is None else {})
+        settings = self.problem.record() | ({"contact_stiffness": None} if self.settings.contact_stiffness is None else {})
         with written(path, track_order=True) as file:
             file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **HERE.attributes()})
             file["settings"] = json.dumps(settings)

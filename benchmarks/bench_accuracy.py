@@ -18,18 +18,19 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost, Run, by_tracking
+from bdamper.accuracy.ladders import AccuracyCost, Run
 from bdamper.continuation.curve import Fold
+from bdamper.effects.richer import whole_curve
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
-from bdamper.harmonic_balance.system import OK
+from bdamper.harmonic_balance.equations import OK
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.newton import Peak, peak_scale
 from bdamper.plot import plot_accuracy, save_figure
-from bdamper.problem.problem import stuck_springs
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.stability.time_integration import STEPS, Motion, Ring
 from bdamper.util.cost import CostMeter
 from bdamper.util.text import percent
-from benchmarks import PLAIN, estimate_scenes, tolerance_scenes
+from benchmarks import PLAIN, convergence_scenes, estimate_scenes
 from tests.following import changed, find_start, slider_interval
 
 ROOT = Path(__file__).parents[1]
@@ -59,10 +60,10 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
     """The response at one frequency, from nothing."""
 
     def solve(study: bd.Study, preload: float, interval: tuple[float, float]) -> Answer:
-        y, _ = find_start(study, preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), _meter())
+        y, _ = find_start(study.problem, preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), _meter())
         if y is None:
             return np.nan, np.nan
-        return float(abs(study.system(preload).response(y[:-1])[1])), frequency
+        return float(abs(study.problem.system(preload).response(y[:-1])[1])), frequency
 
     return solve
 
@@ -148,7 +149,7 @@ def combined() -> AccuracyCost:
 def ways() -> str:
     """Ways to the peak of one and the same study."""
     study = reference_study()
-    study.system(PRELOAD)
+    study.problem.system(PRELOAD)
 
     def tracked(options: bd.ContinuationOptions) -> Callable[[], Answer]:
         def solve() -> Answer:
@@ -161,11 +162,14 @@ def ways() -> str:
 
     coarse, fine = (bd.ContinuationOptions(locate=False, **o) for o in ({"step": 0.1}, {"step": 0.02, "max_step": 0.05}))
     given: dict[str, Callable[[], Answer]] = {
-        "search for the peak": lambda: place(highest_peak(study, PRELOAD, INTERVAL)),
-        "tracking, maxima located": lambda: place(by_tracking(study, PRELOAD, INTERVAL).peak),
+        "search for the peak": lambda: place(highest_peak(study.problem, PRELOAD, INTERVAL)),
+        "tracking, maxima located": lambda: place(whole_curve(study.problem, PRELOAD, INTERVAL).peak),
         "tracking, steps of 0.1": tracked(coarse),
         "tracking, steps of 0.02": tracked(fine),
-        **{f"sweep of {n} frequencies": partial(sweep_peak, study, PRELOAD, INTERVAL, n) for n in (50, 100, 200, 400)},
+        **{
+            f"sweep of {n} frequencies": partial(sweep_peak, study.problem, PRELOAD, INTERVAL, n)
+            for n in (50, 100, 200, 400)
+        },
     }
     seconds: dict[str, list[float]] = {name: [] for name in given}
     answers: dict[str, Answer] = {}
@@ -182,7 +186,7 @@ def ways() -> str:
     return "\n".join(lines)
 
 
-def sweep_peak(problem: bd.Study, preload: float, interval: tuple[float, float], n: int) -> Answer:
+def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], n: int) -> Answer:
     """Largest response on a grid of frequencies, swept upward and downward by Newton at fixed frequency.
 
     Points at which Newton fails from the point before and from the stuck response are left out.
@@ -195,7 +199,7 @@ def sweep_peak(problem: bd.Study, preload: float, interval: tuple[float, float],
     for sweep in (omegas, omegas[::-1]):
         y = None
         for omega in sweep:
-            stuck = system.pack(state.q[: system.n_mean], system.linear_response(omega, springs))
+            stuck = system.pack(state.q[: system.n_mean], system.structure.linear.response(omega, springs))
             scale = np.ones(system.n_unknowns + 1)
             scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), 1e-300)
             scale[system.n_mean : -1] = max(float(np.linalg.norm(stuck[system.n_mean :])), 1e-300)
@@ -220,8 +224,8 @@ def jacobians() -> str:
     lines = ["| harmonics | unknowns | analytic (ms) | finite differences (ms) | ratio |", "|---|---|---|---|---|"]
     for n in (1, 3, 5):
         study = reference_study(harmonics=n)
-        system = study.system(PRELOAD)
-        y, _ = find_start(study, PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), _meter())
+        system = study.problem.system(PRELOAD)
+        y, _ = find_start(study.problem, PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), _meter())
         assert y is not None
         u, omega = y[:-1], float(y[-1])
         size = np.abs(u).max()
@@ -260,40 +264,40 @@ def time_integration() -> str:
     study = reference_study(9, harmonics=5)
     balance = []
     for n in LIMIT:
-        rung = replace(study, harmonics=n)
-        rung.system(PRELOAD_9)
+        rung = study.with_(harmonics=n)
+        rung.problem.system(PRELOAD_9)
         seconds = []
         for _ in range(REPEATS):
             begin = time.process_time()
-            y, _ = find_start(rung, PRELOAD_9, omega, bd.ContinuationOptions(), _meter())
+            y, _ = find_start(rung.problem, PRELOAD_9, omega, bd.ContinuationOptions(), _meter())
             seconds.append(time.process_time() - begin)
         assert y is not None
-        balance.append((n, float(abs(rung.system(PRELOAD_9).response(y[:-1])[1])), float(np.median(seconds))))
+        balance.append((n, float(abs(rung.problem.system(PRELOAD_9).response(y[:-1])[1])), float(np.median(seconds))))
     limit = balance.pop()[1]
-    resting, own = rung.system(PRELOAD_9), y
-    system = study.system(PRELOAD_9)
+    resting, own = rung.problem.system(PRELOAD_9), y
+    system = study.problem.system(PRELOAD_9)
     ring = Ring(system, study.model.n_blades, 5)
     steps = STEPS
     rest = np.zeros(system.n_unknowns)
     rest[: system.n_mean] = study.static(PRELOAD_9).q[: system.n_mean]
     q, v = ring.state(rest, omega, 0.0)
-    w = np.tile(system.points.slider, (ring.n, 1, 1)).astype(float)
+    w = np.tile(system.structure.points.slider, (ring.n, 1, 1)).astype(float)
     motion = Motion(q, v, w)
     marched = []
     begin = time.process_time()
     for _ in range(14):
         motion, amplitudes, *_ = ring.march(motion, omega, steps, 25)
-        marched.append((float(abs(amplitudes[-1, 1])), time.process_time() - begin))
+        marched.append((float(abs(amplitudes[-1, 0, 1])), time.process_time() - begin))
     settled = marched[-1][0]
     rests = np.isfinite(slider_interval(resting, own[:-1])[..., 0])
     scale = peak_scale(resting, own, own[-1])
     given = []
     for sector in motion.w:
-        system = changed(resting, slider=np.where(rests, sector, resting.points.slider))
+        system = changed(resting, slider=np.where(rests, sector, resting.structure.points.slider))
         c = system.correct_at(own[:-1], omega, scale, 1e-9, 60, True)
         assert c.status == OK
         given.append(float(abs(system.response(c.y[:-1])[1])))
-    finer = [abs(ring.march(motion, omega, k * steps, 20).harmonics[-1, 1]) for k in (1, 2)]
+    finer = [abs(ring.march(motion, omega, k * steps, 20).harmonics[-1, 0, 1]) for k in (1, 2)]
     step_error = float(finer[0] / finer[1]) - 1.0
     lines = ["| harmonic balance | error of amplitude | time (ms) |", "|---|---|---|"]
     lines += [f"| {_harmonics(n)} | {a / limit - 1.0:+.1e} | {1e3 * t:.3g} |" for n, a, t in balance]
@@ -324,7 +328,7 @@ def work() -> str:
     for points, preload in ((9, 50.0), (9, PRELOAD_9), (24, 200.0), (24, PRELOAD), (48, PRELOAD)):
         for n in (1, 3, 7):
             study = reference_study(points, harmonics=n)
-            study.system(preload)
+            study.problem.system(preload)
             seconds = []
             for _ in range(REPEATS):
                 begin = time.process_time()
@@ -362,7 +366,7 @@ LADDERS: dict[str, Callable[[], AccuracyCost]] = {
 }
 TABLES: dict[str, Callable[[], str]] = {
     "ways": ways, "jacobians": jacobians, "time_integration": time_integration, "work": work,
-    "tolerance": tolerance_scenes.table, "estimates": estimate_scenes.table,
+    "convergence": convergence_scenes.table, "estimates": estimate_scenes.table,
 }  # fmt: skip
 
 

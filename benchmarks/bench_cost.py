@@ -2,7 +2,7 @@
 
 ``python -m benchmarks cost`` computes what ``results/cost.json`` does not have yet, scene by scene, draws
 ``docs/images/cost.png`` and prints the table of docs/accuracy.md; ``python -m benchmarks.bench_cost show`` draws and prints
-what is known, ``ship`` writes ``bdamper/data/cost.json`` besides, from which optimal curves say what richer settings cost.
+what is known.
 
 One setting at a time is changed about the default.  The judge of harmonics is the amplitude that ``study.kept`` finds with
 the default structure: the highest solution of the balance at its frequency, and the top apart from that.  Patterns, modes
@@ -16,7 +16,6 @@ import json
 import sys
 import time
 import warnings
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,7 +34,6 @@ from bdamper.util.warn import BdamperWarning
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "cost.json"
 IMAGE = HERE.parents[0] / "docs" / "images" / "cost.png"
-SHIPPED = HERE.parents[0] / "bdamper" / "data" / "cost.json"
 BAND = (285.0, 380.0)
 SCENES = (
     (0.4, 5, 1.25), (0.2, 10, 2.0), (0.6, 5, 4.0), (0.4, 10, 0.8), (0.2, 5, 0.65), (0.4, 5, 4.0),
@@ -43,7 +41,8 @@ SCENES = (
 )  # fmt: skip
 """Friction coefficient, engine order of 65 blades (13 sectors both), and preload over that of the least peak."""
 PRELOADS = np.geomspace(30.0, 400.0, 12)
-"""N, of which the one with the least peak counts as the optimum of a friction coefficient and an engine order."""
+"""N, of which the one with the least peak of a complete curve counts as the optimum of a friction coefficient and an engine
+order."""
 JUDGES = {"patterns": 24, "blade_modes": 40, "points": 24}
 """The richest value of each setting of the structure that is marched besides the default."""
 ROWS: dict[str, tuple[Any, ...]] = {
@@ -73,24 +72,33 @@ def study(friction: float, order: int, setting: str = "harmonics", value: Any = 
 
 def tracked(of: bd.Study, preload: float) -> tuple[bd.Curve, float]:
     """A curve as an optimal curve follows it, and the seconds of the processor that it took."""
-    of.system(preload)
+    of.problem.system(preload)
     begin = time.process_time()
     curve = of.track(preload, BAND, options=bd.ContinuationOptions(budget=BUDGET))
     return curve, time.process_time() - begin
 
 
 def least(friction: float, order: int) -> float:
-    """Preload (N) of the least peak with the default settings."""
+    """Preload (N) of the least peak with the default settings, among curves that span the band and peak within it.
+
+    Raises
+    ------
+    BdamperError
+        If there is no such curve.
+    """
     of = study(friction, order)
-    peaks = [max(curve.amplitude, default=np.inf) for curve in (tracked(of, p)[0] for p in PRELOADS)]
-    return float(PRELOADS[int(np.argmin(peaks))])
+    curves = {float(p): tracked(of, p)[0] for p in PRELOADS}
+    peaks = {p: curve.peak.amplitude for p, curve in curves.items() if curve.complete and not curve.peak_at_end}
+    if not peaks:
+        raise BdamperError(f"friction {friction:g}, engine order {order}: no curve is complete and has a peak in {BAND} Hz")
+    return min(peaks, key=peaks.__getitem__)
 
 
 def judged(friction: float, order: int, preload: float, setting: str, value: Any) -> dict[str, Any]:
     """What a blade keeps."""
     of = study(friction, order, setting, value)
     try:
-        found = of.kept(tracked(of, preload)[0])
+        found = of.march(tracked(of, preload)[0])
     except BdamperError as error:  # as of a damper that rattles
         return {"mean": np.nan, "frequency": np.nan, "status": f"not found: {error}"}
     return {
@@ -194,31 +202,11 @@ def structures(known: dict[str, Any]) -> dict[str, NDArray]:
     return out
 
 
-def shipped(known: dict[str, Any]) -> dict[str, Any]:
-    """The table that the package carries: each step to the next richer value, its time and what it changed of the peak."""
-    done = [n for n in map(name_of, SCENES) if f"{n}/method residual_modes" in known]
-    steps, whole = [], [n for n in done if np.isfinite(known[f"{n}/harmonics 3"]["top"])]
-    for setting in ("harmonics", "patterns", "blade_modes"):
-        for poor, rich in pairwise(ROWS[setting]):
-            both = [(known[f"{n}/{setting} {poor}"], known[f"{n}/{setting} {rich}"]) for n in whole]
-            ratio = float(np.median([b["seconds"] / a["seconds"] for a, b in both]))
-            change = float(np.median([100.0 * abs(b["top"] / a["top"] - 1.0) for a, b in both]))
-            steps.append({
-                "setting": setting, "name": NAMES[setting], "from": poor, "to": rich, "time": float(f"{ratio:.2g}"),
-                "change": float(f"{change:.2g}"),
-            })  # fmt: skip
-    return {"source": "python -m benchmarks.bench_cost ship", "scenes": len(whole), "patterns": DEFAULT["patterns"],
-            "steps": steps}  # fmt: skip
-
-
 def draw(known: dict[str, Any]) -> None:
     """Error over time of a curve, one panel for each setting."""
     found = {setting: values for setting, values in rows(known).items() if values and values[0].scenes > 1}
     with plt.rc_context(PAPER):
-        figure, grid = plt.subplots(2, -(-len(found) // 2), figsize=(7.0, 6.0), sharex=True, sharey=True)
-        axes = grid.ravel()
-        for ax in axes[len(found) :]:
-            ax.remove()
+        figure, axes = plt.subplots(1, len(found), figsize=(3.0 * len(found), 3.6), sharex=True, sharey=True)
         for ax, (setting, values) in zip(axes, found.items()):
             looks = {"top": ("o-", "k", "highest peak"), "at": ("D-", "0.5", "at the frequency of that amplitude")}
             for name, (marks, colour, label) in looks.items():
@@ -231,7 +219,7 @@ def draw(known: dict[str, Any]) -> None:
             for k, v in enumerate(values):
                 text = str(v.value).replace("unit_traction", "unit tractions").replace("residual_modes", "residual modes")
                 usual = v.value == DEFAULT[setting]
-                crowded = setting == "method" if usual else 1.5 * values[k - 1].time > v.time > values[0].time
+                crowded = usual or 1.5 * values[k - 1].time > v.time > values[0].time
                 above = np.nanmax([v.top[2], v.at[2]])
                 ax.annotate(f"{text}, default" if usual else text, (v.time, above), xytext=(0, 4),
                             ha="left" if crowded else "center",
@@ -240,15 +228,15 @@ def draw(known: dict[str, Any]) -> None:
             ax.set_xticks([0.3, 1.0, 3.0, 10.0, 30.0], minor=False)
             ax.set_xticks([], minor=True)
             ax.xaxis.set_major_formatter("{x:g}")
-            ax.set_title(f"{NAMES[setting].capitalize()} ({values[0].scenes} scenes)")
+            ax.set_title(f"{NAMES[setting].capitalize()} ({values[0].scenes} scenes)", fontsize=9.0)
         axes[0].set(yscale="log", ylim=(1.0, 130.0))
         axes[0].set_yticks([1, 2, 5, 10, 20, 50, 100], minor=False)
         axes[0].set_yticks([], minor=True)
         axes[0].yaxis.set_major_formatter("{x:g}")
-        figure.suptitle("Beyond the default, settings cost time and come little nearer to what stays in time", fontsize=9.0)
-        figure.supylabel("Difference from the highest amplitude that stays in a march in time (%)", fontsize=9.0)
+        figure.suptitle("Error and time of settings, changed one at a time", fontsize=9.0)
+        figure.supylabel("Difference from the highest amplitude\nthat stays in a march in time (%)", fontsize=9.0)
         figure.supxlabel("Time of a tracking curve over that with the default settings", fontsize=9.0)
-        axes[0].legend(loc="lower right", title="median, quartiles of scenes", title_fontsize=7.5)
+        axes[0].legend(loc="lower right", title="median, quartiles of scenes", title_fontsize=7.5, fontsize=7.5)
         save_figure(figure, IMAGE)
 
 
@@ -278,13 +266,11 @@ def show(known: dict[str, Any]) -> None:
 def main() -> None:
     """Compute what is missing of six scenes, or of as many as are asked for, and show it."""
     asked = sys.argv[1:]
-    if asked in ([], ["ship"]) or asked[0].isdigit():
-        compute(int(asked[0]) if asked and asked[0].isdigit() else 6)
+    if not asked or asked[0].isdigit():
+        compute(int(asked[0]) if asked else 6)
     known = json.loads(RESULTS.read_text())
     show(known)
     draw(known)
-    if asked == ["ship"]:
-        SHIPPED.write_text(json.dumps(shipped(known), indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ def scan(study: bd.Study, preloads: np.ndarray, frequency: tuple[float, float], 
     there: dict[float, AtPreload] = {}
     row = 0
     for p in preloads[::-1]:
-        at = there[float(p)] = at_preload(study, float(p), frequency, None, BUDGET)
+        at = there[float(p)] = at_preload(study.problem, float(p), frequency, None, BUDGET)
         higher = at.value > min(a.value for a in there.values()) + np.log(rises)
         row = row + 1 if at.rattles or higher else 0
         if row == IN_A_ROW:
@@ -66,11 +66,11 @@ def scan(study: bd.Study, preloads: np.ndarray, frequency: tuple[float, float], 
 def run(number: int) -> dict[str, Any]:
     """The optimum of one study beside the scan."""
     study, mode, text = draw(number)
-    frequency = peak_interval(study, None, mode)
+    frequency = peak_interval(study.problem, None, mode)
     rough = {p: a for p, a in scan(study, np.geomspace(2.0, 25e3, 12), frequency, 1.001).items() if not a.rattles}
     low, high = (ratio * min(rough, key=lambda p: rough[p].value) for ratio in (0.05, 40.0))
     begin = time.process_time()
-    curve = optimal_curve(study, np.geomspace(low, high, 30), mode=mode)
+    curve = optimal_curve(study.problem, np.geomspace(low, high, 30), mode=mode)
     middle = time.process_time()
     there = scan(study, np.geomspace(low, high, 60), frequency, np.inf)
     edge = max(rattling_below(there), curve.no_steady_below)

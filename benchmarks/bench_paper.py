@@ -88,10 +88,10 @@ def sweep(settings: dict[str, Any]) -> dict[str, Any]:
     curve = asked.track(preload, DRIVEN[1][2])
     start = int(np.argmin(np.abs(curve.frequency - first)))
     omega, end = 2.0 * np.pi * curve.frequency[start], 2.0 * np.pi * last
-    ring, steps = Ring(asked.system(preload), asked.model.n_blades, 5), 2 * STEPS
+    ring, steps = Ring(asked.problem.system(preload), asked.model.n_blades, 5), 2 * STEPS
     settled = ring.march(ring.start(curve.unknowns[start], omega, steps), omega, steps, 60)
     found = ring.march(settled.motion, omega, steps, periods, omega_end=end)
-    amplitude = np.abs(found.harmonics[:, 1])
+    amplitude = np.abs(found.harmonics[:, 0, 1])
     k = int(np.argmax(amplitude))
     frequency = np.sqrt(np.linspace(omega**2, end**2, periods + 1))[k] / (2.0 * np.pi)
     return {"amplitude": float(f"{amplitude[k]:.4g}"), "frequency": round(float(frequency), 2)}

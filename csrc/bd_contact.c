@@ -14,11 +14,19 @@ bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation,
     return status;
 }
 
+bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_own *own) {
+    int n_state = -1;
+    for (int p = 0; p < n && own; ++p)
+        if (own[p].function && own[p].n_state > n_state) n_state = own[p].n_state;
+    return n_state < 0 ? BD_OK : bd_user_create(&evaluator->user, &evaluator->sampled, n_state);
+}
+
 void bd_evaluator_destroy(bd_evaluator *evaluator) {
     if (!evaluator) return;
     bd_event_destroy(&evaluator->event);
     bd_sampled_destroy(&evaluator->sampled);
     bd_coulomb_destroy(&evaluator->coulomb);
+    bd_user_destroy(&evaluator->user);
 }
 
 /* Springs instead of what the evaluators, which know contacts alone, made of them. */
@@ -48,6 +56,9 @@ void bd_contact_evaluate_many(int n, const bd_element *element, const double *x,
     for (int i = 0; i < n; ++i) evaluator->latest_is_coupled |= bd_law_is_coupled(element[i].law);
     if (evaluator->latest_is_coupled) bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
     cubic_springs(n, element, x, out, share, evaluator);
+    for (int i = 0; i < n; ++i)
+        if (element[i].law == BD_LAW_USER)
+            bd_user_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->user);
 }
 
 void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,

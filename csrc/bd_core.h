@@ -64,6 +64,14 @@ int core_check_slider(const double *w, int law);
 int core_check_kernel(void); /* whether the environment asks for one that this machine runs */
 PyObject *core_kernel_names(void);
 
+/* Contact laws of users at n points, from None or a tuple with None or (function, parameters, memory, ...) for each point, where
+ * function is a capsule or a tuple that begins with one; what the tuples hold must live as long as the laws are read.  0 with
+ * an exception; *own is to be freed with PyMem_Free, NULL for None. */
+int core_own_laws(PyObject *object, npy_intp n, bd_own **own);
+
+/* Whether a point has a function if, and only if, its law asks for one. */
+int core_check_own(const int *law, const bd_own *own, npy_intp n);
+
 /* 0, with an exception, for a status that stands for wrong arguments or lack of memory. */
 int core_check_status(bd_status status);
 
@@ -75,6 +83,7 @@ typedef struct core_equations {
     bd_hbm *hbm;                           /* that evaluates the contact; NULL of a wheel */
     bd_wheel *wheel;                       /* the same equations, or NULL */
     struct core_equations *inner;          /* what they wrap, whose lock they take; NULL if none */
+    PyObject *own;                         /* what keeps the contact laws of users alive, or NULL */
     PyThread_type_lock lock;
 } core_equations;
 
@@ -91,5 +100,7 @@ extern PyType_Spec core_ring_spec;                                     /* bd_cor
 extern PyType_Spec core_wheel_spec;                                    /* bd_core_wheel.c */
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
+PyObject *core_step_laws(PyObject *module, PyObject *args);
+int core_add_laws(PyObject *module);
 
 #endif

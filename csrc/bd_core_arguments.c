@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 static int has_shape(PyArrayObject *array, int n_dim, const npy_intp *shape) {
     if (PyArray_NDIM(array) != n_dim) return 0;
@@ -148,8 +149,8 @@ int core_check_evaluation(int evaluation, int n_time, int n_harm) {
 }
 
 int core_check_law(int law, int evaluation) {
-    if (law < 0 || law >= BD_N_LAW) {
-        PyErr_Format(PyExc_ValueError, "law: expected 0 to %d, found %d", BD_N_LAW - 1, law);
+    if (law < 0 || law >= BD_LAW_USER) {
+        PyErr_Format(PyExc_ValueError, "law: expected 0 to %d, found %d", BD_LAW_USER - 1, law);
         return 0;
     }
     if (bd_evaluation_serves((bd_evaluation)evaluation, (bd_law)law)) return 1;
@@ -170,6 +171,72 @@ int core_check_slider(const double *w, int law) {
         Py_XDECREF(value);
         return 0;
     }
+    return 1;
+}
+
+/* One of the arrays of a law. */
+static const double *law_numbers(PyObject *object, const char *name, npy_intp least, int *n) {
+    PyArrayObject *array = (PyArrayObject *)object;
+    if (!PyArray_Check(object) || PyArray_TYPE(array) != NPY_DOUBLE || PyArray_NDIM(array) != 1 ||
+        !PyArray_ISCARRAY_RO(array) || PyArray_DIM(array, 0) < least || PyArray_DIM(array, 0) > 10000) {
+        PyErr_Format(PyExc_TypeError, "own: expected %s as a vector of at least %zd float64", name, (Py_ssize_t)least);
+        return NULL;
+    }
+    *n = (int)PyArray_DIM(array, 0);
+    return core_check_numbers(PyArray_DATA(array), *n, name, BD_FINITE) ? PyArray_DATA(array) : NULL;
+}
+
+static int own_law(PyObject *item, bd_own *own) {
+    if (item == Py_None) return 1;
+    if (!PyTuple_Check(item) || PyTuple_GET_SIZE(item) < 3) {
+        PyErr_SetString(PyExc_TypeError, "own: expected None or (function, parameters, memory) for each point");
+        return 0;
+    }
+    PyObject *function = PyTuple_GET_ITEM(item, 0);
+    if (PyTuple_Check(function) && PyTuple_GET_SIZE(function) > 0) function = PyTuple_GET_ITEM(function, 0);
+    if (!PyCapsule_CheckExact(function)) {
+        PyErr_Format(PyExc_TypeError, "own: expected a capsule, found %s", Py_TYPE(function)->tp_name);
+        return 0;
+    }
+    void *pointer = PyCapsule_GetPointer(function, PyCapsule_GetName(function));
+    if (!pointer) return 0;
+    memcpy(&own->function, &pointer, sizeof pointer);
+    own->data = PyCapsule_GetContext(function);
+    own->parameter = law_numbers(PyTuple_GET_ITEM(item, 1), "parameters", 0, &own->n_parameter);
+    own->memory = own->parameter ? law_numbers(PyTuple_GET_ITEM(item, 2), "memory", 3, &own->n_state) : NULL;
+    own->n_state -= 3;
+    return own->memory != NULL;
+}
+
+int core_own_laws(PyObject *object, npy_intp n, bd_own **own) {
+    *own = NULL;
+    if (!object || object == Py_None) return 1;
+    if (!PyTuple_Check(object) || PyTuple_GET_SIZE(object) != n) {
+        PyErr_Format(PyExc_TypeError, "own: expected None or a tuple of %zd laws", (Py_ssize_t)n);
+        return 0;
+    }
+    bd_own *all = PyMem_Calloc((size_t)n + 1, sizeof *all);
+    if (!all) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    for (npy_intp p = 0; p < n; ++p)
+        if (!own_law(PyTuple_GET_ITEM(object, p), all + p)) {
+            PyMem_Free(all);
+            return 0;
+        }
+    *own = all;
+    return 1;
+}
+
+int core_check_own(const int *law, const bd_own *own, npy_intp n) {
+    for (npy_intp p = 0; p < n; ++p)
+        if ((law[p] == BD_LAW_USER) != (own && own[p].function)) {
+            PyErr_Format(PyExc_ValueError,
+                         "own: expected a function under law %d, and under no other, found %d at point %zd", BD_LAW_USER,
+                         law[p], (Py_ssize_t)p);
+            return 0;
+        }
     return 1;
 }
 

@@ -6,6 +6,7 @@
 #include "bd_clock.h"
 #include "bd_core.h"
 
+#include <math.h>
 #include <string.h>
 
 /* ---- life, lock and clock ---- */
@@ -27,6 +28,7 @@ void core_equations_dealloc(PyObject *object) {
     bd_equations_destroy(self->equations);
     if (self->lock && !self->inner) PyThread_free_lock(self->lock);
     Py_XDECREF((PyObject *)self->inner);
+    Py_XDECREF(self->own);
     type->tp_free(object);
     Py_DECREF(type);
 }
@@ -110,11 +112,12 @@ static points points_of(const core_equations *self) {
     return (points){w->in.n_sector * w->in.n_point, w->n_coef, w->element, w->share, w->X, w->F};
 }
 
-/* Stick, slip and open, averaged over the points with friction at the evaluation that the caller has just made. */
+/* Stick, slip and open, averaged over the points with friction at the evaluation that the caller has just made; NaN where
+ * that failed. */
 static void mean_shares(const core_equations *self, double *mean) {
     const points at = points_of(self);
     int n = 0;
-    mean[0] = mean[1] = mean[2] = 0.0;
+    mean[0] = mean[1] = mean[2] = self->equations->stage == BD_EMPTY ? NAN : 0.0;
     for (int p = 0; p < at.n_point; ++p) {
         const bd_law law = at.element[p].law;
         if (law == BD_LAW_NORMAL || (at.element[p].mu == 0.0 && law != BD_LAW_BONDED)) continue;
@@ -172,10 +175,14 @@ static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs
     return PyLong_FromLong(status);
 }
 
-/* The condition: a row makes it linear, re and im a peak, neither a fold. */
+/* The condition: a row makes it linear, re and im a peak, none of them a fold. */
 static int read_condition(core_arguments *arguments, PyObject *row, PyObject *re, PyObject *im, const double *tangent,
                           npy_intp n, bd_condition *condition) {
     const npy_intp n1 = n + 1;
+    if ((re == Py_None) != (im == Py_None) || (row != Py_None && re != Py_None)) {
+        PyErr_SetString(PyExc_ValueError, "row, re, im: expected row alone, re and im, or none of them");
+        return 0;
+    }
     condition->kind = row != Py_None ? BD_LINEAR : BD_STATIONARY;
     if (row != Py_None) return (condition->row = core_numbers(arguments, row, "row", 1, &n1, BD_FINITE)) != NULL;
     if (re != Py_None && !(condition->re = core_numbers(arguments, re, "re", 1, &n, BD_FINITE))) return 0;
@@ -189,6 +196,10 @@ static int read_condition(core_arguments *arguments, PyObject *row, PyObject *re
 static int check_options(const bd_solver_options *options) {
     if (options->max_iterations < 0) {
         PyErr_Format(PyExc_ValueError, "max_iterations: expected at least 0, found %d", options->max_iterations);
+        return 0;
+    }
+    if (options->line_search < 0 || options->line_search > 2) {
+        PyErr_Format(PyExc_ValueError, "line_search: expected 0, 1 or 2, found %d", options->line_search);
         return 0;
     }
     return core_check_number(options->loose, "loose", BD_NON_NEGATIVE) &&
@@ -320,10 +331,15 @@ static PyObject *contact(core_equations *self, PyObject *args) {
     Py_BEGIN_ALLOW_THREADS;
     const double started = begin_work(self);
     status = bd_evaluate(self->equations, y, 0);
-    const size_t size = sizeof(double) * (size_t)(3 * at.n_point * at.n_coef);
-    memcpy(X, at.X, size);
-    memcpy(F, at.F, size);
-    copy_shares(&at, share);
+    const size_t n_point = (size_t)at.n_point, size = 3 * n_point * (size_t)at.n_coef;
+    if (status == BD_OK) {
+        memcpy(X, at.X, sizeof(double) * size);
+        memcpy(F, at.F, sizeof(double) * size);
+        copy_shares(&at, share);
+    } else {
+        for (size_t i = 0; i < size; ++i) X[i] = F[i] = NAN;
+        for (size_t i = 0; i < 5 * n_point; ++i) share[i] = NAN;
+    }
     end_work(self, started);
     Py_END_ALLOW_THREADS;
     return PyLong_FromLong(status);
@@ -371,7 +387,7 @@ PyMethodDef core_equations_methods[] = {
      "-nu.d[J C](scale tangent).  Jacobians are differenced over the step along the tangent."},
     {"contact", (PyCFunction)contact, METH_VARARGS,
      "contact(y, X, F, share) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares of the cycle "
-     "(n_point, 5): stick and slip along t1, stick and slip along t2, open."},
+     "(n_point, 5): stick and slip along t1, stick and slip along t2, open; NaN where the status is not 0."},
     {NULL, NULL, 0, NULL}};
 
 PyGetSetDef core_equations_getset[] = {{"cost", (getter)get_cost, NULL,

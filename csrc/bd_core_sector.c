@@ -7,7 +7,8 @@
 
 /* The arguments of Sector(), in their order. */
 typedef struct {
-    PyObject *n_mode, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *w, *law, *shift, *force, *load, *row_scale;
+    PyObject *n_mode, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *w, *law, *shift, *force, *load, *row_scale,
+        *own;
 } sector_objects;
 
 static int is_vector(PyObject *object, const char *name) {
@@ -63,7 +64,9 @@ static int read_points(core_arguments *arguments, const sector_objects *o, bd_hb
     if (!(in->law = core_array(arguments, o->law, "law", NPY_INT, "intc", 1, &n_point, BD_INPUT))) return 0;
     int softening = 0; /* cubic springs may soften */
     for (npy_intp p = 0; p < n_point; ++p) {
-        if (!core_check_law(in->law[p], in->evaluation) || !core_check_slider(in->w + 2 * p, in->law[p])) return 0;
+        const int user = in->law[p] == BD_LAW_USER && in->evaluation != BD_EXACT;
+        if (!user && !core_check_law(in->law[p], in->evaluation)) return 0;
+        if (!core_check_slider(in->w + 2 * p, in->law[p])) return 0;
         softening |= in->law[p] == BD_LAW_CUBIC;
     }
     if (!softening && !core_check_numbers(in->kt, 2 * n_point, "kt", BD_NON_NEGATIVE)) return 0;
@@ -71,7 +74,7 @@ static int read_points(core_arguments *arguments, const sector_objects *o, bd_hb
     return (in->shift = core_numbers(arguments, o->shift, "shift", 2, by3, BD_FINITE)) != NULL;
 }
 
-static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in, const double **row_scale) {
+static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in, const double **row_scale, bd_own **own) {
     core_arguments arguments = {0};
     npy_intp n_modes, n_unknown;
     if (!read_sizes(&arguments, o->n_mode, in, &n_modes, &n_unknown) || !is_vector(o->kn, "kn")) return 0;
@@ -81,9 +84,12 @@ static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in,
         return 0;
     }
     in->n_point = (int)n_point;
+    if (!core_own_laws(o->own, n_point, own)) return 0;
+    in->own = *own;
     if (!core_check_evaluation(evaluation, in->n_time, in->n_harm)) return 0;
     in->evaluation = (bd_evaluation)evaluation;
     if (!read_modes(&arguments, o, in, n_modes, n_unknown) || !read_points(&arguments, o, in)) return 0;
+    if (!core_check_own(in->law, in->own, n_point)) return 0;
     return o->row_scale == Py_None ||
            (*row_scale = core_numbers(&arguments, o->row_scale, "row_scale", 1, &n_unknown, BD_POSITIVE)) != NULL;
 }
@@ -95,8 +101,15 @@ typedef struct {
 } family_objects;
 
 static int make_family(core_equations *self, const bd_hbm_input *in, const family_objects *o) {
-    if (o->nodes == Py_None) return 1;
-    if (!PyTuple_Check(o->nodes) || PyTuple_GET_SIZE(o->nodes) < 2) {
+    if (o->nodes == Py_None) {
+        if (o->squares == Py_None && o->order == 0.0) return 1;
+        PyErr_SetString(PyExc_ValueError, "squares, order: expected none without nodes");
+        return 0;
+    }
+    int all = PyTuple_Check(o->nodes) && PyTuple_GET_SIZE(o->nodes) >= 2;
+    for (npy_intp i = 0; all && i < PyTuple_GET_SIZE(o->nodes); ++i)
+        all = Py_TYPE(PyTuple_GET_ITEM(o->nodes, i)) == Py_TYPE(self);
+    if (!all) {
         PyErr_SetString(PyExc_TypeError, "nodes: expected a tuple of two or more Sectors");
         return 0;
     }
@@ -109,13 +122,8 @@ static int make_family(core_equations *self, const bd_hbm_input *in, const famil
         PyErr_NoMemory();
         return 0;
     }
-    bd_status status = BD_OK;
-    for (npy_intp i = 0; i < n && status == BD_OK; ++i) {
-        PyObject *item = PyTuple_GET_ITEM(o->nodes, i);
-        if (Py_TYPE(item) != Py_TYPE(self)) status = BD_BAD_ARGUMENT;
-        node[i] = ((core_equations *)item)->hbm;
-    }
-    if (status == BD_OK) status = bd_family_create(self->hbm, in, (int)n, node, squares, o->order);
+    for (npy_intp i = 0; i < n; ++i) node[i] = ((core_equations *)PyTuple_GET_ITEM(o->nodes, i))->hbm;
+    const bd_status status = bd_family_create(self->hbm, in, (int)n, node, squares, o->order);
     PyMem_Free((void *)node);
     if (status == BD_BAD_ARGUMENT)
         PyErr_SetString(PyExc_ValueError,
@@ -127,33 +135,36 @@ static int make_family(core_equations *self, const bd_hbm_input *in, const famil
 }
 
 static PyObject *Sector_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"n_mode", "stiffness", "mass",  "damping", "G",     "kt",        "kn",
-                            "mu",     "n0",        "w",     "law",     "shift", "force",     "evaluation",
-                            "n_time", "load",      "nodes", "squares", "order", "row_scale", NULL};
-    sector_objects o = {.load = Py_None, .row_scale = Py_None};
+    static char *names[] = {"n_mode", "stiffness", "mass",  "damping",   "G",     "kt",         "kn",     "mu",
+                            "n0",     "w",         "law",   "shift",     "force", "evaluation", "n_time", "load",
+                            "nodes",  "squares",   "order", "row_scale", "own",   NULL};
+    sector_objects o = {.load = Py_None, .row_scale = Py_None, .own = Py_None};
     family_objects family = {.nodes = Py_None, .squares = Py_None};
     bd_hbm_input in = {0};
     int evaluation = BD_EXACT;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOdO:Sector", names, &o.n_mode, &o.stiffness, &o.mass,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOdOO:Sector", names, &o.n_mode, &o.stiffness, &o.mass,
                                      &o.damping, &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.shift, &o.force,
                                      &evaluation, &in.n_time, &o.load, &family.nodes, &family.squares, &family.order,
-                                     &o.row_scale))
+                                     &o.row_scale, &o.own))
         return NULL;
     const double *row_scale = NULL;
-    if (!core_check_kernel() || !read_input(&o, evaluation, &in, &row_scale)) return NULL;
+    bd_own *own = NULL;
+    core_equations *self = NULL;
+    if (!core_check_kernel() || !read_input(&o, evaluation, &in, &row_scale, &own)) goto done;
     const core_state *state = PyType_GetModuleState(type);
-    core_equations *self = core_equations_new(type, NULL);
-    if (!self) return NULL;
     bd_sector *sector;
+    if (!(self = core_equations_new(type, NULL))) goto done;
     if (!core_check_status(bd_sector_create(&sector, &in, row_scale, &state->lapack))) {
-        Py_DECREF(self);
-        return NULL;
+        Py_CLEAR(self);
+        goto done;
     }
     self->equations = &sector->dense.base;
     self->hbm = &sector->hbm;
-    if (make_family(self, &in, &family)) return (PyObject *)self;
-    Py_DECREF(self);
-    return NULL;
+    self->own = Py_NewRef(o.own);
+    if (!make_family(self, &in, &family)) Py_CLEAR(self);
+done:
+    PyMem_Free(own);
+    return (PyObject *)self;
 }
 
 static PyType_Slot Sector_slots[] = {
@@ -229,6 +240,10 @@ static PyObject *Modes_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     core_arguments arguments = {0};
     core_equations *inner = (core_equations *)sector;
     const npy_intp n = inner->equations->n, n2 = n + 2;
+    if (inner->hbm->variation) {
+        PyErr_SetString(PyExc_ValueError, "sector: expected one at a fixed speed, found a family over speed");
+        return NULL;
+    }
     if (!core_check_number(weight, "weight", BD_POSITIVE)) return NULL;
     for (int i = 0; i < 2; ++i)
         if (!(row[i] = core_numbers(&arguments, object[i], names[1 + i], 1, &n, BD_FINITE))) return NULL;

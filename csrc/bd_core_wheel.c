@@ -19,11 +19,20 @@ static const double *waves(core_arguments *a, PyObject *object, const char *name
     return found && core_check_numbers(found, 2 * n_wave * n * n, name, BD_FINITE) ? found : NULL;
 }
 
+/* Numbers of an array of the core at most, so that its indices are of type int. */
+static const double MOST = 1 << 28;
+
 static int check_sizes(const bd_wheel_input *in) {
+    const double N = in->n_sector, b = in->n_blade, sector = b + in->n_damper, nc = 2.0 * in->n_harm + 1.0;
     if (!core_check_n_harm(in->n_harm)) return 0;
+    if (N * nc * sector > MOST || 3.0 * N * nc * in->n_point > MOST || N * b * b > MOST) {
+        PyErr_Format(PyExc_ValueError,
+                     "n_sector, n_harm, n_blade, n_damper, n_point: expected at most %d numbers in an array", (int)MOST);
+        return 0;
+    }
     if (in->n_sector >= 3 && in->n_sector <= 10000 && in->n_blade >= 1 && in->n_damper >= 0 && in->n_root >= 0 &&
-        in->n_root <= in->n_blade && in->n_kept >= 0 && in->n_kept <= in->n_root && in->n_kept + in->n_damper >= 1 &&
-        in->n_blade + in->n_damper <= 1000 && in->n_point >= 0 && in->n_point <= 100000)
+        in->n_root <= in->n_blade && in->n_kept >= 0 && in->n_kept <= in->n_root && (in->n_kept || in->n_damper) &&
+        sector <= 1000.0 && in->n_point >= 0 && in->n_point <= 100000)
         return 1;
     PyErr_SetString(PyExc_ValueError,
                     "n_sector, n_blade, n_damper, n_root, n_kept, n_point: expected at least 3 sectors, no "

@@ -18,9 +18,15 @@ static PyObject *kernel(PyObject *module, PyObject *args) {
 
 static PyMethodDef core_methods[] = {
     {"evaluate_contact", (PyCFunction)(void (*)(void))core_evaluate_contact, METH_VARARGS | METH_KEYWORDS,
-     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0) -> (shares, segments)\n\n"
+     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0, own=None) -> (shares, "
+     "segments)\n\n"
      "One contact point: fill force (3, n_coef) and tangent (3, n_coef, 3, n_coef); return the shares of the cycle and "
      "for each direction a list of (start, end, state)."},
+    {"step_laws", core_step_laws, METH_VARARGS,
+     "step_laws(own, x, memory, after, F, D)\n\n"
+     "One step of contact laws of users at n points: own is a tuple of (function, parameters, memory) or None for each "
+     "point.  From what they remember (n, 3 + n_state) to the motion x (n, 3), of which the closing counts from touching; "
+     "fill what they remember after it, the forces F (n, 3) and their derivative D (n, 3, 3)."},
     {"kernels", kernels, METH_NOARGS,
      "kernels() -> tuple of str\n\nBuilds of the inner loops that this machine runs, fastest first."},
     {"kernel", kernel, METH_NOARGS,
@@ -94,7 +100,7 @@ static int find_lapack(bd_lapack *lapack) {
 static int core_exec(PyObject *module) {
     core_state *state = PyModule_GetState(module);
     if (PyArray_ImportNumPyAPI() < 0 || find_lapack(&state->lapack) < 0) return -1;
-    if (core_add_results(module, state) < 0) return -1;
+    if (core_add_results(module, state) < 0 || core_add_laws(module) < 0) return -1;
     PyType_Spec *const spec[] = {&core_sector_spec, &core_eased_spec, &core_modes_spec, &core_ring_spec, &core_wheel_spec};
     for (size_t i = 0; i < sizeof spec / sizeof *spec; ++i) {
         PyObject *type = PyType_FromModuleAndSpec(module, spec[i], NULL);

@@ -161,7 +161,7 @@ void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
     (void)element;
     memset(out->F, 0, sizeof(double) * 3 * (size_t)bd_n_coef(n_harm));
     out->tangential[0] = out->tangential[1] = out->normal = BD_BLOCK_ZERO;
-    out->coupled = out->with_normal[0] = out->with_normal[1] = 0;
+    out->coupled = out->with_normal[0] = out->with_normal[1] = out->with_tangential = 0;
 }
 
 /* Real and imaginary part of a_n = conj a_{-n}; zero beyond n_harm. */
@@ -243,4 +243,6 @@ void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response 
         if (out->dTc[d] && (out->tangential[d] != BD_BLOCK_FULL || !out->coupled)) set_diagonal(out->dTc[d], n_coef, 0.0);
     }
     if (out->normal != BD_BLOCK_FULL) set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
+    for (int d = 0; d < 2; ++d)
+        if (out->dNt[d] && !out->with_tangential) set_diagonal(out->dNt[d], n_coef, 0.0);
 }

@@ -2,7 +2,7 @@
 #ifndef BD_ELEMENT_H
 #define BD_ELEMENT_H
 
-#include "bd_types.h"
+#include "bd_law.h"
 
 typedef enum {
     BD_LAW_SEPARABLE = 0, /* two independent tangential directions, each 1-D friction with variable normal load */
@@ -12,19 +12,22 @@ typedef enum {
     BD_LAW_COUPLED = 3,   /* the friction force lies in a disk of radius mu N */
     BD_LAW_COUPLED_CONSTANT = 4, /* the same with the constant `load` in place of N */
     BD_LAW_BONDED = 5,           /* linear springs in all directions and both senses */
-    BD_LAW_CUBIC = 6 /* T_d = kt_d u_d^3, kt in N/m3, of either sign; no normal spring, kn and n0 are not read */
+    BD_LAW_CUBIC = 6, /* T_d = kt_d u_d^3, kt in N/m3, of either sign; no normal spring, kn and n0 are not read */
+    BD_LAW_USER = 7   /* a function that is brought along; kt and kn are its springs while nothing slips, n0/kn the */
+                      /* closing at v = 0, mu and load are not read */
 } bd_law;
-enum { BD_N_LAW = 7 };
+enum { BD_N_LAW = 8 };
 
 typedef struct {
     bd_law law;
     double kt[2]; /* N/m */
     double kn;    /* N/m */
     double mu;
-    double n0;   /* N, normal load at v = 0; negative: a gap of -n0/kn */
-    double w[2]; /* m, slider positions that a point keeps if it never slips; infinite: the end of the admissible */
-                 /* interval on that side */
-    double load; /* N, normal load that limits the friction of the laws of constant load */
+    double n0;         /* N, normal load at v = 0; negative: a gap of -n0/kn */
+    double w[2];       /* m, slider positions that a point keeps if it never slips; infinite: the end of the admissible */
+                       /* interval on that side */
+    double load;       /* N, normal load that limits the friction of the laws of constant load */
+    const bd_own *own; /* of BD_LAW_USER, owned by the equations */
 } bd_element;
 
 static inline int bd_law_is_constant(bd_law law) { return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT; }
@@ -35,10 +38,13 @@ static inline int bd_law_is_two_sided(bd_law law) { return law == BD_LAW_BONDED 
 
 /* Whether direction d carries friction at all. */
 static inline int bd_element_rubs(const bd_element *e, int d) {
-    if (e->law == BD_LAW_NORMAL || e->law == BD_LAW_BONDED || e->law == BD_LAW_CUBIC) return 0;
+    if (e->law == BD_LAW_NORMAL || e->law == BD_LAW_BONDED || e->law >= BD_LAW_CUBIC) return 0;
     if (!(e->mu > 0.0) || !(e->kt[d] > 0.0)) return 0;
     return !bd_law_is_constant(e->law) || e->load > 0.0;
 }
+
+/* Closing of the surfaces at v = 0. */
+static inline double bd_closing_at_rest(double kn, double n0) { return kn > 0.0 ? n0 / kn : 0.0; }
 
 /* State of one tangential direction on a part of the cycle. */
 typedef enum { BD_STICK = 0, BD_SLIP_PLUS = 1, BD_SLIP_MINUS = 2, BD_OPEN = 3 } bd_state;
@@ -67,9 +73,11 @@ typedef struct {
     double *dTv[2]; /* dT_d/dv */
     double *dTc[2]; /* dT_d/du of the other direction; NULL unless a law couples them */
     double *dN;     /* dN/dv */
+    double *dNt[2]; /* dN/du_d; written by laws of users alone */
     bd_block tangential[2], normal;
-    int coupled;        /* 1: dTc is part of the tangent */
-    int with_normal[2]; /* 0: dTv of this direction is zero and was not written */
+    int coupled;         /* 1: dTc is part of the tangent */
+    int with_normal[2];  /* 0: dTv of this direction is zero and was not written */
+    int with_tangential; /* 0: dNt is zero and was not written */
 } bd_response;
 
 /* Sums over one cycle of one tangential direction.  With E_n = integral of exp(i n theta), stored for n = 0..2 n_harm as

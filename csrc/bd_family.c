@@ -170,7 +170,7 @@ static int alike(const bd_hbm *a, const bd_hbm *b) {
     if (a->n_point != b->n_point || a->n_harm != b->n_harm || a->variation || b->variation) return 0;
     if (memcmp(a->n_mode, b->n_mode, sizeof(int) * ((size_t)a->n_harm + 1)) != 0) return 0;
     for (int p = 0; p < a->n_point; ++p)
-        if (a->element[p].law != b->element[p].law) return 0;
+        if (a->element[p].law != b->element[p].law || a->element[p].law == BD_LAW_USER) return 0;
     return 1;
 }
 

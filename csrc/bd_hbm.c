@@ -60,11 +60,13 @@ static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
                                        .mu = in->mu[p],
                                        .n0 = in->n0[p],
                                        .w = {in->w[2 * p], in->w[2 * p + 1]},
-                                       .load = in->load ? in->load[p] : in->n0[p]};
+                                       .load = in->load ? in->load[p] : in->n0[p],
+                                       .own = hbm->own + p};
 }
 
 /* Stiffness of the spring of component a of a point, 0 if it has none. */
 static double spring(const bd_element *element, int a) {
+    if (element->law == BD_LAW_USER) return 0.0; /* not known by itself */
     if (a == 2) return element->kn;
     return element->law == BD_LAW_BONDED || bd_element_rubs(element, a) ? element->kt[a] : 0.0;
 }
@@ -101,10 +103,15 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->kernel = bd_kernel_get();
     if (!hbm->kernel || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
     for (int p = 0; p < in->n_point; ++p)
-        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_serves(in->evaluation, (bd_law)in->law[p]))
+        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_serves(in->evaluation, (bd_law)in->law[p]) ||
+            (in->law[p] == BD_LAW_USER && !(in->own && in->own[p].function)))
             return BD_BAD_ARGUMENT;
     bd_status status = bd_evaluator_create(&hbm->evaluator, in->evaluation, in->n_harm, in->n_time);
-    if (status != BD_OK) return status;
+    if (status == BD_OK) status = bd_evaluator_add_laws(&hbm->evaluator, in->n_point, in->own);
+    if (status != BD_OK) {
+        bd_evaluator_destroy(&hbm->evaluator);
+        return status;
+    }
     const size_t n_coef = (size_t)bd_n_coef(in->n_harm), n_component = 3 * (size_t)in->n_point;
     const size_t n_group = (size_t)in->n_harm + 1;
     hbm->n_point = in->n_point;
@@ -135,6 +142,7 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->damping = malloc(sizeof(double) * (n_modes + 1));
     hbm->force = malloc(sizeof(double) * (n_unknown + 1));
     hbm->element = malloc(sizeof(bd_element) * ((size_t)in->n_point + 1));
+    hbm->own = bd_own_create(in->n_point, in->own);
     hbm->share = calloc((size_t)in->n_point + 1, sizeof(bd_status_share));
     hbm->shift = malloc(sizeof(double) * (n_component + 1));
     hbm->X = calloc(n_component * n_coef + 1, sizeof(double));
@@ -143,12 +151,12 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->turned = malloc(sizeof(double) * (n_unknown + 1));
     hbm->tangent = calloc(n_component + 1, 1);
     hbm->linear = calloc(n_group, sizeof(double *));
-    hbm->block = malloc(sizeof(double) * BD_LANES * 7 * n_coef * n_coef);
+    hbm->block = malloc(sizeof(double) * BD_LANES * 9 * n_coef * n_coef);
     hbm->Z = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
     hbm->A = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
-    if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element || !hbm->share || !hbm->shift ||
-        !hbm->X || !hbm->F || !hbm->gather || !hbm->turned || !hbm->tangent || !hbm->linear || !hbm->block || !hbm->Z ||
-        !hbm->A)
+    if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element || !hbm->own || !hbm->share ||
+        !hbm->shift || !hbm->X || !hbm->F || !hbm->gather || !hbm->turned || !hbm->tangent || !hbm->linear || !hbm->block ||
+        !hbm->Z || !hbm->A)
         goto no_memory;
     copy(hbm->stiffness, in->stiffness, n_modes);
     copy(hbm->mass, in->mass, n_modes);
@@ -190,6 +198,7 @@ void bd_hbm_destroy(bd_hbm *hbm) {
     free(hbm->damping);
     free(hbm->force);
     free(hbm->element);
+    free(hbm->own);
     free(hbm->share);
     free(hbm->shift);
     free(hbm->X);
@@ -310,6 +319,8 @@ static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *respo
     size_t source[3];
     if (a == 2) {
         fill.block[0] = response->dN, source[0] = 2, fill.n_source = 1;
+        for (size_t d = 0; d < 2 && response->with_tangential; ++d)
+            fill.block[fill.n_source] = response->dNt[d], source[fill.n_source++] = d;
     } else {
         fill.block[0] = response->dT[a], source[0] = (size_t)a, fill.n_source = 1;
         if (response->with_normal[a]) fill.block[fill.n_source] = response->dTv[a], source[fill.n_source++] = 2;
@@ -377,13 +388,14 @@ static void add_linear_components(bd_hbm *hbm, double *J) {
 
 static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int tangent) {
     const size_t nn = (size_t)hbm->n_coef * (size_t)hbm->n_coef;
-    double *block = hbm->block + lane * 7 * nn;
+    double *block = hbm->block + lane * 9 * nn;
     bd_response out = {.F = hbm->F + 3 * p * (size_t)hbm->n_coef};
     if (tangent) {
         for (int d = 0; d < 2; ++d) {
             out.dT[d] = block + (size_t)d * nn;
             out.dTv[d] = block + (size_t)(2 + d) * nn;
             out.dTc[d] = block + (size_t)(4 + d) * nn;
+            out.dNt[d] = block + (size_t)(7 + d) * nn;
         }
         out.dN = block + 6 * nn;
     }

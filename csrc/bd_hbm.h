@@ -23,6 +23,7 @@ typedef struct {
     const double *force;     /* (n_unknown) modal excitation, in the layout of the unknowns */
     bd_evaluation evaluation;
     int n_time;
+    const bd_own *own; /* (n_point) laws of users, NULL if there are none */
 } bd_hbm_input;
 
 typedef struct {
@@ -46,6 +47,7 @@ typedef struct bd_hbm {
     double *stiffness, *mass, *damping;
     double **G; /* for each harmonic the real matrix (n_point, 3, rows, columns) of bd_hbm.c */
     bd_element *element;
+    bd_own *own; /* (n_point) laws of users */
     double *shift, *force;
     bd_evaluator evaluator;
     bd_status_share *share; /* (n_point) of the latest evaluation */
@@ -56,7 +58,7 @@ typedef struct bd_hbm {
     const bd_kernel *kernel;
     double **linear; /* (n_harm + 1) of (3, columns, columns): modal stiffness of the springs of all points, for each */
                      /* component of motion */
-    double *block;   /* (BD_LANES, 7, n_coef, n_coef) tangents of a group of points */
+    double *block;   /* (BD_LANES, 9, n_coef, n_coef) tangents of a group of points */
     double *Z;       /* tangent times G: for each harmonic (rows of the chunk, padded n_unknown) */
     double *A;       /* rows of G that belong to the rows of Z: for each harmonic (rows of the chunk, columns) */
     int chunk;       /* components of contact points taken together in the assembly */

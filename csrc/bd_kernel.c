@@ -307,7 +307,7 @@ void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *lanes, int kept, int tangent);
 void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *lanes, int tangent);
 double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                       int *which);
-void BD_JOIN(bd_time_march_, BD_VARIANT)(struct bd_time *time, const struct bd_time_path *path);
+bd_status BD_JOIN(bd_time_march_, BD_VARIANT)(struct bd_time *time, const struct bd_time_path *path);
 void BD_JOIN(bd_time_press_, BD_VARIANT)(struct bd_time *time);
 
 extern const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT);

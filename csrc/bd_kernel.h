@@ -90,7 +90,7 @@ typedef struct {
     void (*slide)(bd_slide *lanes, int kept, int tangent);
     void (*slide_ways)(bd_slide *lanes, int tangent); /* before it: way */
     /* March in time, and the contacts at one instant: see bd_time_loop.c. */
-    void (*time_march)(struct bd_time *time, const struct bd_time_path *path);
+    bd_status (*time_march)(struct bd_time *time, const struct bd_time_path *path);
     void (*time_press)(struct bd_time *time);
     /* Largest of |c - s| - R over n disks, n a multiple of 8, and which of them has it. */
     double (*worst)(int n, const double *x, const double *y, const double *R, const double *s, int *which);

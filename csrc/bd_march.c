@@ -253,7 +253,12 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
     double onset = atan2(z[1], z[0]);
     while (onset < start - 1e-9) onset += BD_TWO_PI;
     while (onset > end + 1e-9) onset -= BD_TWO_PI;
-    return fmax(start, fmin(end, onset));
+    const double within = fmax(start, fmin(end, onset));
+    if (within != onset) { /* rounding: z is of the same instant */
+        z[0] = cos(within);
+        z[1] = sin(within);
+    }
+    return within;
 }
 
 /* Marches through one piece and returns the slider at its end. */

@@ -130,6 +130,7 @@ bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *r
     const bd_hbm *hbm = &sector->hbm;
     const size_t n = (size_t)hbm->n_unknown, mean = (size_t)hbm->n_mode[0];
     *out = NULL;
+    if (hbm->variation) return BD_BAD_ARGUMENT; /* its arrays are not those of the equations until they are mixed */
     modes_equations *modes = calloc(1, sizeof *modes);
     if (!modes) return BD_NO_MEMORY;
     bd_status status =

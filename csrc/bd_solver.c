@@ -89,8 +89,8 @@ static bd_status judge(newton_run *run) {
     const double residual = run->report->residual;
     const int stationary = run->condition->kind == BD_STATIONARY; /* judged after its step */
     const int converged = residual <= options->tolerance, i = run->report->iterations;
-    const int limit = stationary ? options->max_iterations + 1 : options->max_iterations;
-    if ((stationary || !converged) && (i >= limit || isnan(residual))) return BD_NOT_CONVERGED;
+    if ((stationary || !converged) && (i - stationary >= options->max_iterations || isnan(residual)))
+        return BD_NOT_CONVERGED;
     if (!converged && residual > 1e6 * (1.0 + run->first_residual)) return BD_DIVERGED;
     if (!stationary && !converged && !options->line_search && i > 2) {
         run->stalls = residual > 0.5 * run->residual_before ? run->stalls + 1 : 0;
@@ -325,6 +325,7 @@ bd_status bd_gradient(bd_equations *e, const bd_condition *condition, const doub
         status = bd_evaluate(e, moved, 1);
         if (status != BD_OK) return status;
         status = bd_product(e, 1, nu, product);
+        if (status != BD_OK) return status;
         for (size_t j = 0; j < n; ++j) row[j] -= side / (2.0 * step) * product[j] * scale[j];
         for (size_t j = 0; j < n; ++j) row[n] -= side / (2.0 * step) * nu[j] * e->C[j] * scale[n];
     }

@@ -11,6 +11,7 @@ static size_t padded(size_t n) { return (n + 7) / 8 * 8; }
 static void set_sizes(bd_time *t, const bd_time_input *in) {
     const size_t f = (size_t)in->n_family;
     t->n_sector = in->n_sector, t->n_point = in->n_point, t->n_family = in->n_family, t->n_force = in->n_force;
+    t->n_row = in->n_row;
     t->stride = padded((size_t)in->n_point), t->rows = 3 * t->stride;
     t->most = t->rows < BD_TIME_MOST ? (int)t->rows : BD_TIME_MOST;
     t->n_mode = t->numbers, t->first = t->n_mode + f, t->is_real = t->first + f;
@@ -48,12 +49,13 @@ static size_t cut(bd_time *t) {
                 {&t->damping, n},
                 {&t->part, n},
                 {&t->force, 2 * n * (size_t)t->n_force},
-                {&t->row, n},
+                {&t->row, n * (size_t)t->n_row},
                 {&t->point, BD_TIME_FIELDS * s},
                 {&t->q, n},
                 {&t->v, n},
                 {&t->a, n},
                 {&t->pressed, n},
+                {&t->before, n},
                 {&t->excited, n},
                 {&t->coming, n},
                 {&t->q_next, n},
@@ -62,6 +64,9 @@ static size_t cut(bd_time *t) {
                 {&t->ease, n},
                 {&t->w, 2 * s * k},
                 {&t->moved, 2 * s * k},
+                {&t->memory_of[0], k * (size_t)(t->n_point * t->n_memory)},
+                {&t->memory_of[1], k * (size_t)(t->n_point * t->n_memory)},
+                {&t->slopes, bd_own_room(t->n_memory)},
                 {&t->x, rows * k},
                 {&t->base, rows * k},
                 {&t->reach, rows * k},
@@ -150,7 +155,7 @@ static void set_coordinates(bd_time *t, const bd_time_input *in) {
         }
     pad(t, both, t->part);
     for (size_t i = 0; i < 2 * (size_t)t->n_force; ++i) pad(t, in->force + 2 * n * i, t->force + t->n_coordinate * i);
-    pad(t, in->row, t->row);
+    for (size_t i = 0; i < (size_t)in->n_row; ++i) pad(t, in->row + 2 * n * i, t->row + t->n_coordinate * i);
 }
 
 /* ---- compliance of a step ---- */
@@ -346,8 +351,17 @@ static void set_points(bd_time *t, const bd_time_input *in) {
         x[BD_TIME_R0 * s] = bd_law_is_constant(law) ? mu * fmax(in->load[p], 0.0) : 0.0;
         x[BD_TIME_R1 * s] = bd_law_is_constant(law) ? 0.0 : mu;
         x[BD_TIME_COUPLED * s] = bd_law_is_coupled(law);
+        x[BD_TIME_OWN * s] = law == BD_LAW_USER;
         t->has_coupled |= bd_law_is_coupled(law);
         t->has_cubic |= law == BD_LAW_CUBIC;
+    }
+}
+
+static void set_laws(bd_time *t) {
+    for (int p = 0; p < t->n_point; ++p) {
+        if (!t->own[p].function) continue;
+        ++t->n_own;
+        if (3 + t->own[p].n_state > t->n_memory) t->n_memory = 3 + t->own[p].n_state;
     }
 }
 
@@ -358,6 +372,11 @@ bd_status bd_time_create(bd_time *t, const bd_time_input *in) {
     for (int f = 0; f < in->n_family; ++f) n += 2 * (size_t)in->n_mode[f];
     if (!(t->numbers = calloc(n, sizeof(int)))) return BD_NO_MEMORY;
     set_sizes(t, in);
+    if (!(t->own = bd_own_create(in->n_point, in->own))) {
+        bd_time_destroy(t);
+        return BD_NO_MEMORY;
+    }
+    set_laws(t);
     if (!(t->memory = calloc(cut(t), sizeof(double)))) {
         bd_time_destroy(t);
         return BD_NO_MEMORY;
@@ -373,20 +392,30 @@ bd_status bd_time_create(bd_time *t, const bd_time_input *in) {
 void bd_time_destroy(bd_time *t) {
     free(t->memory);
     free(t->numbers);
+    free(t->own);
     memset(t, 0, sizeof *t);
 }
 
-/* Sliders (n_sector, n_point, 2) into the layout of the loop, or out of it. */
+/* Sliders and memories (n_sector, n_point, 2 + n_memory) into the layout of the loop, or out of it. */
 static void turn_sliders(bd_time *t, double *w, int out) {
+    const size_t m = (size_t)t->n_memory;
     for (size_t k = 0; k < (size_t)t->n_sector; ++k)
         for (size_t p = 0; p < (size_t)t->n_point; ++p)
-            for (size_t d = 0; d < 2; ++d) {
-                double *inside = t->w + (2 * k + d) * t->stride + p, *outside = w + 2 * (k * (size_t)t->n_point + p) + d;
+            for (size_t d = 0; d < 2 + m; ++d) {
+                const size_t at = k * (size_t)t->n_point + p;
+                double *inside = d < 2 ? t->w + (2 * k + d) * t->stride + p : t->memory_of[0] + at * m + d - 2;
+                double *outside = w + (2 + m) * at + d;
                 if (out)
                     *outside = *inside;
                 else
                     *inside = *outside;
             }
+}
+
+void bd_time_forget_states(bd_time *t) {
+    const size_t n = (size_t)t->n_sector * t->stride;
+    for (size_t i = 0; i < n; ++i) t->state[i] = -1.0; /* of which the derivative is to be found */
+    memset(t->tangent, 0, sizeof(double) * 9 * n);
 }
 
 /* Forgets what was marched before: all that one instant leaves to the next, entries of the padding, too. */
@@ -396,26 +425,28 @@ static void forget(bd_time *t) {
     for (size_t i = 0; i < sizeof coordinates / sizeof *coordinates; ++i) memset(coordinates[i], 0, size * t->n_coordinate);
     memset(t->w, 0, size * 2 * s * k);
     memset(t->moved, 0, size * 2 * s * k);
-    for (size_t i = 0; i < k * s; ++i) t->state[i] = -1.0; /* of which the derivative is to be found */
-    memset(t->tangent, 0, size * 9 * k * s);
+    bd_time_forget_states(t);
     memset(t->p, 0, size * (size_t)t->most * k);
     t->largest = 0.0;
 }
 
-void bd_time_march(bd_time *t, const bd_time_path *path, double *q, double *v, double *a, double *w,
-                   bd_time_effort *effort) {
+bd_status bd_time_march(bd_time *t, const bd_time_path *path, double *q, double *v, double *a, double *w,
+                        bd_time_effort *effort) {
     forget(t);
     pad(t, q, t->q);
     pad(t, v, t->v);
     pad(t, a, t->a);
     turn_sliders(t, w, 0);
     t->effort = *effort;
-    t->kernel->time_march(t, path);
+    bd_status status = t->kernel->time_march(t, path);
+    for (size_t j = 0; j < t->n_coordinate; ++j)
+        if (!isfinite(t->q[j]) || !isfinite(t->v[j])) status = BD_NOT_FINITE;
     *effort = t->effort;
     bd_time_unpad(t, t->q, q);
     bd_time_unpad(t, t->v, v);
     bd_time_unpad(t, t->a, a);
     turn_sliders(t, w, 1);
+    return status;
 }
 
 void bd_time_follow(bd_time *t, long n_step, const double *q, double *w) {

@@ -17,15 +17,17 @@ typedef struct {
     const double *shift;                      /* (n_point, 3) */
     const int *law;                           /* (n_point) */
     const int *held;                          /* (n_point, 2) sliders that stay where they are */
+    const bd_own *own;                        /* (n_point) laws of users, NULL if there are none */
     int n_force;
     const int *order;    /* (n_force) harmonics of the excitation */
     const double *force; /* (n_force, 2, 2, n_total): the factors of cos and of sin(order theta) */
-    const double *row;   /* (2, n_total): response = row . (Re eta, Im eta) */
+    int n_row;
+    const double *row; /* (n_row, 2, n_total): responses = row . (Re eta, Im eta) */
 } bd_time_input;
 
-/* Steps, evaluations of the law for them, and steps that ended above the tolerance. */
+/* Steps that were tried, and evaluations of the law for them. */
 typedef struct {
-    long n_solved, n_iteration, n_unsolved;
+    long n_solved, n_iteration;
 } bd_time_effort;
 
 /* How far the contacts give way to their own forces within a step: u = u* - C p for the patterns V of the motion, x = V u,
@@ -40,23 +42,26 @@ typedef struct {
 
 typedef struct bd_time {
     const bd_kernel *kernel;
-    int n_sector, n_point, n_family, n_total, n_force, most; /* most: patterns for which there is room */
-    int *n_mode, *first, *is_real;                           /* (n_family) */
+    int n_sector, n_point, n_family, n_total, n_force, n_row, most; /* most: patterns for which there is room */
+    int *n_mode, *first, *is_real;                                  /* (n_family) */
     int *place, *other; /* (n_total) padded coordinates of the real and imaginary part */
     int *order;
     size_t n_coordinate; /* padded: each family has room for a multiple of 8 modes, first real then imaginary parts */
     size_t stride, rows; /* points, padded to a multiple of 8; three times as many */
     int has_coupled, has_cubic;
-    double *out, *back;                        /* modes, in the orders in which the two products read them */
-    double *phase;                             /* (n_sector, n_family, 2) cos and sin(2 pi k d/n) */
+    int n_own, n_memory; /* points with laws of users; numbers that each point remembers for them, 0 without any */
+    double *out, *back;  /* modes, in the orders in which the two products read them */
+    double *phase;       /* (n_sector, n_family, 2) cos and sin(2 pi k d/n) */
     double *stiffness, *mass, *damping, *part; /* (n_coordinate) of each; part: 1/N or 2/N */
-    double *force, *row;                       /* (n_force, 2, n_coordinate); (n_coordinate) */
+    double *force, *row;                       /* (n_force, 2, n_coordinate); (n_row, n_coordinate) */
     double *point;                             /* (BD_TIME_FIELDS, stride) */
-    double *q, *v, *a, *pressed;               /* (n_coordinate) */
+    double *q, *v, *a, *pressed, *before;      /* (n_coordinate); before: what was pressed at the start of a step */
     double *excited, *coming;                  /* (n_coordinate) excitation at the start and at the end of a step */
     double *q_next, *a_next;                   /* (n_coordinate) at the end of the step, without its contact forces */
     double *beta, *ease;                       /* (n_coordinate) displacement and acceleration by a unit of force */
     double *w, *moved;                         /* (n_sector, 2, stride) */
+    double *memory_of[2];                      /* (n_sector, n_point, n_memory) before and after a step */
+    double *slopes;                            /* room for those of one law */
     double *x, *base, *reach;                  /* (n_sector, rows) motion: last, without new forces, of a correction */
     double *F, *tried;                         /* (n_sector, rows) */
     double *tangent;                           /* (n_sector, 9, stride) derivative of the forces that is in M */
@@ -67,11 +72,13 @@ typedef struct bd_time {
     double *basis, *eased;                     /* (BD_TIME_VECTORS + 1, n_sector, most) of GMRES; C times them */
     int *stale;                                /* (n_sector) M is to be made anew */
     bd_time_step steps[2];                     /* of an instant, and of a step */
+    double energy[4];                          /* of the steps since it was last set to 0, as bd_time_path.energy */
     double largest;                            /* force on the patterns so far */
     bd_time_effort effort;
     double *work; /* (3 n_total) while it is made, (rows (rows + most + 4)) while a step is */
     double *memory;
     int *numbers;
+    bd_own *own; /* (n_point) */
 } bd_time;
 
 /* What is known of a point, in the order of bd_time.point.  Limit of friction r0 + r1 N; ease: 1/kt, 0 without spring;
@@ -88,6 +95,7 @@ enum {
     BD_TIME_R0,
     BD_TIME_R1,
     BD_TIME_COUPLED,
+    BD_TIME_OWN,
     BD_TIME_FIELDS
 };
 
@@ -97,8 +105,9 @@ enum { BD_TIME_NEWTON = 40, BD_TIME_VECTORS = 8, BD_TIME_ANEW = 64 };
 #define BD_TIME_LINEAR 0.1
 #define BD_TIME_SINGULAR 1e-3
 
-/* Residual relative to the forces above which a step counts as unsolved. */
+/* Residual relative to the forces above which a step counts as unsolved, and how often such a step is halved. */
 #define BD_TIME_ENOUGH 1e-2
+enum { BD_TIME_HALVINGS = 6 };
 
 /* Patterns: compliance times stiffness below which one is left out, and how many there are at most. */
 #define BD_TIME_BOUND 1e-3
@@ -116,7 +125,9 @@ typedef struct bd_time_path {
     double radius;    /* spectral radius at infinite frequency, 0 to 1 */
     double tolerance; /* of the contact forces, relative */
     int fresh;        /* the accelerations follow from the rest of the state, and so do coordinates without mass */
-    double *harmonic; /* complex (n_step/per_period, n_harm + 1) of the response in each whole period, or NULL */
+    double *harmonic; /* complex (n_step/per_period, n_row, n_harm + 1) of the responses in each whole period, or NULL */
+    double *energy;   /* (n_step/per_period, 4) of all sectors: work of the excitation, losses in damping, work on the
+                       * contacts, and rise of kinetic and strain energy in each whole period; or NULL */
     double *trace;    /* (n_step, 2, n_total) coordinates at the start of each step, or NULL */
 } bd_time_path;
 
@@ -136,15 +147,20 @@ typedef struct {
 
 bd_time_alpha bd_time_weights(double radius);
 
+/* States and derivatives of all points are to be found anew. */
+void bd_time_forget_states(bd_time *time);
+
 /* What each coordinate gives way to a unit of force within a step (0: at an instant), and its acceleration. */
 void bd_time_ease(const bd_time *time, double h, double radius, double *beta, double *ease);
 
-/* March from the state q, v, a (2, n_total), w (n_sector, n_point, 2) to another, in place, and count up the effort.  Nothing of
- * what was marched before counts; one march in parts agrees with one at once to the tolerance of the contact forces. */
-void bd_time_march(bd_time *time, const bd_time_path *path, double *q, double *v, double *a, double *w,
-                   bd_time_effort *effort);
+/* March from the state q, v, a (2, n_total), w (n_sector, n_point, 2 + n_memory) to another, in place, and count up the effort.
+ * Nothing of what was marched before counts; one march in parts agrees with one at once to the tolerance of the contact forces.  A step
+ * whose contact forces are not found is taken in shorter steps; where these fail, too, the march ends there with
+ * BD_NOT_CONVERGED, and with BD_NOT_FINITE where a motion without contact overflows. */
+bd_status bd_time_march(bd_time *time, const bd_time_path *path, double *q, double *v, double *a, double *w,
+                        bd_time_effort *effort);
 
-/* Sliders after a given motion q (n_step, 2, n_total). */
+/* Sliders and memories w, as above, after a given motion q (n_step, 2, n_total). */
 void bd_time_follow(bd_time *time, long n_step, const double *q, double *w);
 
 #endif

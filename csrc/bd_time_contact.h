@@ -10,7 +10,7 @@
 #include "bd_vector.h"
 
 typedef struct {
-    bd_vec kt[2], ease[2], cubic[2], held[2], shift[3], kn, n0, floor, r0, r1, coupled;
+    bd_vec kt[2], ease[2], cubic[2], held[2], shift[3], kn, n0, floor, r0, r1, coupled, own;
 } points;
 
 BD_INLINE points load_points(const bd_time *t, size_t p) {
@@ -30,6 +30,7 @@ BD_INLINE points load_points(const bd_time *t, size_t p) {
     out.r0 = bd_load(x + BD_TIME_R0 * s);
     out.r1 = bd_load(x + BD_TIME_R1 * s);
     out.coupled = bd_load(x + BD_TIME_COUPLED * s);
+    out.own = bd_load(x + BD_TIME_OWN * s);
     return out;
 }
 
@@ -62,6 +63,28 @@ BD_INLINE void press(const bd_time *t, const points *at, const bd_vec *x, const 
     F[2] = normal;
 }
 
+/* Motion (3) of a point of a sector as its own law takes it. */
+BD_INLINE void own_motion(const bd_time *t, size_t p, const double *x, double *now) {
+    const double *at = t->point + p;
+    for (size_t d = 0; d < 3; ++d) now[d] = x[d];
+    now[2] += bd_closing_at_rest(at[BD_TIME_KN * t->stride], at[BD_TIME_N0 * t->stride]);
+}
+
+/* Forces of the points with laws of users, point by point. */
+BD_NOT_INLINE void press_own(bd_time *t, const double *x, double *F) {
+    const size_t s = t->stride, n = (size_t)t->n_point, m = (size_t)t->n_memory;
+    for (size_t p = 0; p < n; ++p) {
+        if (!t->own[p].function) continue;
+        for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
+            const double *at = x + k * t->rows + p, motion[3] = {at[0], at[s], at[2 * s]};
+            double now[3], force[3];
+            own_motion(t, p, motion, now);
+            bd_own_step(t->own + p, now, t->memory_of[0] + (k * n + p) * m, t->memory_of[1] + (k * n + p) * m, force, NULL);
+            for (size_t d = 0; d < 3; ++d) F[k * t->rows + d * s + p] = force[d];
+        }
+    }
+}
+
 /* Forces F (n_sector, rows) of all contacts at the motion x; moves the sliders. */
 static void press_all(bd_time *t, const double *x, double *F) {
     const size_t s = t->stride;
@@ -74,6 +97,7 @@ static void press_all(bd_time *t, const double *x, double *F) {
             for (size_t d = 0; d < 3; ++d) bd_store(F + k * t->rows + d * s + p, force[d]);
         }
     }
+    if (t->n_own) press_own(t, x, F);
 }
 
 /* ---- derivative of the forces, of which the contact condition has need ---- */
@@ -96,11 +120,25 @@ BD_INLINE bd_vec state_of(const bd_time *t, const points *at, const bd_vec *x, c
     }
     const bd_mask slides = closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
     const bd_mask cubic = bd_differ(at->cubic[0], zero) | bd_differ(at->cubic[1], zero);
-    return state + bd_select(slides | cubic, bd_all(SLIDES_IN_PLANE), zero);
+    return state + bd_select(slides | cubic | bd_above(at->own, zero), bd_all(SLIDES_IN_PLANE), zero);
 }
 
-/* Derivative D (3, 3) of the forces of one point at motion x with slider w before. */
-static void differentiate(const bd_time *t, size_t p, const double *x, const double *w, double *D) {
+/* Derivative D (3, 3) of the forces of a point with a law of a user; what it remembers after the step is written again. */
+static void differentiate_own(bd_time *t, size_t k, size_t p, const double *x, double *D) {
+    const size_t at = (k * (size_t)t->n_point + p) * (size_t)t->n_memory;
+    bd_own_slopes slopes = bd_own_in(t->slopes, t->own[p].n_state);
+    double now[3], force[3];
+    own_motion(t, p, x, now);
+    bd_own_step(t->own + p, now, t->memory_of[0] + at, t->memory_of[1] + at, force, &slopes);
+    bd_own_derivative(t->own + p, &slopes, D);
+}
+
+/* Derivative D (3, 3) of the forces of point p of sector k at motion x with slider w before. */
+static void differentiate(bd_time *t, size_t k, size_t p, const double *x, const double *w, double *D) {
+    if (t->n_own && t->own[p].function) {
+        differentiate_own(t, k, p, x, D);
+        return;
+    }
     const size_t s = t->stride;
     const double *c = t->point + p, *kt = c + BD_TIME_KT * s;
     const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2], floor = c[BD_TIME_FLOOR * s];

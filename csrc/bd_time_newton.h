@@ -99,7 +99,7 @@ BD_NOT_INLINE void update_points(bd_time *t, const bd_time_step *step, size_t k,
         if (!bd_entry_int(differs, i)) continue;
         const double at[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)}, before[2] = {w[i], w[s + i]};
         double D[9], *known = t->tangent + 9 * s * k + p + i, change = 0.0, largest = 0.0;
-        differentiate(t, p + i, at, before, D);
+        differentiate(t, k, p + i, at, before, D);
         for (size_t j = 0; j < 9; ++j) {
             change = larger(fabs(D[j] - known[j * s]), change);
             largest = larger(fabs(known[j * s]), largest);
@@ -226,8 +226,9 @@ static double search(bd_time *t, const bd_time_step *step, double size) {
     return best == gone ? least : go(t, step, best - gone);
 }
 
-/* Contact forces at the end of a step, from the motion x* without them in `base`: their motion x, the forces F. */
-static void solve(bd_time *t, const bd_time_step *step, double tolerance, int predict) {
+/* Contact forces at the end of a step, from the motion x* without them in `base`: their motion x, the forces F; 0 if they were
+ * not found. */
+static int solve(bd_time *t, const bd_time_step *step, double tolerance, int predict) {
     const size_t r = (size_t)step->rank, sectors = (size_t)t->n_sector, n = r * sectors, rows = t->rows, s = t->stride;
     comply(t, step, t->p, t->given);
     multiply(sectors, rows, r, t->given, step->V, t->reach);
@@ -255,17 +256,22 @@ static void solve(bd_time *t, const bd_time_step *step, double tolerance, int pr
         memset(t->reach, 0, sizeof(double) * rows * sectors);
         memset(t->change, 0, sizeof(double) * n);
     }
+    const double before = t->largest;
     double size = go(t, step, 1.0);
     for (int i = 0;; ++i) {
         update_states(t, step, t->x);
-        t->largest = larger(sqrt(dot(n, t->p, t->p)), t->largest);
-        const double scale = larger(sqrt(dot(n, t->p, t->p)), 1e-6 * t->largest);
-        if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_NEWTON) break;
+        const double force = sqrt(dot(n, t->p, t->p));
+        t->largest = larger(force, t->largest);
+        const double scale = larger(force, 1e-6 * t->largest);
+        if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_NEWTON) {
+            const int found = force < HUGE_VAL && size <= BD_TIME_ENOUGH * scale;
+            if (!found) t->largest = before;
+            return found;
+        }
         correct(t, step);
         multiply(sectors, rows, r, t->given, step->V, t->reach);
         size = search(t, step, size);
     }
-    t->effort.n_unsolved += !(size <= BD_TIME_ENOUGH * larger(sqrt(dot(n, t->p, t->p)), 1e-6 * t->largest));
 }
 
 #endif

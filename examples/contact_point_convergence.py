@@ -63,16 +63,16 @@ def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 
         study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraints=False, **SETTINGS)
         unit = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraints=False, **SETTINGS)
         contact = study.contact_map(preload)
-        springs = np.concatenate([study.stiffness[name].stiffness for name in study.coupling.interfaces])
+        springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
         curve = study.track(preload, (345.0, 375.0))
         face = model.interfaces["left"]
         yield Row(
             points=n,
-            stiffness=float(np.sum(unit.stiffness["left"].stiffness[:, 2])),
+            stiffness=float(np.sum(unit.problem.stiffness["left"].stiffness[:, 2])),
             normal=contact.normal_force["left"] / preload,
             area=contact.contact_area["left"] / float(face.area.sum()),
             bonded=float(reference_frequencies(fe, 5, n, 1)[0]),
-            reduced=float(study.system(0.0).linear_modes(springs)[0][0]) / (2.0 * np.pi),
+            reduced=float(study.problem.sector(0.0).linear.modes(springs)[0][0]) / (2.0 * np.pi),
             peak=curve.peak.amplitude,
             peak_frequency=curve.peak.frequency,
             seconds=time.perf_counter() - start,

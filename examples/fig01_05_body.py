@@ -16,8 +16,8 @@ from scipy.spatial import ConvexHull
 import bdamper as bd
 from bdamper.model.model import turn
 from bdamper.plot.axes import PAPER
-from bdamper.plot.contact import plot_stiffness
-from bdamper.plot.model3d import plot_surfaces
+from bdamper.plot.contact import plot_faces
+from bdamper.plot.model3d import plot_surfaces, seen
 
 BLADE, DAMPER = "0.88", "0.72"
 
@@ -180,9 +180,16 @@ keep(figure, "fig04_bonded")
 # The stiffnesses that equations (4) and (10) give on this body.  White points are open, or their values would be negative
 # or implausible, which holds for nine in ten along the axis: there the stiffness under uniform tractions stands in.
 
-comparison = study(1, **bd.PAPER).compare_stiffness()
-print(comparison)
-keep(plot_stiffness(comparison, "eq4"), "fig04_stiffness")
+problem = study(1, **bd.PAPER).problem
+print(*problem.stiffness_report, sep="\n")
+stiffness = {name: problem.stiffness[name] for name in ("left", "right")}
+faces = [(name, model.interfaces[name].points, model.interfaces[name].frame) for name in stiffness]
+shown = [
+    np.where(found.fallback[:, axis], np.nan, 1e-9 * found.stiffness[:, axis] / model.interfaces[name].area)
+    for axis in range(3)
+    for name, found in stiffness.items()
+]
+keep(plot_faces(faces, shown, "Stiffness (N/mm$^3$)", ("t1", "t2", "n")), "fig04_stiffness")
 
 # %%
 # **Fig. 5.** Meshes, with the point of excitation and response at the trailing-edge corner of the tip and with the contact
@@ -190,12 +197,12 @@ keep(plot_stiffness(comparison, "eq4"), "fig04_stiffness")
 
 blade, damper = model.meshes["blade"], model.meshes["damper"]
 corner = model.locations["tip_trailing_edge"].position
-ax = plot_surfaces([(blade.points, blade.quads, ("#c9d3dc", 0.5))],
+ax = plot_surfaces([(blade.points, blade.quads, "#dde4ea")],
                    title="blade; dot: excitation and response")  # fmt: skip
-ax.plot(*(1e3 * corner[[2, 0, 1], None]), "o", color="#c0392b", markersize=5.0, clip_on=False)
+ax.plot(*seen(corner)[:2], "o", color="#c0392b", markersize=5.0, clip_on=False)
 keep(ax, "fig05_blade")
 points = np.concatenate([model.interfaces[name].points for name in ("left", "right")])
-ax = plot_surfaces([(damper.points, damper.quads, ("#d9a65a", 0.6))], points,
+ax = plot_surfaces([(damper.points, damper.quads, "#e8b563")], points,
                    title="damper; dots: contact points")  # fmt: skip
 keep(ax, "fig05_damper")
 

@@ -7,11 +7,11 @@ axis.
 """
 
 import matplotlib.pyplot as plt
-from paper_disk import FIGURES, MODES, POINTS, POINTS_PRELOADS, keep, print_curves, stored, study
+from paper_disk import MODES, POINTS, POINTS_PRELOADS, keep, print_curves, stored, study
 
 import bdamper as bd
 from bdamper.continuation.curve import Curve
-from bdamper.plot import animate_damper, plot_curves, plot_status_bars, plot_status_map
+from bdamper.plot import plot_curves, plot_status_bars, plot_status_map
 from bdamper.plot.axes import PAPER
 from bdamper.plot.motion import ContactStatus, contact_status
 
@@ -78,11 +78,3 @@ def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStat
 
 status, curve = plot_status(asked[24], 5000.0, "settings of the paper")
 status_converged, _ = plot_status(study(1), 5000.0, "converged")
-
-# %%
-# The damper over a period, magnified, with the settings of the paper.
-#
-# .. image:: ../../figures/fig16_damper.gif
-
-scale = animate_damper(asked[24], curve.unknowns[curve.peak.index], 5000.0, FIGURES / "fig16_damper.gif")
-print(f"animation magnified {scale:.0f} times")

@@ -10,6 +10,7 @@ import bdamper as bd
 from bdamper.fatigue.material import Material
 from bdamper.io import ContactFaces, build_model
 from bdamper.io.calculix import read_calculix
+from bdamper.problem.at_speed import RPM
 from bdamper.wheel import Mistuning
 
 STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
@@ -28,7 +29,8 @@ def main(folder: Path) -> tuple[bd.Study, bd.Wheel, float]:
     study = bd.Study(built.model, bd.Excitation("tip"), engine_order=4, friction_coefficient=0.3, harmonics=1)
     best = study.optimal_curve((150.0, 300.0), 5, check=False).optimum
     print(best, study.margin(study.peak(best.preload), STEEL, speed=400.0), sep="\n")
-    print(study.crossings((1350.0, 1650.0), [4]))
+    crossings = study.crossings((1350.0, 1650.0), [4])
+    print(crossings, f"at {RPM * crossings.array('speed').item():.0f} rpm", sep="\n")
     wheel = bd.Wheel(study, mistuning=Mistuning.drawn(36, 0.02, seed=1))
     return study, wheel, best.preload
 

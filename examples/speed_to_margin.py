@@ -16,12 +16,12 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import bdamper as bd
+from bdamper.design.sweep import SweepResult
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.material import Material
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_campbell, plot_crossings, save_figure
 from bdamper.problem.at_speed import RPM
-from bdamper.speed.crossings import Crossings
 
 ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.55, 0.8, 1.4), (200.0, 720.0)
 """Engine orders, factors on the mass of the damper, and the range of speeds (rad/s)."""
@@ -61,7 +61,7 @@ def plot_over_mass(curve: OptimalCurve, grams: float, ax: plt.Axes) -> None:
     ax.legend(both, names, fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
 
 
-def review(asked: bd.Study, found: Crossings, curve: OptimalCurve) -> plt.Figure:
+def review(asked: bd.Study, found: SweepResult, curve: OptimalCurve) -> plt.Figure:
     """Campbell diagram with damped crossings, margin over speed, and margin beside tip amplitude over the mass."""
     campbell = asked.campbell(SPEEDS, ORDERS, modes=1, damped=found)
     with plt.style.context("bdamper.plot.style"):

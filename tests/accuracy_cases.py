@@ -2,10 +2,10 @@
 
 Models, resonances and preloads are those of :mod:`tests.effect_cases`; every case takes one source of error.  True is the
 highest peak under the settings that the estimate looks at: of a tracking curve, of the search for peaks, and of the branch
-that the cheap peak leads to.  (Where a branch comes off the curve and closes on itself, or a peak leaves the
-interval, only the last finds it.)  A case whose reference is a curve of more than 1,500 points is left out: it would take
-minutes for what it has beside the peak.  References with up to seven harmonics take seconds with few contact points and
-a contact that is not nearly loose, so cases of harmonics have these (:func:`affordable`).
+that the cheap peak leads to, which may come off the curve and close on itself.  Where the resonance has left the interval,
+it is looked for on one curve far beyond it.  A case whose reference is a curve of more than 1,500 points is left out: it
+would take minutes for what it has beside the peak.  References with up to seven harmonics take seconds with few contact
+points and a contact that is not nearly loose, so cases of harmonics have these (:func:`affordable`).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from bdamper.accuracy.estimate import estimate_errors
 from bdamper.accuracy.ladders import varied
 from bdamper.continuation.curve import Curve
 from bdamper.effects.indicator import embed
+from bdamper.peaks.highest import AT_END
 from bdamper.peaks.newton import Peak, find_peak
 from tests.effect_cases import Case, draw, scene, study_of
 
@@ -54,20 +55,20 @@ def compare(number: int) -> Compared | None:
     source = SOURCES[(number // 2) % len(SOURCES)]
     case = affordable(draw(number)) if source == "harmonics" else draw(number)
     rng = np.random.default_rng([8, number])
-    study = replace(study_of(case), harmonics=1, damper_modes=0)
+    study = study_of(case).with_(harmonics=1, damper_modes=0)
     changes: dict = {}
     if source == "harmonics":
         own = int(rng.choice([1, 2, 3]))
-        study, changes = varied(study, {"harmonics": own}), {"harmonics": own + 4}
+        study, changes = study.another(varied(study.problem, {"harmonics": own})), {"harmonics": own + 4}
     elif source == "evaluation":
         n = int(rng.choice([24, 32, 64, 128, 256]))
-        study, changes = replace(study, evaluation=bd.Sampled(n)), {"evaluation": "exact"}
+        study, changes = study.with_(evaluation=bd.Sampled(n)), {"evaluation": "exact"}
     elif source == "contact points":
-        full = study.most_points
-        study = replace(study, contact_points=int(rng.choice([full // 2, full // 3 + 1, full - 1])))
+        full = study.settings.most_points
+        study = study.with_(contact_points=int(rng.choice([full // 2, full // 3 + 1, full - 1])))
         changes = {"contact_points": full}
     else:
-        study = replace(study, blade_modes=8 if case.kind == "reference" else 2)
+        study = study.with_(blade_modes=8 if case.kind == "reference" else 2)
         changes = {"blade_modes": 40, "damper_modes": 10}
         if case.kind != "reference":
             changes = {"blade_modes": 5, "damper_modes": 2}
@@ -79,31 +80,58 @@ def compare(number: int) -> Compared | None:
         curve = study.track(preload, interval)
         if not curve.complete:
             return None
-        peak = curve.peak
-        richest = varied(study, changes)
-        true = richest.peak(preload, interval)
+        richest = study.another(varied(study.problem, changes))
+        own = study.peak(preload, interval)
+        top = highest_of_richer(study, richest, curve, own)
     except bd.BdamperError:
         return None
-    finer = richest.track(preload, interval, options=LONGEST)
-    if not finer.complete:
+    if top is None:
         return None
-    tops = [(true.amplitude, true.frequency), (finer.peak.amplitude, finer.peak.frequency)]
-    apart = apart_from(study, richest, curve)
-    if apart is not None and curve.point_kind[peak.index] != "end":
-        tops.append((apart.amplitude, apart.frequency))
-    top = max(tops)
-    error = top[0] / peak.amplitude - 1.0, top[1] / peak.frequency - 1.0
+    base = own if curve.peak_at_end else curve.peak  # a search follows its curve coarsely, and corners are points of it
+    error = top[0] / base.amplitude - 1.0, top[1] / base.frequency - 1.0
     if max(map(abs, error)) < 1e-8:
         return None
-    found = estimate_errors(study, curve, sources=[source])[source]
+    found = estimate_errors(study.problem, curve, sources=[source])[source]
     return Compared(case, source, (found.amplitude, found.frequency), error, bool(curve.folds), found.against)
 
 
-def apart_from(study: bd.Study, richer: bd.Study, curve: Curve) -> Peak | None:
-    """The peak of a richer study that Newton finds from the highest point of a curve."""
-    top = curve.peak
-    b = richer.system(curve.preload)
-    y = np.append(curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
-    start = embed(study, richer, curve.preload, y)
-    found = find_peak(b, start)
+def highest_of_richer(study: bd.Study, richer: bd.Study, curve: Curve, own: Peak) -> tuple[float, float] | None:
+    """Amplitude and frequency of the highest peak of a richer study, NaN if it has none; None if its curve takes too long.
+
+    An end of the interval counts only where the curve itself has no maximum.  Where the richer response is highest at an
+    end and that of the study is not, the resonance has left the interval, and is the next maximum beyond that end.
+    """
+    preload, interval = curve.preload, (curve.frequency.min(), curve.frequency.max())
+    finer = richer.track(preload, interval, options=LONGEST)
+    if not finer.complete:
+        return None
+    if finer.peak_at_end and not curve.peak_at_end:
+        return beyond(richer, finer)
+    at_end = AT_END in own.scan
+    tops = [top for top in (richer.peak(preload, interval),) if at_end or AT_END not in top.scan]
+    if not at_end and (apart := apart_from(study, richer, preload, own)) is not None:
+        tops.append(apart)
+    if at_end or not finer.peak_at_end:
+        tops.append(finer.peak)
+    return max(((top.amplitude, top.frequency) for top in tops), default=(np.nan, np.nan))
+
+
+def beyond(study: bd.Study, curve: Curve) -> tuple[float, float] | None:
+    """The maximum next to the end at which a curve is highest, outside its interval, and higher than that end."""
+    low, high = curve.frequency.min(), curve.frequency.max()
+    upward = curve.peak.frequency == high
+    wide = (low, 1.5 * high) if upward else (low / 1.5, high)
+    curve, end = study.track(curve.preload, wide, options=LONGEST), curve.peak
+    if not curve.complete:
+        return None
+    a, f, branch = curve.amplitude, curve.frequency, curve.branch
+    inner = (branch[:-2] == branch[1:-1]) & (branch[2:] == branch[1:-1]) & (a[1:-1] >= a[:-2]) & (a[1:-1] >= a[2:])
+    at = 1 + np.flatnonzero(inner & (a[1:-1] > end.amplitude) & ((f[1:-1] > high) if upward else (f[1:-1] < low)))
+    nearest = min(at, key=lambda i: abs(f[i] - end.frequency), default=None)
+    return (np.nan, np.nan) if nearest is None else (float(a[nearest]), float(f[nearest]))
+
+
+def apart_from(study: bd.Study, richer: bd.Study, preload: float, own: Peak) -> Peak | None:
+    """The peak of a richer study that Newton finds from the peak of a study."""
+    found = find_peak(richer.problem.system(preload), embed(study.problem, richer.problem, preload, own.y))
     return found if found.converged else None

@@ -18,6 +18,7 @@ from bdamper.fe import Geometry, MeshDensity, SectorFE, bladed_disk
 from bdamper.fe.contact_points import wedge_patches
 from bdamper.fe.parts import interface
 from bdamper.reduction import LocalSizes
+from bdamper.reduction.bodies import Wanted
 from bdamper.reduction.local_coordinates import damper_motion, local_shapes
 
 POINTS = (2, 2)
@@ -108,7 +109,8 @@ class Annulus:
     @cached_property
     def basis(self) -> np.ndarray:
         """Motion (n_moving, N n) of the annulus by the local coordinates of all sectors, one sector after the other."""
-        shapes = local_shapes(self.part, self.fe.cyclic, self.contact, self.dampers, self.sizes).shapes
+        wanted = Wanted((), self.contact, {}, 1, 0.0)
+        shapes = local_shapes(self.part, self.fe.cyclic, wanted, self.dampers, self.sizes).shapes
         nodes = np.zeros(len(self.fe.blade.nodes), bool)
         nodes[self.part.nodes] = True
         of_blade = sp.diags(np.repeat(nodes, 3).astype(float))

@@ -1,5 +1,7 @@
-"""Marks, shipped models that are read once, and clean-up for all tests."""
+"""Marks, time limits, shipped models that are read once, interruptions, and clean-up for all tests."""
 
+import os
+import signal
 import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -14,7 +16,8 @@ import bdamper as bd
 ROUNDING = {"anchors", "harmonic_balance", "contact", "continuation", "hard", "peaks", "physics", "problem", "stability"}
 """Folders of tests that ask for computed figures: another BLAS moves them."""
 
-
+LONGEST = 3600 + 10 * int(os.environ.get("BDAMPER_HARD", "0"))
+"""Time limit of slow tests and of hard cases, s; those of the others stand in pyproject.toml."""
 
 
 def _read_only(value):
@@ -44,8 +47,25 @@ bd.reference_model = _read_once(bd.reference_model)
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     for item in items:
-        if ROUNDING & set(Path(item.path).parent.parts):
+        folders = Path(item.path).parent.parts
+        if ROUNDING & set(folders):
             item.add_marker(pytest.mark.rounding)
+        # a limit by a signal ends one test; within those of Hypothesis it would be a failure that is searched for again
+        limit = {"timeout": LONGEST} if "hard" in folders or item.get_closest_marker("slow") else {}
+        limit |= {"method": "thread"} if getattr(item.obj, "is_hypothesis_test", False) else {}
+        if limit:
+            item.add_marker(pytest.mark.timeout(**limit))
+
+
+@pytest.fixture
+def interruptible():
+    """SIGINT interrupts this process and its children, also where the shell that began the tests ignores it (``&``)."""
+    try:
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    except ValueError:
+        pytest.skip("SIGINT interrupts the main thread alone, and this test runs in another one")
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(autouse=True)

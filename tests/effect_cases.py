@@ -113,13 +113,13 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     below = [f for f in free if f < high]
     low = max(0.95 * below[-1] if below else 0.0, 0.75 * high)
     at = int(np.argmin(np.abs(stuck.frequency - high)))
-    system = study.system(100.0)
+    system = study.problem.system(100.0)
     c, s = system.slices(1)
     q = stuck.unknowns[at][c] - 1j * stuck.unknowns[at][s]
-    motion = np.abs(study.bases[1].G @ q)[:, :2]
-    springs = stuck_springs(study, state)[:, :2]
+    motion = np.abs(study.problem.bases[1].G @ q)[:, :2]
+    springs = stuck_springs(study.problem, state)[:, :2]
     tangential = float((springs * motion).sum())
-    capacity = case.friction * float(state.force[study.friction > 0.0, 2].sum()) / 100.0
+    capacity = case.friction * float(state.force[study.problem.friction > 0.0, 2].sum()) / 100.0
     return case.level * tangential / capacity, (low, 1.06 * high)
 
 

@@ -17,12 +17,13 @@ class Marcher:
     """One structure under its excitation at one frequency; ``z`` holds q, q', the sliders, cos and sin of harmonics, 1."""
 
     def __init__(self, system, omega, n_steps=1024):
-        p, basis = system.points, system.bases[0]
+        p, basis = system.structure.points, system.structure.bases[0]
         self.system, self.omega, self.h, self.n_steps = system, omega, 2 * np.pi / omega / n_steps, n_steps
         self.n, G = len(basis.omega2), np.asarray(basis.G).real
         self.pairs = [(i, d) for i in range(system.n_points) for d in range(2) if p.mu[i] > 0 and p.kt[i, d] > 0]
         n, m = self.n, len(self.pairs)
-        self.orders = [l for l in range(1, system.n_harmonics + 1) if any(system.force[s].any() for s in system.slices(l))]
+        force = system.structure.force
+        self.orders = [l for l in range(1, system.n_harmonics + 1) if any(force[s].any() for s in system.slices(l))]
         k = len(self.orders)
         self.m, self.size = m, 2 * n + m + 2 * k + 1
         self.load = np.zeros((system.n_points, self.size))  # normal load of a closed contact
@@ -36,10 +37,10 @@ class Marcher:
         A[:n, n : 2 * n] = np.eye(n)
         A[n : 2 * n, :n] = -np.diag(basis.omega2)
         A[n : 2 * n, n : 2 * n] = -np.diag(basis.damping)
-        A[n : 2 * n, -1] = system.force[:n]
+        A[n : 2 * n, -1] = system.structure.force[:n]
         for c, l in zip(range(2 * n + m, self.size, 2), self.orders):
             for column, rows in zip((c, c + 1), system.slices(l)):
-                A[n : 2 * n, column] = system.force[rows]
+                A[n : 2 * n, column] = system.structure.force[rows]
             A[c, c + 1], A[c + 1, c] = -l * omega, l * omega
         self.free, self.G, self.steps = A, G, {}
 
@@ -50,7 +51,7 @@ class Marcher:
         return out
 
     def matrix(self, closed, states):
-        A, p, n = self.free.copy(), self.system.points, self.n
+        A, p, n = self.free.copy(), self.system.structure.points, self.n
         for i in np.flatnonzero(closed):
             A[n : 2 * n] -= np.outer(self.G[i, 2], self.load[i])
         for j, (i, d) in enumerate(self.pairs):

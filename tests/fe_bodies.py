@@ -12,6 +12,7 @@ from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.sector import SectorFE
 from bdamper.io import ContactFaces, FEBody
 from examples.calculix.decks import blade_sets, damper_sets
+from tools.shrouded import modes_alone as modes_alone
 
 FIRST_NUMBER = 101
 """Node numbers start here, so that an index taken for a number shows."""

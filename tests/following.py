@@ -8,7 +8,6 @@ import numpy as np
 from bdamper.contact.laws import LAW_CONSTANT, LAW_SEPARABLE
 from bdamper.continuation.mean_position import why_no_solution
 from bdamper.continuation.start import first_point
-from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import find_peak
 from bdamper.peaks.sensitivity import sensitivities
 from bdamper.problem.problem import stuck_springs
@@ -34,7 +33,7 @@ def _next(family, known, value):
         slope = (last.y - before.y) / (last.parameter - before.parameter)
     else:
         try:
-            slope = sensitivities(last, {"p": (family, last.parameter)})["p"].y
+            slope = np.nan_to_num(sensitivities(last, {"p": (family, last.parameter)})["p"].y)
         except (SettingError, ArithmeticError):
             slope = np.zeros_like(last.y)
     system, guess = family(value), last.y + (value - last.parameter) * slope
@@ -79,11 +78,9 @@ def find_start(problem, preload, omega, options, meter):
 
 def changed(system, force=None, slider=None):
     """The same equations under another modal force, or with other sliders (n_points, 2), m."""
-    points = system.points if slider is None else replace(system.points, slider=slider)
-    force = system.force if force is None else force
-    out = HarmonicSystem(system.bases, points, force, system.response_rows, system.evaluation, system.force_scale)
-    out.spring_bases, out.springs = system.spring_bases, system.springs
-    return out
+    sector = system.structure
+    points = sector.points if slider is None else replace(sector.points, slider=slider)
+    return replace(sector, points=points, force=sector.force if force is None else force).equations
 
 
 def slider_interval(system, u):
@@ -91,11 +88,11 @@ def slider_interval(system, u):
 
     Such a point rests with any slider from the largest ``u_d - mu N/kt`` to the smallest ``u_d + mu N/kt`` of the cycle.
     """
-    law, kt = np.asarray(system.points.law), np.asarray(system.points.kt)
+    law, kt = np.asarray(system.structure.points.law), np.asarray(system.structure.points.kt)
     one_d = ((law == LAW_SEPARABLE) | (law == LAW_CONSTANT))[:, None]
     out = np.full((system.n_points, 2, 2), np.nan)
     for end, far in enumerate((-np.inf, np.inf)):
-        X, F, share = changed(system, slider=np.where(one_d, far, system.points.slider)).contact(u)
+        X, F, share = changed(system, slider=np.where(one_d, far, system.structure.points.slider)).contact(u)
         rests = one_d & (share[:, [0, 2]] > 1.0 - 1e-9)
         out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / np.where(rests, kt, 1.0), np.nan)
     return out

@@ -1,11 +1,24 @@
 """Marches of equations from a state, beside those of studies."""
 
+import itertools
+
 import numpy as np
 
 from bdamper.stability.march import March
-from bdamper.stability.steady_state import settled
+from bdamper.stability.settled import settled, verified
 from bdamper.stability.time_integration import Ring
-from bdamper.stability.verification import verified
+
+
+def fails_after(monkeypatch, calls):
+    """Let every march of a ring after the first ones start so far away that it overflows."""
+    march, done = Ring.march, itertools.count()
+
+    def failing(ring, motion, omega, *given, **asked):
+        if next(done) >= calls:
+            motion = motion._replace(q=np.full_like(motion.q, 1e308))
+        return march(ring, motion, omega, *given, **asked)
+
+    monkeypatch.setattr(Ring, "march", failing)
 
 
 def verify_solution(system, u, omega, n_blades, engine_order, steps_per_period=None, **asked):

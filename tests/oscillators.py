@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from bdamper.contact.points import PointArrays
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coupling import Coordinate, HarmonicBasis
 
 
 def oscillator(
     mass, damping, stiffness, contact, force, response, n_harm, *, kt, kn, mu, n0, mean=True, evaluation="exact"
-) -> HarmonicSystem:
+) -> Equations[Sector]:
     """``m x'' + c x' + K x + contact force = force cos(omega t) + contact^T (0, 0, n0)``, m and c numbers.
 
     Parameters
@@ -53,4 +54,4 @@ def oscillator(
     )
     rows = [np.asarray(response, float) @ modes[:, : len(b.omega2)] for b in bases]
     size = float(np.abs(excitation).max())
-    return HarmonicSystem(bases, points, forces, rows, evaluation, (size, size))
+    return Sector(bases, points, forces, rows, evaluation, (size, size)).equations

@@ -39,15 +39,15 @@ def test_linear_responses_are_those_of_the_matrices(damping):
         M, C, stiffness, contacts=contacts, forces={0: 0.5, "tip": 0.2 * np.exp(0.7j)}, locations={"tip": 2}, response=1
     )
     rows = np.array([[0.0, 0.0, 1.0], [-1.0, 1.0, 0.0], [0.6, 0.0, -0.8]])
-    system = study.system(0.0)
-    springs = stuck_springs(study, study.static(0.0))
+    system = study.problem.system(0.0)
+    springs = stuck_springs(study.problem, study.static(0.0))
     for omega in (0.3, 0.9, 2.2):
         for k, given in ((np.array([0.7, 0.9, 0.5]), springs), (np.zeros(3), None)):
             expected = plain_response(omega, C, stiffness, rows, k, [0.5, 0.0, 0.2 * np.exp(0.7j)])
-            found = system.linear_response(omega, given) @ system.response_rows[1]
+            found = system.structure.linear.response(omega, given) @ system.response_rows[1]
             assert found == pytest.approx(expected[1], rel=1e-11)
     poles = np.sqrt(np.maximum(scipy.linalg.eigh(stiffness, M, eigvals_only=True), 0.0))
-    assert system.linear_modes(None)[0] == pytest.approx(poles, rel=1e-9, abs=1e-6)
+    assert system.structure.linear.modes(None)[0] == pytest.approx(poles, rel=1e-9, abs=1e-6)
     assert study.excitation.amplitude == 0.5
     assert (study.model.bodies["masses"].bases[0].drag is None) == (damping == "proportional")
 
@@ -94,7 +94,8 @@ def test_two_directions_with_coupled_friction():
     )  # fmt: skip
     curve = study.track(0.0, (0.14, 0.2))
     radius = curve.peak.amplitude
-    lost = energies(study.system(0.0), curve.unknowns[curve.peak.index], 2.0 * np.pi * curve.peak.frequency).contact[0]
+    at, system = curve.peak, study.problem.system(0.0)
+    lost = energies(system, curve.unknowns[at.index], 2.0 * np.pi * at.frequency).contact[0]
     assert lost == pytest.approx(2.0 * np.pi * 0.5 * np.sqrt(radius**2 - 0.5**2), rel=1e-4)
     assert radius > 2.0
 
@@ -130,7 +131,7 @@ def test_a_cubic_spring_in_time():
     back = np.flatnonzero(np.diff(curve.frequency) < 0.0)  # the curve runs back from fold to fold
     for i, stable in ((back[0] - 1, True), (back[len(back) // 2], False), (back[-1] + 2, True)):
         monodromy, change = shooting_monodromy(
-            study.system(0.0), curve.unknowns[i], 2.0 * np.pi * curve.frequency[i], n_steps=192
+            study.problem.system(0.0), curve.unknowns[i], 2.0 * np.pi * curve.frequency[i], n_steps=192
         )
         assert np.abs(change[:2]).max() < 2e-3 * curve.amplitude[i]
         assert (np.abs(np.linalg.eigvals(monodromy)).max() < 1.0) == stable
@@ -143,7 +144,7 @@ def test_energy_and_history_of_a_cubic_spring():
         cubic={0: 0.3}, forces={0: 0.5, 1: 0.1j},
     )  # fmt: skip
     peak = study.peak(0.0, (0.15, 0.4))
-    system, omega = study.system(0.0), 2.0 * np.pi * peak.frequency
+    system, omega = study.problem.system(0.0), 2.0 * np.pi * peak.frequency
     found = energies(system, peak.y[:-1], omega)
     assert found.contact[0] + found.damping == pytest.approx(found.excitation, rel=1e-9)
     assert abs(found.contact[1]) < 1e-12 * found.excitation

@@ -35,8 +35,8 @@ def test_every_setting_comes_back(model, settings, tmp_path):
     study = bd.Study(model, TIP, 2, **settings)
     study.save(tmp_path / "study.h5")
     back = bd.load_study(tmp_path / "study.h5")
-    assert back.record() == study.record() and not study.compare(back)
-    assert (back.contact_stiffness is None) == (study.contact_stiffness is None)
+    assert back.problem.record() == study.problem.record() and not study.compare(back)
+    assert (back.settings.contact_stiffness is None) == (study.settings.contact_stiffness is None)
     np.testing.assert_array_equal(back.static(5.0).force, study.static(5.0).force)
     assert type(bd.load(tmp_path / "study.h5")) is bd.Study
 
@@ -55,7 +55,7 @@ def test_a_result_leads_to_its_study(model, tmp_path):
     study = bd.Study(model, TIP, 2, 0.25, harmonics=2)
     study.track(20.0, (250.0, 400.0)).save(tmp_path / "curve.h5")
     back = bd.load_study(tmp_path / "curve.h5", model)
-    assert back.record() == study.record()
+    assert back.problem.record() == study.problem.record()
     bd.save_model(model, tmp_path / "model.h5")
     with pytest.raises(bd.BdamperError, match=r"model\.h5: expected a study or a result of one, found neither"):
         bd.load_study(tmp_path / "model.h5")
@@ -67,7 +67,7 @@ def test_a_study_at_a_rotor_speed(tmp_path):
     study.save(tmp_path / "whole.h5")
     study.save(tmp_path / "hash.h5", include_model=False)
     for back in (bd.load_study(tmp_path / "whole.h5"), bd.load_study(tmp_path / "hash.h5", rest)):
-        assert back.record() == study.record() and back.preload == study.preload
+        assert back.problem.record() == study.problem.record() and back.preload == study.preload
 
 
 def test_masses_come_back(tmp_path):

@@ -138,7 +138,7 @@ def griffin() -> Problem:
 
     return Problem(
         'J. H. Griffin, "Friction damping of resonant stresses in gas turbine engine airfoils", J. Eng. Power 102 (1980)',
-        "one mass with an elastic friction element, one harmonic: peaks, and the limit of the least one",
+        "one mass with an elastic friction element, one harmonic: peaks, and the slip limit of the lowest one",
         tuple(rows), draw,
     )  # fmt: skip
 
@@ -170,7 +170,7 @@ def duffing() -> Problem:
         # both branches exist where the frequency equation, quadratic in w^2, has real roots
         top = brentq(lambda a, k=k, c=c, F=F: 1.0 + 0.75 * k * a**2 - 0.25 * c**2 - (F / (a * c)) ** 2, 0.5, 3.0)
         rows += [
-            Row(f"{name}: force at the worst point of the curve", F, float(force[worst]), 1e-7),
+            Row(f"{name}: worst force", F, float(force[worst]), 1e-7),
             Row(f"{name}: peak", top, curve.peak.amplitude, 1e-7),
             Row(f"{name}: folds", 2.0, float(len(curve.folds)), 0.0),
         ]
@@ -189,9 +189,9 @@ def duffing() -> Problem:
         ax.set(xlabel="Frequency (rad/s)", ylabel="Amplitude", yscale="log", xlim=(0.3, 2.2), ylim=(0.05, 4.0))
 
     return Problem(
-        'G. Duffing (1918), see A. H. Nayfeh and D. T. Mook, "Nonlinear Oscillations" (1979), section 4.1; parameters of '
-        'the third: M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib, example 1',
-        "cubic spring, one harmonic: the closed form at every point of the curve, the peak, two folds",
+        'G. Duffing (1918), see A. H. Nayfeh and D. T. Mook, "Nonlinear Oscillations" (1979), section 4.1; third: NLvib, '
+        "example 1",
+        "cubic spring, one harmonic: curve, peak and folds in closed form",
         tuple(rows), draw,
     )  # fmt: skip
 
@@ -245,9 +245,8 @@ def jenkins_mode() -> Problem:
         _over(ax, modes[1].amplitude, (a, zeta), modes[1].damping_ratio, OVER_SLIP, "Modal damping ratio", True)
 
     return Problem(
-        "definition: M. Krack, Computers & Structures 154 (2015); closed form of one harmonic, and the exact motion, which "
-        "is two exponentials in half a period",
-        "nonlinear mode of one mass with an elastic friction element, the worst of some points",
+        "definition: M. Krack, Computers & Structures 154 (2015); closed form of one harmonic and of the exact motion",
+        "one mass with an elastic friction element, worst of several points",
         tuple(rows), draw,
     )  # fmt: skip
 
@@ -273,7 +272,7 @@ def limit_cycles() -> Problem:
         start = np.array([factor * a])
         matrices, faces = (one[0], np.array([0.02 - 0.2 * omega]), one), (one, 0.0 * one, 1.0, 0.0, 1.0, 1.0)
         height = jenkins.marched(matrices, faces, 0.0 * start, omega, start, 0.0 * start, start - 1.0, 40)
-        rows.append(Row(f"march in time from {factor} of a stable cycle", float(height[-1]), a, 0.01))
+        rows.append(Row(f"time integration from {factor} of a stable cycle", float(height[-1]), a, 0.01))
 
     def draw(ax):
         a = np.geomspace(1.0, 40.0, 200)
@@ -286,7 +285,7 @@ def limit_cycles() -> Problem:
         ax.set(xlabel="Damping ratio of the flow", ylabel=OVER_SLIP, yscale="log", xlim=(-0.125, -0.02))
 
     return Problem(
-        "closed form of the same mode, and a march of the equation of motion by a Runge-Kutta method",
+        "closed form of the same mode, and integration by a Runge-Kutta method",
         "amplitudes at which friction balances a flow that excites: stable (filled), unstable (open)",
         tuple(rows), draw,
     )  # fmt: skip
@@ -326,7 +325,7 @@ NLVIB_TWO = (
     ("spring on one side, mass 1", 3, 0, 0.98093, 0.7541),
 )
 NLVIB_CHAIN = (("mass 1", 7, 0, 0.167247, 1.2585), ("mass 2", 7, 1, 0.206248, 1.2684), ("mass 3", 7, 2, 0.699148, 1.6642))
-"""What is seen, number of the example and of the mass from 0, largest root mean square, its frequency (rad/s)."""
+"""What is seen, number of the example and of the mass from 0, largest RMS, its frequency (rad/s)."""
 
 
 def _chain(springs):
@@ -363,7 +362,7 @@ def _nlvib(figures, measure) -> Problem:
         square = np.linalg.norm(curve.harmonics, axis=1) / np.sqrt(2.0)  # as NLvib takes it, the mean halved, too
         top = int(np.argmax(square))
         rows += [
-            Row(f"example {example}, {name}: largest root mean square", height, float(square[top]), 1e-3),
+            Row(f"example {example}, {name}: largest RMS", height, float(square[top]), 1e-3),
             Row(f"example {example}, {name}: its frequency (rad/s)", omega, TWO_PI * float(curve.frequency[top]), 3e-3),
         ]
         curves.append((f"example {example}, {name}", TWO_PI * curve.frequency, square))
@@ -375,7 +374,7 @@ def _nlvib(figures, measure) -> Problem:
         ax.set(xlabel="Frequency (rad/s)", ylabel="Root mean square", yscale="log")
 
     source = (
-        f'M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib; its figures: {NLVIB}'
+        f'M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib; its results: {NLVIB}'
     )
     return Problem(source, measure, tuple(rows), draw)
 
@@ -383,8 +382,7 @@ def _nlvib(figures, measure) -> Problem:
 def nlvib_two_masses() -> Problem:
     return _nlvib(
         NLVIB_TWO,
-        "two masses, with cubic springs and with a stiff spring on one side (its 1,024 samples move the peak by 3e-4); the "
-        "friction of its example 5 follows the velocity, a law that this package does not have",
+        "two masses, with cubic springs and with a stiff spring on one side (its 1,024 samples move the peak by 3e-4)",
     )
 
 
@@ -425,10 +423,8 @@ def planar_wedge() -> Problem:
 
     return Problem(
         'N. N. Balaji and E. Ferhatoglu, "Vibration response variability in friction-damped systems" (parameters from '
-        "<https://github.com/Nidish96/nonuniq>); the reference is a program in plain NumPy (tests/modes/wedge.py)",
-        "third mode of two masses with a free wedge between them; the branch turns at the circles, and three motions have "
-        "one amplitude there, which the tests compare for one to three harmonics, too; motions on no branch through a mode "
-        "exist and are not looked for ([modes](nonlinear-modes.md))",
+        "<https://github.com/Nidish96/nonuniq>); a separate program in NumPy (tests/modes/wedge.py)",
+        "third mode of two masses with a free wedge between them; circles mark turning points of the branch",
         tuple(rows), draw, 3,
     )  # fmt: skip
 
@@ -460,7 +456,7 @@ def forced_wedge() -> Problem:
         curve = study.track(wedge.LOAD, (0.93 * DRIVEN, 1.07 * DRIVEN))
         away = np.hypot(50.0 * (curve.frequency / DRIVEN - 1.0), curve.amplitude / np.hypot(*x[0, 1:3]) - 1.0)
         near = curve.unknowns[np.argmin(away)]
-        scale, system = np.full(len(near) + 1, np.abs(near).max()), study.system(wedge.LOAD)
+        scale, system = np.full(len(near) + 1, np.abs(near).max()), study.problem.system(wedge.LOAD)
         found = system.correct_at(near, TWO_PI * DRIVEN, scale, 1e-12, 40, True)
         rows.append(
             Row(
@@ -471,11 +467,11 @@ def forced_wedge() -> Problem:
             )
         )
         cycles.append((harmonics, curve))
-    why = "it beats between 231 and 236 µm in time: the periodic motion is not stable"
+    why = "the periodic motion is not stable; in time the amplitude varies between 231 and 236 µm"
     half = wedge.Program(0.5, 9).forced(TWO_PI * DRIVEN, 0.5 * FORCE)
     for force, found, known in ((0.5 * FORCE, 1e6 * np.hypot(*half[0, 1:3]), ""), (FORCE, rows[-1].ours, why)):
         rows.append(
-            Row(f"marched in time under {force:g} N, beside 9 harmonics", _marched_wedge(force), found, 1e-3, known)
+            Row(f"time integration under {force:g} N, 9 harmonics", _marched_wedge(force), found, 1e-3, known)
         )
 
     def draw(ax):
@@ -495,7 +491,7 @@ def forced_wedge() -> Problem:
         ax.set(xlabel="Frequency (Hz)", ylabel="Amplitude (µm)")
 
     return Problem(
-        "the planar wedge of Balaji and Ferhatoglu, the same program in plain NumPy, and a march by a Runge-Kutta method",
+        "the same program, and integration by a Runge-Kutta method",
         f"forced response at {DRIVEN:g} Hz under {FORCE:g} N", tuple(rows), draw,
     )  # fmt: skip
 
@@ -530,9 +526,8 @@ def paper() -> Problem:
         shift.set(xlabel="Preload (N)", ylabel="Frequency of the peak\n(% above that without contact)", xscale="log")
 
     return Problem(
-        "E. Cigeroglu, N. An, C.-H. Menq, J. Eng. Gas Turbines Power 131 (2009), Figs 8 and 9, with the paper's method "
-        "(`bd.PAPER`) on a disk made to have its frequencies",
-        "four numbers; a disk made for them shows that the method is the paper's, not that the paper's disk is met",
+        "E. Cigeroglu, N. An, C.-H. Menq, J. Eng. Gas Turbines Power 131 (2009), Figs 8 and 9",
+        "the paper's method (`bd.PAPER`) on a disk made for these four numbers, which confirms the method, not the disk",
         tuple(rows), draw, 2,
     )  # fmt: skip
 
@@ -547,7 +542,7 @@ def whitehead() -> Problem:
     for n in (4, 6, 8):
         disk = np.zeros(n // 2 + 1)
         disk[0] = 1e4
-        structure = wheels.Structure.of(wheels.study(n, 0, disk, 1e-5, m=0.3))
+        structure = wheels.Structure.of(wheels.study(n, 0, disk, 1e-5, m=0.3).problem)
         soft, stiff = (np.sqrt(structure.local.modes(d)[0][0]) for d in (1, 0))
         patterns = [f * (stiff / soft - 1.0) * np.eye(n)[0] for f in np.linspace(0.95, 1.1, 61)]
         found = float(wheels.amplification(structure, 0, patterns)[0].max())
@@ -564,7 +559,7 @@ def whitehead() -> Problem:
     return Problem(
         'D. S. Whitehead, "Effect of mistuning on the vibration of turbo-machine blades induced by wakes", J. Mech. Eng. '
         "Sci. 8 (1966)",
-        "largest amplification of a wheel without friction over all patterns, (1 + sqrt N)/2, which the worst one reaches",
+        "largest amplification of a wheel without friction over all patterns, (1 + sqrt N)/2",
         tuple(rows), draw,
     )  # fmt: skip
 
@@ -579,7 +574,7 @@ def calculix() -> Problem:
     fe, rows, seen = SectorFE(), [], []
     for d in (0, 5):
         ours = np.sqrt(fe.cyclic(d).modes(8)[0]) / TWO_PI
-        text = sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, d, 8)
+        text = sector_input(fe, d, 8)
         with tempfile.TemporaryDirectory() as folder:
             theirs = run(text, Path(folder)).reshape(-1, 2)[:, 0]
         worst = int(np.argmax(np.abs(ours / theirs - 1.0)))
@@ -607,16 +602,83 @@ def calculix() -> Problem:
         )
 
     return Problem(
-        "CalculiX (ccx), an independent finite element program, on the same mesh",
-        "frequencies of a sector; its nodal stress under rotation, with the difference of all components",
+        "CalculiX on the same mesh",
+        "frequencies of a sector; nodal stress under rotation, all components",
         tuple(rows),
         draw,
     )
 
 
+def models_by_others() -> Problem:
+    """Frequencies of models that other programs and packages carry, read as they are."""
+    from bdamper.io import ContactFaces, build_model, read_ansys
+    from tests import others_files as others
+
+    rows, seen = [], []
+
+    def frequencies(body, name, theirs, tolerance, **settings):
+        moving = others.front(body) if "n_blades" not in settings else body.numbers[body.nodes[:, 2] > 5.0 - 1e-9]
+        rub = ContactFaces("rub", moving, body_a="blade", body_b="ground", points=4)
+        made = build_model(body, contacts=[rub], n_modes=8, nodal_diameters=list(theirs), **settings)
+        found = made.report.frequencies
+        pairs = [(f, g, d) for d, known in theirs.items() for f, g in zip(known, found[d])]
+        error = np.array([abs(g / f - 1.0) for f, g, _ in pairs])
+        reference, ours, d = pairs[int(error.argmax())]
+        rows.append(Row(f"{name}: worst of {len(pairs)} frequencies, nodal diameter {d} (Hz)", reference, ours, tolerance))
+        seen.append((name, np.maximum(error, 1e-9)))
+
+    for name, highest, faces, tolerance in (
+        ("segdyn", 6, None, 1e-5), ("fullseg", 2, ("NLEFT", "NRIGHT"), 1e-3), ("segmenttet", 2, ("NLEFT", "NRIGHT"), 1e-3)
+    ):  # fmt: skip
+        text = others.deck(name)
+        text += "" if "*BOUNDARY" in text else others.held(text)
+        with tempfile.TemporaryDirectory() as folder:
+            body = others.sector(text, Path(folder))
+            theirs = others.cyclic_frequencies(text, Path(folder), highest)
+        frequencies(body, name, theirs, tolerance, sector_faces=faces, **others.AXES)
+        if name == "segdyn":
+            stuck = others.stuck_frequency(others.shrouded(body))
+            rows.append(Row("segdyn as a shrouded wheel that sticks, nodal diameter 3 (Hz)", theirs[3][0], stuck, 3e-4))
+    body = read_ansys(others.ANSYS / "file.full", others.ANSYS / "HexBeam.cdb")
+    known = {0: (1283.20036921, 1283.20036921, 5781.97486169)}
+    beam = {"n_blades": 1, "axis": (0, 1, 0), "radial": (0, 0, 1), "check_units": False}
+    frequencies(body, "HexBeam and file.full", known, 1e-9, **beam)
+
+    def draw(ax):
+        for (name, error), marker, colour in zip(seen, MARKERS, colours(4)):
+            ax.plot(1 + np.arange(len(error)), 1e6 * np.sort(error), marker, color=colour, label=name, linestyle="none")
+        _limit(ax, 1e3, "tolerance where faces differ")
+        _limit(ax, 10.0, "tolerance where faces match")
+        what = "Relative difference of frequencies (10⁻⁶)"
+        ax.set(xlabel="Frequency, sorted by its difference", ylabel=what, yscale="log")
+
+    return Problem(
+        "decks and cyclic runs of the test suite of CalculiX (Debian: calculix-ccx-test), held at bore or rim if they hold "
+        "nothing; beam and frequencies of ansys-mapdl-reader (PyPI)",
+        "frequencies of finite element models by others; the meshes of the sector faces of fullseg and segmenttet "
+        "differ; the shrouds of segdyn touch at 16 points",
+        tuple(rows),
+        draw,
+    )
+
+
+def others_here() -> bool:
+    """Whether models by others are installed."""
+    from tests.others_files import ANSYS, has_decks
+
+    return has_decks() and ANSYS.is_dir()
+
+
+NEEDS: dict[str, tuple[str, Callable[[], bool]]] = {
+    "CalculiX": ("CalculiX (ccx)", lambda: shutil.which("ccx") is not None),
+    "Finite element models by others": ("CalculiX with its decks, and the files that make others unpacks", others_here),
+}
+"""What a problem needs besides this package, and whether it is there."""
+
+
 def available(name: str) -> bool:
     """Whether what a problem needs is installed."""
-    return name != "CalculiX" or shutil.which("ccx") is not None
+    return name not in NEEDS or NEEDS[name][1]()
 
 
 PROBLEMS: dict[str, Callable[[], Problem]] = {
@@ -633,4 +695,5 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
     "The paper's four numbers": paper,
     "Whitehead's limit": whitehead,
     "CalculiX": calculix,
+    "Finite element models by others": models_by_others,
 }

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from bdamper.fe.contact_points import wedge_patches
 from bdamper.fe.sector import SectorFE
-from bdamper.reduction.cyclic import CyclicSector, lowest_modes, sector_phase
+from bdamper.reduction.cyclic import CyclicSector, lowest_modes
 from bdamper.reduction.free_body import FreeBody
+from bdamper.reduction.sector_faces import sector_phase
 
 
 def bonded_frequencies(

@@ -74,7 +74,7 @@ def main() -> None:
     """Both questions."""
     measure(lambda study: study.track(200.0, (250.0, 400.0)), 7, 9)
     print()
-    measure(lambda study: study.optimal_curve((100.0, 5e3), 4, check=False), 9, 14)
+    measure(lambda study: study.optimal_curve((100.0, 5e3), 4, check=False), 8, 11)
 
 
 if __name__ == "__main__":

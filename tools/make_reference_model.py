@@ -1,8 +1,9 @@
 """Make the shipped models, or check that they can still be made.
 
     python tools/make_reference_model.py            writes turbine_blade_9.h5, bladed_disk_9.h5, paper_disk_9.h5,
-                                                    blade_to_ground_24.h5 and test_rig_24.h5 to bdamper/data, which
-                                                    is in the wheel, and {bladed,paper}_disk_{24,48}.h5 to models
+                                                    blade_to_ground_24.h5, test_rig_24.h5, shrouded_blade_4.h5 to
+                                                    bdamper/data, which is in the wheel, and
+                                                    {bladed,paper}_disk_{24,48}.h5 to models
     python tools/make_reference_model.py test_rig   writes only the files whose names start so
     python tools/make_reference_model.py --keep bladed_disk_9
                                                     only the nodal diameters over speed that the stored file lacks;
@@ -41,6 +42,7 @@ from bdamper.shipped import CONTACT_POINTS
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.bonded import reference_frequencies
 from tools.rig import rig
+from tools.shrouded import modes_alone, shrouded
 
 LARGEST = 9
 """Contact points of the model that serves wheels of unequal blades, rotor speed and stress too."""
@@ -220,6 +222,7 @@ def main() -> int:
     jobs |= {f"paper_disk_{points}": functools.partial(paper_disk, points) for points in CONTACT_POINTS["paper_disk"]}
     jobs["blade_to_ground_24"] = functools.partial(blade_to_ground, 24, mesh="reference")
     jobs["test_rig_24"] = functools.partial(rig, 24, mesh="reference")
+    jobs["shrouded_blade_4"] = lambda: modes_alone(shrouded().model)
     worst = 0.0
     for name, make in jobs.items():
         if not name.startswith(arguments.name):

@@ -5,7 +5,7 @@ cd "$(dirname "$0")/.."
 venv=.venv-nastran
 place=builddir-nastran
 [ -x $venv/bin/python ] || "${PYTHON:-python3}" -m venv $venv
-$venv/bin/python -m pip install -qq ".[fe,nastran,unv]" "numpy<2" pytest hypothesis
+$venv/bin/python -m pip install -qq ".[fe,nastran,unv]" "numpy<2" pytest pytest-timeout hypothesis
 rm -rf $place && mkdir -p $place/project
 cp -r tests examples docs pyproject.toml $place/project/
 [ ! -d ../shared ] || ln -s "$(cd ../shared && pwd)" $place/shared

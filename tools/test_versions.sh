@@ -23,7 +23,7 @@ with open("pyproject.toml", "rb") as file:
     project = tomllib.load(file)["project"]
 print(*(one.replace(">=", sys.argv[1]) for one in project["dependencies"] + project["optional-dependencies"]["fe"]))' "$sign")
 # shellcheck disable=SC2086  # one word for each package
-"$venv/bin/python" -m pip install -qq --upgrade --upgrade-strategy eager . $dependencies pytest pytest-xdist hypothesis
+"$venv/bin/python" -m pip install -qq --upgrade --upgrade-strategy eager . $dependencies pytest pytest-xdist pytest-timeout hypothesis
 "$venv/bin/python" -m pip list 2>/dev/null | grep -iE '^(numpy|scipy|h5py|matplotlib|scikit-fem) '
 rm -rf "$place" && mkdir -p "$place"
 cp -r tests pyproject.toml "$place/"

@@ -3,8 +3,10 @@
 For each source the peak is compared with the highest point of a whole curve of a richer problem.  With more harmonics that
 takes long: there the converged peak is embedded in the richer problem, Newton's method goes on to the peak there (at an end
 of the interval: to the response at this frequency), and the whole curve is followed only if it fails.  Lower peaks of the
-curve that could become the highest are carried over with it (:mod:`bdamper.effects.richer`).  The residual left and missed
-events are small: their effect follows from one Newton step (:func:`bdamper.effects.indicator.estimate_change`).
+curve that could become the highest are carried over with it (:mod:`bdamper.effects.richer`).  Where the richer response is
+highest at an end of the interval and that of the curve is not, the resonance has left the interval, which is then widened
+there by up to 39 % of the frequency.  The residual left and missed events are small: their effect follows from one Newton
+step (:func:`bdamper.effects.indicator.estimate_change`).
 
 Nothing is concluded from poorer settings.  A source for which the model has nothing richer, or whose richer curve cannot be
 followed, is not estimated, and says why.
@@ -46,7 +48,7 @@ from bdamper.peaks.highest import NEAR, highest_of_curve
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
-from bdamper.problem.problem import Problem, matching
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
@@ -84,17 +86,16 @@ def estimate_errors(
     sources = validate.names("sources", sources, SOURCES)
     validate.instance("result", result, (Curve, Peak, OptimalCurve), "a Curve, a Peak or an OptimalCurve of this study")
     begin = time.perf_counter()
-    problem = matching(problem, result.settings)
     location = 0.0, 0.0
     if isinstance(result, OptimalCurve):
         best, found = result.optimum, _at_optimum(problem, result)
         if isinstance(found, str):
-            items = tuple(SourceError(source, *_unknown(found)) for source in sources)
+            items = tuple(SourceError(source, np.nan, np.nan, np.inf, found) for source in sources)
             return ErrorEstimates(best.preload, best.frequency, best.amplitude, items, time.perf_counter() - begin)
         result = found
     if isinstance(result, Curve):
         check_curve(problem, result)
-        tops = Tops.of(problem, result)
+        tops = replace(Tops.of(problem, result), follow=not result.peak_at_end)
         top = result.peak if result.peak_at_end == tops.at_end else tops.peaks[0]  # an end may be higher than the peak
         preload, amplitude, frequency = result.preload, top.amplitude, top.frequency
         location = tops.peaks[0].amplitude / amplitude - 1.0, tops.peaks[0].frequency / frequency - 1.0
@@ -142,33 +143,28 @@ def _of_source(
     begin = time.perf_counter()
     peak = tops.peaks[0]
 
-    def result(amplitude: float, frequency: float, uncertainty: float, text: str) -> SourceError:
+    def result(amplitude: float, frequency: float, text: str) -> SourceError:
+        uncertainty = 0.0 if np.isfinite(amplitude) else np.inf
         return SourceError(source, float(amplitude), float(frequency), uncertainty, text, time.perf_counter() - begin)
 
     if source == "solver":
         e = estimate_change(problem.system(preload), peak.y)
         text = f"residual {peak.residual:.1e}" + (", place of the peak on the curve" if any(location) else "")
-        return result(e.amplitude + location[0], e.frequency + location[1], 0.0, text)
-    if source == "evaluation" and not isinstance(problem.evaluation, Sampled):
+        return result(e.amplitude + location[0], e.frequency + location[1], text)
+    if source == "evaluation" and not isinstance(problem.settings.evaluation, Sampled):
         amplitude, frequency, n = _missed_events(problem, preload, peak.y)
-        return result(amplitude, frequency, 0.0, f"exact events against {n} samples, whose own error this may be")
+        return result(amplitude, frequency, f"exact events against {n} samples, whose own error this may be")
     try:
         richer = richer_study(problem, source)
         if richer is None:
             return None
         if isinstance(richer, str):
-            return result(*_unknown(richer))
+            return result(np.nan, np.nan, richer)
         by_newton = richer.problem.harmonic_numbers != problem.harmonic_numbers
         found = compare(problem, richer.problem, preload, tops, by_newton)
     except BdamperError as error:
-        return result(*_unknown(str(error)))
-    if not found.known:
-        return result(*_unknown(found.how))
-    return result(found.amplitude, found.frequency, 0.0, f"{richer.text}; {found.how}")
-
-
-def _unknown(why: str) -> tuple[float, float, float, str]:
-    return np.nan, np.nan, np.inf, why
+        return result(np.nan, np.nan, str(error))
+    return result(found.amplitude, found.frequency, f"{richer.text}; {found.how}" if found.known else found.how)
 
 
 def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float, float, int]:
@@ -208,7 +204,7 @@ def missing_harmonics(problem: Problem, top: int) -> list[int]:
     """Harmonics up to the top one for which the model has no modes."""
     out = []
     for l in range(2, top + 1):
-        d, _ = problem.model.folded_nodal_diameter(problem.engine_order * (1 if problem.single_basis else l))
+        d, _ = problem.model.folded_nodal_diameter(problem.engine_order * (1 if problem.settings.single_basis else l))
         if any(body.kind == "constrained" and d not in body.bases for body in problem.model.bodies.values()):
             out.append(l)
     return out
@@ -224,7 +220,7 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     for name, body in model.bodies.items():
         lent = {d: body.bases[own] for d in others if body.kind == "constrained" and d not in body.bases}
         bodies[name] = replace(body, bases={**body.bases, **lent})
-    return replace(problem, model=replace(model, bodies=bodies), harmonics=harmonics)
+    return problem.anew(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer | str:
@@ -233,54 +229,53 @@ def _more_harmonics(problem: Problem) -> Richer | str:
     if top == own[-1]:
         return f"there are no more than {MAX_HARMONIC} harmonics"
     lacking = missing_harmonics(problem, top)
-    text = f"harmonics 1 to {top}"
-    if lacking:
-        text += f", with the modes of the first for {lacking[0]} and more"
+    text = f"harmonics 1 to {top}" + (f", with the modes of the first for {lacking[0]} and more" if lacking else "")
     return Richer(with_stand_ins(problem, top), text)
 
 
 def _exact_events(problem: Problem) -> Richer | None:
-    if not isinstance(problem.evaluation, Sampled):
+    if not isinstance(problem.settings.evaluation, Sampled):
         return None
     finer = finer_evaluation(problem, problem.harmonic_numbers[-1])
-    if finer.evaluation == "exact":
+    if finer.settings.evaluation == "exact":
         return Richer(finer, "exact events")
-    dense = Sampled(4 * problem.evaluation.n_time)
-    return Richer(replace(problem, evaluation=dense), f"{dense.n_time} samples")
+    dense = Sampled(4 * problem.settings.evaluation.n_time)
+    return Richer(problem.anew(evaluation=dense), f"{dense.n_time} samples")
 
 
 def finer_evaluation(problem: Problem, harmonics: int) -> Problem:
     """The study with exact events; with coupled friction, which has none, with 32 samples for each harmonic at least."""
-    if not isinstance(problem.evaluation, Sampled):
+    if not isinstance(problem.settings.evaluation, Sampled):
         return problem
     try:
-        return replace(problem, evaluation="exact")
+        return problem.anew(evaluation="exact")
     except SettingError:
-        return replace(problem, evaluation=Sampled(max(problem.evaluation.n_time, 128, 32 * harmonics)))
+        return problem.anew(evaluation=Sampled(max(problem.settings.evaluation.n_time, 128, 32 * harmonics)))
 
 
 def _more_points(problem: Problem) -> Richer | str:
-    full = problem.most_points
-    if problem.contact_points is None or problem.contact_points >= full:
+    full = problem.settings.most_points
+    if problem.settings.contact_points is None or problem.settings.contact_points >= full:
         return "the model has no more contact points"
-    return Richer(replace(problem, contact_points=None), f"{full} contact points on a face")
+    return Richer(problem.anew(contact_points=None), f"{full} contact points on a face")
 
 
 def _more_modes(problem: Problem) -> Richer | str:
-    blade, damper = problem.most_modes("constrained"), max(problem.most_modes("free"), problem.damper_modes)
-    if isinstance(problem.contact_stiffness, ResidualModes) or problem.contact_stiffness == "residual_modes":
-        blade = min(blade, max(BLADE_MODES, 2 * problem.blade_modes))
-        damper = min(damper, max(BLADE_MODES, 2 * problem.damper_modes))
-    if blade <= problem.blade_modes and damper <= problem.damper_modes:
+    s = problem.settings
+    blade, damper = s.most_modes("constrained"), max(s.most_modes("free"), s.damper_modes)
+    if isinstance(s.contact_stiffness, ResidualModes) or s.contact_stiffness == "residual_modes":
+        blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
+        damper = min(damper, max(BLADE_MODES, 2 * s.damper_modes))
+    if blade <= s.blade_modes and damper <= s.damper_modes:
         return "the model has no more modes"
     text = f"{blade} modes" + (f", {damper} elastic modes of the damper" if damper else "")
-    return Richer(replace(problem, blade_modes=max(blade, problem.blade_modes), damper_modes=damper), text)
+    return Richer(problem.anew(blade_modes=max(blade, s.blade_modes), damper_modes=damper), text)
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
     if problem.stiffness_method not in ("unit_traction", "eq4"):
         return None
-    return Richer(replace(problem, contact_stiffness="residual_modes"), "residual modes")
+    return Richer(problem.anew(contact_stiffness="residual_modes"), "residual modes")
 
 
 Estimated = TypeVar("Estimated", Curve, OptimalCurve)
@@ -290,8 +285,7 @@ Estimated = TypeVar("Estimated", Curve, OptimalCurve)
 def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] = SOURCES) -> Estimated:
     """The same tracking or optimal curve with estimated errors of its highest peak (of that at its optimum).
 
-    It prints them in one line and saves them.  Where a ladder says what more harmonics change (:mod:`bdamper.util.ladder`),
-    that is the error by harmonics.
+    It prints them in one line and saves them.
 
     Parameters
     ----------
@@ -303,9 +297,4 @@ def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] =
     """
     validate.instance("result", result, (Curve, OptimalCurve), "a Curve or an OptimalCurve of this study")
     sources = validate.names("sources", sources, SOURCES)
-    ladder = result.ladder.estimates(()) if result.ladder is not None and "harmonics" in sources else None
-    if ladder is None or not ladder["harmonics"].known:
-        return replace(result, error_estimates=estimate_errors(problem, result, sources=sources))
-    rest = tuple(source for source in sources if source != "harmonics")
-    errors: ErrorEstimates = estimate_errors(problem, result, sources=rest) if rest else replace(ladder, sources=())
-    return replace(result, error_estimates=replace(errors, sources=(ladder["harmonics"], *errors.sources)))
+    return replace(result, error_estimates=estimate_errors(problem, result, sources=sources))

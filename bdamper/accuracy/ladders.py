@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +26,7 @@ from bdamper.effects.richer import ask, whole_curve
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import Peak
+from bdamper.problem.asked import Asking, like, problem_of
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
@@ -41,21 +41,20 @@ from bdamper.util.text import aligned, amount, percent, spaced
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
-Solver = Callable[[Problem, float, tuple[float, float]], Curve | Peak | tuple[float, float]]
+Solver = Callable[[Any, float, tuple[float, float]], Curve | Peak | tuple[float, float]]
 """Finds the highest peak of a study for a preload (N) and an interval of frequencies (Hz), or amplitude (m) and frequency
 (Hz) of it, not finite if none was found, or raises a BdamperError."""
 RICHEST, COMBINED, OWN = "richest", "combination", "the study"
 """What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
 
 
-by_tracking = partial(whole_curve, at_end=True)
-QUANTITIES: dict[str, Solver] = {"curve": by_tracking, "peak": highest_peak}
+QUANTITIES: dict[str, Solver] = {"curve": whole_curve, "peak": highest_peak}
 """The highest point of a tracking curve that is complete; a scan that is, and the peak condition."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """What one combination of settings gave and cost.
+    """Result and cost of one combination of settings.
 
     Parameters
     ----------
@@ -137,7 +136,7 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
 
     @property
     def last_steps(self) -> dict[str, float]:
-        """For each setting the error of its second richest value, NaN if not known: how far the richest may be off."""
+        """Error of the second richest value of each setting (NaN if unknown), which indicates the error of the richest."""
         first = {r.part: r.error for r in reversed(self.runs)}
         return {name: first.get(name, float("nan")) for name in self.varied}
 
@@ -200,13 +199,13 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
         least = 4 * problem.harmonic_numbers[-1] + 4
         return [*(Sampled(n) for n in (32, 64, 128, 256, 512, 1024) if n >= least), "exact"]
     if name == "contact_points":
-        full = problem.most_points
+        full = problem.settings.most_points
         return [n for n in (9, 24, 48) if n < full] + [full]
     if name == "blade_modes":
-        most = problem.most_modes("constrained")
+        most = problem.settings.most_modes("constrained")
         return [n for n in (5, 10, 20) if n < most] + [min(most, 40)]
     if name == "damper_modes":
-        most = problem.most_modes("free")
+        most = problem.settings.most_modes("free")
         return [n for n in (0, 2, 4, 6) if n < most] + [most]
     known = (*DEFAULT, "evaluation", "damper_modes")
     raise SettingError(f"vary: expected a mapping of settings to values, or some of {known}, found '{name}'")
@@ -218,7 +217,7 @@ def make_ladders(problem: Problem, vary: Any) -> dict[str, list[Value]]:
     validate.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
     given = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
     validate.that(given, "vary", "at least one setting of a study", vary)
-    known = {f.name for f in fields(problem) if f.init} - {"model"}
+    known = {f.name for f in fields(problem.settings)} - {"model"}
     out: dict[str, list[Value]] = {}
     for name, values in given.items():
         if isinstance(values, Mapping) and values and all(isinstance(v, Mapping) for v in values.values()):
@@ -246,9 +245,9 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     if "harmonics" in changes:
         problem = with_stand_ins(problem, changes.pop("harmonics"))
     points = changes.get("contact_points")
-    if points is not None and points >= problem.most_points:
+    if points is not None and points >= problem.settings.most_points:
         changes["contact_points"] = None
-    return replace(problem, **changes) if changes else problem
+    return problem.anew(**changes) if changes else problem
 
 
 def slipping_preload(problem: Problem, frequency: tuple[float, float], share: float = 0.3) -> float:
@@ -276,7 +275,7 @@ def slipping_preload(problem: Problem, frequency: tuple[float, float], share: fl
     if not capacity > 0.0:
         raise BdamperError("preload: expected one to be given, since nothing slips in this study, found none")
     response = stuck(problem, frequency)
-    c, s = problem.system(1.0).slices(1)
+    c, s = problem.sector(1.0).layout.slices(1)
     u = response.unknowns[int(np.argmax(response.amplitude))]
     motion = np.abs(problem.bases[1].G[:, :2] @ (u[c] - 1j * u[s]))
     return share * float((stuck_springs(problem, state)[:, :2] * motion).sum()) / capacity
@@ -285,20 +284,21 @@ def slipping_preload(problem: Problem, frequency: tuple[float, float], share: fl
 # ---- the search ----
 
 
+@dataclass
 class _Runs:
     """Combinations of values, each run once."""
 
-    def __init__(
-        self, problem: Problem, ladders: Mapping[str, Sequence[Value]], ask: Solver, preload: float,
-        interval: tuple[float, float], repeats: int,
-    ) -> None:  # fmt: skip
-        self.problem, self.ladders = problem, ladders
-        self.ask, self.preload, self.interval, self.repeats = ask, preload, interval, repeats
-        self.done: list[Run] = []
-        self.report: Callable[[str, int, int], None] | None = None
+    problem: Problem
+    ladders: Mapping[str, Sequence[Value]]
+    ask: Solver
+    preload: float
+    interval: tuple[float, float]
+    repeats: int
+    done: list[Run] = field(default_factory=list)
+    report: Callable[[str, int, int], None] | None = None
 
     def at(self, part: str, place: Mapping[str, int]) -> Run:
-        """The run of the values at these places of the ladders."""
+        """Compute the study with the values at these indices."""
         chosen = [values[place[name]] for name, values in self.ladders.items()]
         changes = {key: v for value in chosen for key, v in value.changes.items()}
         return self.of(part, tuple(value.name for value in chosen), changes)
@@ -331,7 +331,7 @@ class _Runs:
 
 @one_thread
 def accuracy_cost(
-    problem: Problem,
+    study: Asking | Problem,
     preload: float | None = None,
     frequency: tuple[float, float] | None = None,
     *,
@@ -359,7 +359,7 @@ def accuracy_cost(
     vary : str, sequence of str or mapping, optional
         Settings and their values from the cheapest to the richest; for "harmonics", "contact_points", "blade_modes" (these
         three by default), "evaluation" and "damper_modes" the name is enough.  Where several settings change together, a
-        mapping of names to settings stands in the place of the values.
+        mapping of names to settings replaces the values.
     tolerance : float
         Relative, on amplitude and frequency.
     repeats : int
@@ -383,10 +383,11 @@ def accuracy_cost(
     """
     if not callable(quantity):
         validate.choice("quantity", quantity, tuple(QUANTITIES))
-    ask = QUANTITIES[quantity] if isinstance(quantity, str) else quantity
+    problem = problem_of(study)
+    ask = QUANTITIES[quantity] if isinstance(quantity, str) else lambda p, *place: quantity(like(study, p), *place)
     repeats = validate.whole("repeats", repeats, least=1)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
-    low, high = map(float, peak_interval(validate.instance("study", problem, Problem, "a Study"), frequency))
+    low, high = map(float, peak_interval(problem, frequency))
     ladders = make_ladders(problem, vary)
     preload = slipping_preload(problem, (low, high)) if preload is None else problem.check_preload(preload)
     check_question(problem, [preload], frequency)
@@ -410,8 +411,8 @@ def accuracy_cost(
 def _own(problem: Problem, name: str) -> Any:
     """The study's own value of a setting, as ladders count it."""
     if name == "contact_points":
-        return problem.contact_points or problem.most_points
-    return problem.harmonic_numbers[-1] if name == "harmonics" else getattr(problem, name)
+        return problem.settings.contact_points or problem.settings.most_points
+    return problem.harmonic_numbers[-1] if name == "harmonics" else getattr(problem.settings, name)
 
 
 def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:

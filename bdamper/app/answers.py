@@ -1,14 +1,15 @@
 """What the page asks and what it is answered: one thread, the newest question first, finished answers kept.
 
 A question is answered in steps: the tracking curve with one harmonic in long steps, which is never cancelled so that
-something follows the hand; the curve with all harmonics; the optimal curve with one; that with all.  A newer question ends
-every step but the first.  There is never more than one question waiting.
+something follows the hand; the curve with all harmonics; the optimal curve; the steady-state amplitude in time at the peak.
+A newer question ends every step but the first.  There is never more than one question waiting.  Where preload and
+excitation keep their ratio, and no gap closes, curves are multiplied and not computed again (:mod:`bdamper.app.rescaled`).
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Condition, Event, Thread
@@ -17,29 +18,34 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.app.rescaled import rescaled_curve, rescaled_optimal
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.effects.hysteresis import Hysteresis
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.motion import ContactStatus, contact_status
+from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
 from bdamper.problem.variation import vary
 from bdamper.speed.family import with_needed_bases
 from bdamper.study import Study
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.kept import Marched
 from bdamper.util.progress import LongWork, ended_by
+from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
 
 T = TypeVar("T")
+R = TypeVar("R", Curve, OptimalCurve)
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
 """Of the curve that follows the hand: peaks within 0.2 % of those of ordinary steps, in two thirds of the time; the few
 curves with an open damper that use up the budget (ordinary ones take up to twenty times as much) end early."""
 NOT_OF_THE_BAND = ("friction_coefficient", "excitation.amplitude", "harmonics")
 """Settings that free and stuck resonances do not depend on."""
+FORCE = "excitation.amplitude"
 
 
 @dataclass(frozen=True)
 class Question:
-    """What a window asks.
+    """Settings that a window asks about.
 
     Parameters
     ----------
@@ -76,8 +82,11 @@ class Answer:
     optimal : OptimalCurve, optional
     contacts : ContactStatus, optional
     loops : Hysteresis, optional
-        Of the chosen point of the curve, number ``point``.
+    drawing : LineDrawing or str, optional
+        Of the motion, or why there is none.  All three are of the chosen point of the curve, number ``point``.
     point : int
+    marched : Marched, optional
+        Steady-state amplitude in time at the peak of the curve.
     """
 
     question: Question
@@ -88,7 +97,9 @@ class Answer:
     optimal: OptimalCurve | None = None
     contacts: ContactStatus | None = None
     loops: Hysteresis | None = None
+    drawing: LineDrawing | str | None = None
     point: int = 0
+    marched: Marched | None = None
 
 
 class Answers:
@@ -100,13 +111,13 @@ class Answers:
     deliver : callable
         Takes an :class:`Answer`, a text where there is none, or None where all of a question is answered; in the thread.
     most : int
-        Finished parts that are kept; a curve of the typical blade takes some 100 kB.
+        Finished parts in memory; a curve of the typical blade takes some 100 kB.
     preloads : int
         Of an optimal curve, before it refines the optimum.
     """
 
     def __init__(
-        self, study: Study, deliver: Callable[[Answer | str | None], None], most: int = 200, preloads: int = 12
+        self, study: Study, deliver: Callable[[Answer | str | None], None], most: int = 200, preloads: int = 7
     ) -> None:
         self.study, self.deliver, self.most, self.preloads = study, deliver, most, preloads
         self.kept: OrderedDict[Hashable, Any] = OrderedDict()
@@ -136,24 +147,47 @@ class Answers:
                 self.deliver(str(error) if isinstance(error, BdamperError) else f"{type(error).__name__}: {error}")
 
     def _answer(self, question: Question) -> None:
-        for ask in (self.curve, self.optimal) if question.preloads else (self.curve,):
-            for harmonics in (1, None):
-                if harmonics and self._key(ask, question, None) in self.kept:
-                    continue
-                first = ask == self.curve and harmonics
-                with LongWork() as work, ended_by(Event() if first else self.stop):
-                    self.deliver(ask(question, harmonics))
-                if work.interrupted or self.stop.is_set():
-                    return
+        asks: list[Callable[[Question, int | None], Answer]] = [self.curve]
+        asks += [self.optimal] if question.preloads else []
+        for ask, harmonics in ((self.curve, 1), *((ask, None) for ask in (*asks, self.march))):
+            if harmonics and self._key(ask, question, None) in self.kept:
+                continue
+            with LongWork() as work, ended_by(Event() if harmonics else self.stop):
+                self.deliver(ask(question, harmonics))
+            if work.interrupted or self.stop.is_set():
+                return
         self.deliver(None)
 
     def _key(self, ask: Callable[..., Answer], question: Question, harmonics: int | None) -> Hashable:
         """What an answer depends on: an optimal curve not on the preload, none on the point that is looked at."""
-        preload = question.preload if ask == self.curve else 0.0
+        preload = 0.0 if ask == self.optimal else question.preload
         return ask.__name__, harmonics, replace(question, point=None, preload=preload)
 
+    def _at_any_force(
+        self,
+        question: Question,
+        loads: Sequence[float],
+        make: Callable[[], R],
+        rescale: Callable[[Study, R, float], R | None],
+    ) -> R:
+        """A finished result at the same ratio of loads to excitation, multiplied; a new one where that is not possible."""
+        settings = dict(question.settings)
+        force = settings.pop(FORCE, self.study.excitation.amplitude)
+        ratios: list[float] = [float(f"{load / force:.6g}") for load in loads]
+        key = rescale, tuple(settings.items()), question.mode, *ratios
+        if self.study.excitation.beside:  # which the force does not change
+            return make()
+        if key in self.kept:
+            before, known = self.kept[key]
+            multiplied = rescale(self.varied(question), known, force / before)
+            if multiplied is not None:
+                return multiplied
+            return make()
+        found: R = self.once(key, lambda: (force, make()))[1]
+        return found
+
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What was made before for a key, or is made now; the oldest goes."""
+        """Cached value of a key, computed if missing; the oldest entry is removed."""
         if key not in self.kept:
             self.kept[key] = make()
         self.kept.move_to_end(key)
@@ -171,13 +205,14 @@ class Answers:
     @cached_property
     def lean(self) -> Study:
         """The study with the bases that one harmonic needs, which comes to a speed in a fifth of the time."""
-        return with_needed_bases(self.study.with_(harmonics=1))
+        return self.study.another(with_needed_bases(self.study.with_(harmonics=1).problem))
 
     def band(self, question: Question) -> tuple[float, float]:
         """Frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
         kept = tuple(item for item in question.settings if item[0] not in NOT_OF_THE_BAND)
         linear = replace(question, settings=kept)
-        ends = self.once(("band", kept, question.mode), lambda: peak_interval(self.varied(linear, 1), None, question.mode))
+        key = "band", kept, question.mode
+        ends = self.once(key, lambda: peak_interval(self.varied(linear, 1).problem, None, question.mode))
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
@@ -186,33 +221,67 @@ class Answers:
         study, own = self.varied(question, harmonics), replace(question, settings=still)
         band = self.band(own if harmonics else question)
         key, load = self._key(self.curve, question, harmonics), question.preload
-        curve = self.once(key, lambda: _whole(study.track(load, band, options=MOVING if harmonics else None)))
+
+        def followed() -> Curve:
+            return _whole(study.track(load, band, options=MOVING if harmonics else None))
+
+        def found() -> Curve:
+            return followed() if harmonics else self._at_any_force(question, [load], followed, rescaled_curve)
+
+        curve = self.once(key, found)
         one = self.varied(question, 1)
         limits = () if harmonics else self.once(("limits", key), lambda: (one.free(band), one.stuck(band, load or 1.0)))
         if not len(curve):
             return Answer(question, harmonics is None, study, curve, limits)
         i = curve.peak.index if question.point is None or harmonics else min(question.point, len(curve) - 1)
         contacts, loops = contact_status(study, curve.unknowns[i], load, 16), study.hysteresis(curve, i)
-        return Answer(question, harmonics is None, study, curve, limits, None, contacts, loops, i)
+        drawing: LineDrawing | str | None = None
+        if not harmonics:
+            try:
+                drawing = line_drawing(study, curve.unknowns[i])
+            except SettingError as error:
+                drawing = str(error)
+        return Answer(question, harmonics is None, study, curve, limits, None, contacts, loops, drawing, i)
 
-    def optimal(self, question: Question, harmonics: int | None) -> Answer:
-        """The optimal curve with all harmonics, or with one."""
-        study, preloads = self.varied(question, harmonics), question.preloads or (1.0, 2.0)
+    def optimal(self, question: Question, harmonics: int | None = None) -> Answer:
+        """The optimal curve, with all harmonics."""
+        study, preloads = self.varied(question), question.preloads or (1.0, 2.0)
         ask: dict[str, Any] = {"frequency": self.band(question), "mode": question.mode, "check": False}
-        key = self._key(self.optimal, question, harmonics)
-        found = self.once(key, lambda: _whole(study.optimal_curve(preloads, self.preloads, **ask)))
-        return Answer(question, harmonics is None, study, optimal=found)
+
+        def searched() -> OptimalCurve:
+            return _whole(study.optimal_curve(preloads, self.preloads, **ask))
+
+        key = self._key(self.optimal, question, None)
+        found = self.once(key, lambda: self._at_any_force(question, preloads, searched, rescaled_optimal))
+        return Answer(question, True, study, optimal=found)
+
+    def march(self, question: Question, harmonics: int | None = None) -> Answer:
+        """The steady-state amplitude in time at the peak of the tracking curve."""
+        answer = self.curve(question, None)
+        curve, study = answer.curve, answer.study
+        none = Marched(*(np.nan,) * 4, question.preload, np.nan)
+
+        def marched() -> Marched:
+            try:
+                found = study.march(curve) if curve is not None and len(curve) else replace(none, status=NOT_FOUND)
+            except BdamperError as error:
+                return replace(none, status=because(NOT_FOUND, error))
+            if found.status == INTERRUPTED:
+                raise KeyboardInterrupt
+            return found
+
+        return replace(answer, marched=self.once(self._key(self.march, question, None), marched))
 
 
 def _whole(found: Any) -> Any:
-    """A result, unless a newer question has ended it."""
+    """Raise KeyboardInterrupt if the result is incomplete."""
     if found.interrupted:
         raise KeyboardInterrupt
     return found
 
 
 def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
-    """Left and right ends, bottoms, tops and states of patches at contact points, each divided by its shares (n, 3)."""
+    """Ends along both axes and states of patches at contact points, each divided by its shares (n, 3)."""
     left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
     low = np.repeat(x - 0.45 * dx, 3)
     return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))

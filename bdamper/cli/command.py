@@ -21,7 +21,7 @@ from bdamper.peaks.interval import peak_interval
 
 def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """The tracking curve, and whether it spans the band."""
-    band = peak_interval(study, given.band and tuple(given.band), given.mode)
+    band = peak_interval(study.problem, given.band and tuple(given.band), given.mode)
     curve = study.track(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 
@@ -33,17 +33,27 @@ def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     return curve, bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
 
 
+def report(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """The optimal curve with its check in time, as a report, and whether it has an optimum."""
+    curve = study.optimal_curve(given.preloads, given.n, mode=given.mode, progress=not given.quiet)
+    answered = bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
+    if answered:
+        curve.report(given.html, study)
+        print(f"wrote {given.html}", file=sys.stderr)
+    return curve, answered
+
+
 def crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Crossings with engine orders, and whether there is one."""
     found = study.crossings(rpm=given.speeds, engine_orders=given.orders, mode=given.mode, progress=not given.quiet)
-    return found, bool(np.isfinite(found.speed).any())
+    return found, "speed" in found.quantities and bool(np.isfinite(found.array("speed")).any())
 
 
 def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Margins against fatigue at the highest peak of a preload, and whether there is one."""
     peak = study.peak(given.preload, given.band, mode=given.mode)
     print(peak)
-    if not np.isfinite(peak.amplitude):
+    if not peak.converged:
         return peak, False
     strength = [1e6 * getattr(given, name) for name in ("endurance", "ultimate", "yield")]
     return study.margin(peak, Material(*strength)), True
@@ -52,6 +62,7 @@ def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 QUESTIONS = {
     "track": (track, "the response over a frequency band at one preload"),
     "optimum": (optimum, "the preload of least resonance"),
+    "report": (report, "the same as one HTML file for a review, with the checks that were made"),
     "crossings": (crossings, "resonances with engine orders over rotor speed, for a model that knows it"),
     "margin": (margin, "margins against fatigue at one preload, for a model with stress"),
 }
@@ -79,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
     which.add_argument("--demo", action="store_true", help="the typical turbine blade that comes with the package")
     picture, out = Parser(add_help=False), Parser(add_help=False)
     for place, name, endings, text in (
-        (picture, "--png", (".png", ".pdf", ".svg"), "write the picture; the demo's is named after the command"),
+        (picture, "--png", (".png", ".pdf", ".svg"), "write the picture"),
         (out, "--csv", (".csv",), "write the table"),
         (out, "--h5", (".h5", ".hdf5"), "write the whole result, for bdamper.load"),
     ):
@@ -110,29 +121,28 @@ def parser() -> argparse.ArgumentParser:
         own[name].add_argument(
             "--band", help="frequencies in Hz, by default those around the resonances of the mode", **two
         )
-    own["optimum"].add_argument("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
-    own["optimum"].add_argument("-n", type=int, default=20, help="number of preloads, default %(default)s")
+    for name in ("optimum", "report"):
+        own[name].add_argument("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
+        own[name].add_argument("-n", type=int, default=20, help="number of preloads, default %(default)s")
+    named = partial(file_to_write, (".html",))
+    own["report"].add_argument("--html", type=named, default="report.html", metavar="FILE", help="default %(default)s")
     own["optimum"].add_argument(
         "--check", action="store_true", help="compare with more harmonics, some four times the work"
     )
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
     some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}
     own["crossings"].add_argument("--orders", default=(5,), help="engine orders, default 5", **some)
-    for name, text, value in (
-        ("endurance", "endurance limit", 300.0),
-        ("ultimate", "ultimate strength", 1200.0),
-        ("yield", "yield strength", 900.0),
-    ):
-        own["margin"].add_argument(
-            f"--{name}", type=float, default=value, metavar="MPA", help=f"{text} in MPa, default %(default)g"
-        )
+    for name, text in (
+        ("endurance", "endurance limit"), ("ultimate", "ultimate strength"), ("yield", "yield strength"),
+    ):  # fmt: skip
+        own["margin"].add_argument(f"--{name}", type=float, required=True, metavar="MPA", help=f"{text} in MPa")
     return main
 
 
 def explore(study: bd.Study, given: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C."""
     model = 'bd.reference_model("turbine_blade")' if given.demo else f"bd.load_model({given.model!r})"
-    numbers = f"{study.engine_order}, {given.friction}, harmonics={given.harmonics}"
+    numbers = f"{study.settings.engine_order}, {given.friction}, harmonics={given.harmonics}"
     driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
     page = bd.explore(study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})")
     print(page.address, flush=True)
@@ -145,7 +155,7 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
 
 
 def answer(given: argparse.Namespace) -> int:
-    """Ask, print and write; 1 where there is no answer."""
+    """Compute, print and write; returns 1 if there is nothing to report."""
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
         result, answered = model, True
@@ -162,11 +172,11 @@ def answer(given: argparse.Namespace) -> int:
             result.save(given.h5)
     more = given.command != "info" and given.details
     print(result.details() if more else str(result).replace("details() has", "--details has"))
-    if picture := given.png or (given.demo and f"{given.command}.png"):
+    if given.png:
         from bdamper.plot import save_figure
 
-        save_figure(result.plot(), picture)
-        print(f"wrote {picture}", file=sys.stderr)
+        save_figure(result.plot(), given.png)
+        print(f"wrote {given.png}", file=sys.stderr)
     return int(not answered)
 
 

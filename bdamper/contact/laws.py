@@ -1,21 +1,24 @@
 """Contact laws by number, and how contact forces are found over a cycle.
 
-The laws themselves are evaluated by the C core (``csrc/bd_element.c``, ``bd_event.c``, ``bd_sampled.c``, ``bd_coulomb.c``).
+The laws themselves are evaluated by the C core (``csrc/bd_element.c``, ``bd_event.c``, ``bd_sampled.c``, ``bd_coulomb.c``;
+LAW_USER is a function that is supplied by the user, see :mod:`bdamper.contact.own_law`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import Annotated
 
 from bdamper.util import validate
 
-LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC = range(7)
+LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_USER = range(8)
 MAX_SAMPLES = 1 << 20
 """Samples per period that the core takes at most."""
 
 
 @dataclass(frozen=True)
-class Sampled:
+class Sampled(validate.Checked):
     """Contact forces from samples in time (alternating frequency/time) instead of exact events.
 
     Parameters
@@ -26,12 +29,8 @@ class Sampled:
         Interpolate the instant of closing between samples; without it the derivative does not converge.
     """
 
-    n_time: int = 128
+    n_time: Annotated[int, partial(validate.whole, least=8, most=MAX_SAMPLES)] = 128
     interpolate: bool = True
-
-    def __post_init__(self) -> None:
-        validate.fields(self, validate.whole, "n_time", least=8, most=MAX_SAMPLES)
-        validate.fields(self, validate.flag, "interpolate")
 
 
 def check_evaluation(evaluation: str | Sampled, harmonics: int) -> None:

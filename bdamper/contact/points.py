@@ -7,6 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from bdamper.contact.own_law import OwnLaws
 from bdamper.util.repr import brief
 
 
@@ -26,7 +27,8 @@ class PointArrays:
     law : (n_points,) int
         LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``, two-sided normal spring),
         LAW_COUPLED, LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs),
-        LAW_CUBIC (``kt u^3`` along both tangential directions, kt in N/m3, and nothing else).
+        LAW_CUBIC (``kt u^3`` along both tangential directions, kt in N/m3, and nothing else), LAW_USER (functions in
+        ``own``, with kt and kn as springs while nothing slips).
     shift : (n_points, 3) float, m
         Constant part of (u1, u2, v) that the modes do not carry.
     load : (n_points,) float, N, optional
@@ -34,6 +36,9 @@ class PointArrays:
     index : (n_points,) int, optional
         Contact point of the structure that each is made of; where two are made of one, the second one's normal force is
         taken off that of the first.
+    own : OwnLaws, optional
+    memory : (n_points, width) float, optional
+        What points with functions of their own remember from the static state.
     """
 
     kt: NDArray
@@ -45,6 +50,8 @@ class PointArrays:
     shift: NDArray
     load: NDArray | None = None
     index: NDArray | None = None
+    own: OwnLaws | None = None
+    memory: NDArray | None = None
 
     def taken(self, index: NDArray) -> PointArrays:
         """The points numbered ``index`` (n,), in this order and as often as they are named, without ``load``."""

@@ -2,7 +2,7 @@
 
 The mean equations of the harmonic balance without vibration, paper section 3.1::
 
-    K q + G^T F(x) = P f,      x = G q + shift(P) = (u1, u2, v),
+    K q + G^T F(x) = P f + f_0,      x = G q + P s + s_0 = (u1, u2, v),
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
 
 The load grows in steps from a small fraction to its full value.  Within a step every point has a state for each
@@ -10,6 +10,8 @@ tangential direction (stick, slip in one of two senses, open); the equations are
 until they no longer change.  At the first step all points that touch are taken as stuck, and again where the states of the
 step before do not lead to a solution.  Every step starts from the sliders of the step before, so the result depends on the
 history of loading, as friction does.  Bonded points always stick, with springs that push and pull.
+Points with laws of their own (``bdamper.contact.own_law``) count as open without any stiffness, as stuck with that of
+their springs, and as slipping in between.
 
 Friction acts along each of the two contact axes independently here, whatever law the vibration follows; this keeps the
 equations linear between changes of state.  Where a point slips along both axes its friction may then be larger than
@@ -26,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
+from bdamper.contact.own_law import OwnLaws
 from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
@@ -59,6 +62,9 @@ class StaticSystem:
         Points of linear springs, ``T_d = kt_d u_d`` and ``N = n0 + kn v`` of either sign; none by default.
     cubic : (n_points, 2) float, N/m3, optional
         Springs ``k u^3`` along both tangential directions.
+    constant_shift : (n_points, 3) float, optional
+        Part of (u1, u2, v) that does not scale with the load; none by default.
+    own : OwnLaws, optional
     """
 
     stiffness: NDArray
@@ -72,10 +78,22 @@ class StaticSystem:
     constant_force: NDArray
     bonded: NDArray | None = None
     cubic: NDArray | None = None
+    constant_shift: NDArray | float = 0.0
+    own: OwnLaws | None = None
 
     def __post_init__(self) -> None:
         if not np.any(self.cubic):
             object.__setattr__(self, "cubic", None)
+
+    def shift_at(self, load: float) -> NDArray:
+        """(n_points, 3) part of (u1, u2, v) under a load (N) that the modes do not carry."""
+        return load * self.shift + self.constant_shift
+
+    @property
+    def scales(self) -> bool:
+        """Whether nothing acts without the load: its states at all loads are then in proportion, except for gaps."""
+        pressed = np.any(self.n0 + self.kn * self.shift_at(0.0)[:, 2] > 0.0)
+        return not (pressed or np.any(self.constant_force) or np.any(self.constant_shift))
 
 
 @brief
@@ -104,6 +122,10 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     note : str
     cost : Cost
         Time and iterations; no time where it was not measured.
+    interface : tuple of str
+        Name of the interface of each contact point, where it is known.
+    memory : (n_points, width) float, optional
+        Latest motion and state of points with laws of their own.
     """
 
     load: float
@@ -118,6 +140,8 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     converged: bool
     note: str = ""
     cost: Cost = field(default_factory=Cost)
+    interface: Annotated[tuple[str, ...], Quantity()] = ()
+    memory: NDArray | None = None
 
     @property
     def state(self) -> Kinds:
@@ -128,16 +152,21 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     def bottom_line(self) -> str:
         stuck, slipping, apart = (self.state.count(name) for name in ("stick", "slip", "open"))
         open_ = "" if self.converged else f" Not converged: {self.note}."
+        forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
         return (
             f"Under a load of {amount(self.load, 'N')}, of {len(self.status)} contact points {stuck} stick, "
-            f"{slipping} slip, {apart} are open; normal forces {amount(self.force[:, 2].sum(), 'N')} in all.{open_}"
+            f"{slipping} slip, {apart} are open; normal forces: {', '.join(forces)}.{open_}"
         )
+
+    @property
+    def normal_force(self) -> dict[str, float]:
+        """Total normal force (N) on each interface, on all of them together where their names are not known."""
+        names = np.array(self.interface or ["in all"] * len(self.force))
+        return {str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)}
 
 
 EQUILIBRIUM = 1e-10
 """On modal equilibrium, relative to the modal load."""
-SHORTER = 0.5 ** np.arange(1, 10)
-"""Fractions of a Newton step that are tried where the full step does not reduce the residual."""
 STALLS = 6
 """Consecutive steps without a reduction of the residual after which an iteration stops.  Of 1478 iterations that converge
 one has more than 4."""
@@ -184,15 +213,23 @@ def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArr
 
 
 def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
-    """(..., n_points, 3) forces and states at motions x for sliders w before the step."""
+    """(..., n_points, 3) forces and states at motions x for sliders w, and what points remember, before the step."""
     level = system.n0 + system.kn * x[..., 2]
-    trial = system.kt * (x[..., :2] - w)
+    trial = system.kt * (x[..., :2] - w[:, :2])
     force, status = limited_forces(level, trial, system.mu)
     if system.bonded is not None:
         b = system.bonded
         force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
     if system.cubic is not None:
         force[..., :2] += system.cubic * x[..., :2] ** 3
+    if system.own is not None:
+        for at in np.ndindex(x.shape[:-2]):
+            F, D, _ = system.own.step(x[at], w[:, 2:])
+            force[at][system.own.held] = F[system.own.held]
+            slips = np.abs(D[:, [0, 1], [0, 1]] - system.kt) > 1e-9 * system.kt
+            stiff = np.abs(D).max(axis=(1, 2)) > 1e-12 * np.maximum(system.kt.max(axis=1), system.kn)
+            kinds = np.where(stiff[:, None], np.where(slips, SLIP_PLUS, STICK), OPEN)
+            status[at][system.own.held] = kinds[system.own.held]
     return force, status
 
 
@@ -202,21 +239,28 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
     safe = np.where(system.kt > 0.0, system.kt, 1.0)
     slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / safe, x[:, :2])
     if system.bonded is not None:
-        slider[system.bonded] = w[system.bonded]
+        slider[system.bonded] = w[system.bonded, :2]
+    if system.own is not None:
+        slider = np.hstack([slider, system.own.step(x, w[:, 2:])[2]])
     level = system.n0 + system.kn * x[:, 2]
     closing = np.where(system.kn > 0.0, level / np.where(system.kn > 0.0, system.kn, 1.0), 0.0)
     return force, status, slider, closing
 
 
-def _jacobian(system: StaticSystem, G: NDArray, status: NDArray, x: NDArray | None = None) -> NDArray:
+def _jacobian(
+    system: StaticSystem, G: NDArray, status: NDArray, x: NDArray | None = None, w: NDArray | None = None
+) -> NDArray:
     """(n_modes, n_modes) derivative of modal equilibrium in the given states, with G as (3 n_points, n_modes).
 
-    Cubic springs have the tangent of the motion x (n_points, 3), none at rest.
+    Cubic springs have the tangent of the motion x (n_points, 3), none at rest; laws of their own that of the step from w,
+    springs of a stuck point without it.
     """
     B = law_tangent(system.kt, system.kn, system.mu, status)
     if system.cubic is not None and x is not None:
         for d in range(2):
             B[:, d, d] += 3.0 * system.cubic[:, d] * x[:, d] ** 2
+    if system.own is not None and x is not None and w is not None:
+        B[system.own.held] = system.own.step(x, w[:, 2:])[1][system.own.held]
     return np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
 
 
@@ -234,11 +278,11 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
 
 
 def _step(
-    system: StaticSystem, load: float, q: NDArray, w: NDArray, status: NDArray, largest: float
+    system: StaticSystem, load: float, w: NDArray, status: NDArray, largest: float
 ) -> tuple[NDArray, NDArray, int, float]:
     """Newton on the states at one load; returns coordinates, states, iterations and residual."""
     force = load * system.force + system.constant_force
-    shift = load * system.shift
+    shift = system.shift_at(load)
     G = system.G.reshape(-1, system.G.shape[2])
     at_rest = G.T @ _law(system, shift, w)[0].ravel()  # interference presses even without a load
     # unloading may end at no load, where the forces on the way set the scale
@@ -252,27 +296,31 @@ def _step(
         r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]
         return np.array(r), new_status
 
+    if system.own is not None:
+        status = np.where(system.own.held[:, None] & (status != OPEN), STICK, status)
     # the first linear solution takes the states as given: the law is linear in them
     level = system.n0 + system.kn * shift[:, 2]
     per_level = law_tangent(system.kt, np.ones(len(level)), system.mu, status)
-    F0 = per_level @ np.concatenate([shift[:, :2] - w, level[:, None]], axis=1)[..., None]
+    F0 = per_level @ np.concatenate([shift[:, :2] - w[:, :2], level[:, None]], axis=1)[..., None]
     q = _solve(_jacobian(system, G, status), force - G.T @ F0.ravel())
     (r,), (status,) = residuals(q)
     stalls = 0
+    # fractions of a Newton step that are tried where the full step does not reduce the residual
+    shorter = 0.5 ** np.arange(1, 10)
     for iteration in range(1, 61):
         norm = float(np.abs(r).max())
         if norm <= EQUILIBRIUM * size or stalls == STALLS:
             return q, status, iteration, norm / size
-        dq = _solve(_jacobian(system, G, status, (G @ q).reshape(-1, 3) + shift), -r)
+        dq = _solve(_jacobian(system, G, status, (G @ q).reshape(-1, 3) + shift, w), -r)
         trial = q + dq
         (r_trial,), (status_trial,) = residuals(trial)
         now = float(np.abs(r_trial).max())
         helps = now < (1.0 - 1e-3) * norm
         if not helps:  # shorter steps, up to the first that is short enough; the best of all counts
-            trials = q + SHORTER[:, None] * dq
+            trials = q + shorter[:, None] * dq
             r_all, status_all = residuals(*trials)
             size_all = np.abs(r_all).max(axis=1)
-            enough = np.flatnonzero(size_all < (1.0 - 1e-3 * SHORTER) * norm)
+            enough = np.flatnonzero(size_all < (1.0 - 1e-3 * shorter) * norm)
             helps = len(enough) > 0
             k = int(np.argmin(size_all[: enough[0] + 1] if helps else size_all))
             if not now <= size_all[k]:
@@ -293,12 +341,12 @@ def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDAr
     coordinates, sliders, iterations and residual
     """
     force = load * system.force + system.constant_force
-    shift = load * system.shift
+    shift = system.shift_at(load)
     G = system.G.reshape(-1, system.G.shape[2])
     size = max(float(np.abs(force).max()), 1e-300)
     springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
     D = np.diag(system.stiffness) + G.T @ (springs * G)
-    q, w = state.q.copy(), state.slider.copy()
+    q, w = state.q.copy(), _remembered(system, state)
     dt, iterations, norm = 0.1, 0, np.inf
     for _ in range(400):
         trial = q.copy()
@@ -310,7 +358,7 @@ def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDAr
             if float(np.abs(total).max()) <= 0.1 * EQUILIBRIUM * size:
                 break
             x = (G @ trial).reshape(-1, 3) + shift
-            trial = trial + _solve(_jacobian(system, G, status, x) + D / dt, -total)
+            trial = trial + _solve(_jacobian(system, G, status, x, w) + D / dt, -total)
         else:
             dt *= 0.25
             if dt < 1e-8:
@@ -323,10 +371,20 @@ def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDAr
     return q, w, iterations, norm
 
 
+def _remembered(system: StaticSystem, state: PreloadState) -> NDArray:
+    """(n_points, 2 or more) sliders, and what points with laws of their own remember."""
+    if system.own is None:
+        return state.slider.copy()
+    kept = np.zeros((len(state.slider), system.own.width)) if state.memory is None else state.memory
+    return np.hstack([state.slider, kept])
+
+
 def _before_loading(system: StaticSystem) -> PreloadState:
     """Without load and motion; what touches sticks."""
     n, m = system.G.shape[0], system.G.shape[2]
-    apart = system.n0 < 0.0 if system.bonded is None else (system.n0 < 0.0) & ~system.bonded
+    apart = system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0
+    if system.bonded is not None:
+        apart &= ~system.bonded
     status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
     if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
         status[:] = STICK
@@ -366,11 +424,12 @@ def static_state(
     first = state.load
     target = load - first
     done, fraction = 0.0, 1.0 / steps if target else 1.0
-    if load == 0.0 and state.load == 0.0 and not np.any(system.constant_force) and not np.any(system.n0 > 0.0):
+    if load == 0.0 and state.load == 0.0 and system.scales:
         if start is not None:
             return state
-        force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), state.slider)
-        return replace(state, force=force, status=status, slider=slider, closing=closing)
+        force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), _remembered(system, state))
+        memory = None if system.own is None else slider[:, 2:]
+        return replace(state, force=force, status=status, slider=slider[:, :2], closing=closing, memory=memory)
     while done < 1.0:
         now = min(1.0, done + fraction)
         at = first + now * target
@@ -379,7 +438,7 @@ def static_state(
         iterations = 0
         tries = {s.tobytes(): s for s in (state.status, stuck, np.full_like(stuck, STICK))}
         for first_status in tries.values():
-            q, status, tried, residual = _step(system, at, state.q, state.slider, first_status, first)
+            q, status, tried, residual = _step(system, at, _remembered(system, state), first_status, first)
             iterations += tried
             if residual <= EQUILIBRIUM:
                 break
@@ -395,12 +454,13 @@ def static_state(
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
         else:
-            before = state.slider
-        x = (system.G @ q) + at * system.shift
+            before = _remembered(system, state)
+        x = (system.G @ q) + system.shift_at(at)
         force, status, slider, closing = _law(system, x, before)
         state = PreloadState(
-            at, q, slider, force, closing, status, residual, state.steps + 1, state.iterations + iterations, True
-        )
+            at, q, slider[:, :2], force, closing, status, residual, state.steps + 1, state.iterations + iterations, True,
+            memory=None if system.own is None else slider[:, 2:],
+        )  # fmt: skip
         done = now
     return state
 
@@ -420,7 +480,7 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     """
     if not (state.converged and state.load > 0.0 and load > 0.0):
         return None
-    if np.any(system.constant_force) or np.any(system.n0 > 0.0) or system.cubic is not None:
+    if not system.scales or system.cubic is not None or system.own:
         return None
     ratio = load / state.load
     x = ratio * ((system.G @ state.q) + state.load * system.shift)

@@ -24,7 +24,7 @@ the smallest imbalance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
@@ -376,7 +376,7 @@ def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) 
         if body.kind != "ground":
             keep = np.asarray(coupling.modes[body.name])
             modes[body.name] = keep[body.bases[0].omega2[keep] == 0.0]
-    bare = Coupling(coupling.model, coupling.interfaces, modes, coupling.engine_order, coupling.single_basis)
+    bare = replace(coupling, modes=modes)
     load, offset = bare.load()
     n = coupling.n_points
     flexibility = bare.residual_flexibility(0).real

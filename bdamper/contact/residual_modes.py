@@ -16,7 +16,7 @@ there are more patterns than such modes.  Stiffness and mass are made diagonal t
 
 Patterns of a harmonic are the contact forces of its stuck modes,
 :math:`W = R^{-1} G Q` with :math:`(\Omega^2 + G^H R^{-1} G) Q = Q \Lambda`, lowest frequencies first: the stuck frequencies
-then come out as with the whole of :math:`R`.  The mean has in addition, before the modes, the contact forces of the static
+are then those of the whole :math:`R`.  The mean has in addition, before the modes, the contact forces of the static
 load, once stuck and once with friction.
 
 The diagonal is a share of the point flexibility, :math:`D = s\,\mathrm{diag}(R)` at the fundamental harmonic: as large as
@@ -26,7 +26,7 @@ asked for, but no larger than leaves :math:`S` of the mean and of the fundamenta
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import scipy.linalg
@@ -48,31 +48,29 @@ RESIDUAL = "residual"
 """Name of the body of residual modes among the coordinates of a basis."""
 
 
+def _count_or_all(name: str, value: int | str) -> int | str:
+    return value if isinstance(value, str) and value == "all" else validate.whole(name, value, least=1)
+
+
 @dataclass(frozen=True)
-class ResidualModes:
+class ResidualModes(validate.Checked):
     """Settings of residual modes.
 
     Parameters
     ----------
     patterns : int or "all"
         Force patterns, hence coordinates, for each harmonic: five give five stuck frequencies; beside ten blade modes six
-        give the highest peak to 8 %, twelve to 4 % at twice the time (docs/measured.md).  "all" keeps every force
-        component: exact, with as many unknowns as the contact points have, meant as a reference.
+        give the highest peak to 8 %, twelve to 4 % at twice the time (docs/measured.md).  "all" keeps all
+        forces that move something: exact, with as many unknowns as the contact points have, meant as a reference.
     share : float
         Of the point flexibility that stays at the contact point, at most.
     inertia : bool
         Give the coordinates the mass of those left-out modes that the model has.
     """
 
-    patterns: int | Literal["all"] = 6
-    share: float = 0.5
+    patterns: Annotated[int | Literal["all"], _count_or_all] = 6
+    share: Annotated[float, validate.Limits(above=0.0, most=1.0)] = 0.5
     inertia: bool = True
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.patterns, str) and self.patterns == "all"):
-            validate.fields(self, validate.whole, "patterns", least=1)
-        validate.fields(self, validate.number, "share", above=0.0, most=1.0)
-        validate.fields(self, validate.flag, "inertia")
 
 
 @brief
@@ -159,42 +157,6 @@ def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDA
     return np.sqrt(np.maximum(pole, 0.0)), force
 
 
-def _patterns(
-    coupling: Coupling, harmonic: int, active: NDArray, residual: NDArray, options: ResidualModes, static: NDArray | None
-) -> NDArray:
-    """(n_active, n) force patterns of one harmonic, of unit length, independent."""
-    n_active = int(active.sum())
-    if options.patterns == "all":
-        return np.eye(n_active)
-    basis = coupling.basis(harmonic)
-    kept = active.ravel()
-    what = f"residual flexibility at harmonic {harmonic}, nodal diameter {basis.nodal_diameter}"
-    restricted = replace(basis, G=basis.G.reshape(len(kept), -1)[kept])
-    R = residual[np.ix_(kept, kept)]
-    if harmonic == 0:
-        R, restricted = R.real, replace(restricted, G=restricted.G.real)
-    _, modes = stuck_modes(restricted, R, what)
-    columns = [modes]
-    if harmonic == 0:
-        stuck = _stuck_static(coupling, restricted, R, kept, what)
-        columns = [c for c in (static, stuck) if c is not None] + columns
-    W = np.concatenate([c.reshape(n_active, -1) for c in columns], axis=1)
-    norm = np.linalg.norm(W, axis=0)
-    W = W[:, norm > 0.0] / norm[norm > 0.0]
-    # in order, those that say something new
-    chosen: list[int] = []
-    rest = W.copy()
-    for k in range(W.shape[1]):
-        size = np.linalg.norm(rest[:, k])
-        if size > 1e-3:
-            chosen.append(k)
-            unit = rest[:, k] / size
-            rest = rest - np.outer(unit, unit.conj() @ rest)
-        if len(chosen) == options.patterns:
-            break
-    return W[:, chosen]
-
-
 def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: NDArray, what: str) -> NDArray | None:
     """Contact forces under the static load with every point bonded."""
     load, shift = coupling.load()
@@ -272,10 +234,45 @@ class ResidualSet:
             R = R.real
         kept = self.active.ravel()
         static = None if self.static is None else self.static.ravel()[kept]
-        W = _patterns(self.coupling, harmonic, self.active, R, self.options, static)
+        W = self._patterns(harmonic, R, static)
         whole = W.conj().T @ R[np.ix_(kept, kept)] @ W
         self._parts[harmonic] = R, W, 0.5 * (whole + whole.conj().T)
         return self._parts[harmonic]
+
+    def _patterns(self, harmonic: int, residual: NDArray, static: NDArray | None) -> NDArray:
+        """(n_active, n) force patterns of one harmonic, of unit length, independent."""
+        n_active = int(self.active.sum())
+        basis = self.coupling.basis(harmonic)
+        kept = self.active.ravel()
+        if self.options.patterns == "all":  # but those that move nothing, where points are more than the nodes below them
+            size = np.sqrt(np.maximum(np.diag(residual)[kept].real, np.finfo(float).tiny))
+            part, W = np.linalg.eigh(residual[np.ix_(kept, kept)] / size[:, None] / size)
+            return np.asarray(W[:, part > ROUNDING * part[-1]] / size[:, None])
+        what = f"residual flexibility at harmonic {harmonic}, nodal diameter {basis.nodal_diameter}"
+        restricted = replace(basis, G=basis.G.reshape(len(kept), -1)[kept])
+        R = residual[np.ix_(kept, kept)]
+        if harmonic == 0:
+            R, restricted = R.real, replace(restricted, G=restricted.G.real)
+        _, modes = stuck_modes(restricted, R, what)
+        columns = [modes]
+        if harmonic == 0:
+            stuck = _stuck_static(self.coupling, restricted, R, kept, what)
+            columns = [c for c in (static, stuck) if c is not None] + columns
+        W = np.concatenate([c.reshape(n_active, -1) for c in columns], axis=1)
+        norm = np.linalg.norm(W, axis=0)
+        W = W[:, norm > 0.0] / norm[norm > 0.0]
+        # in order, those that say something new
+        chosen: list[int] = []
+        rest = W.copy()
+        for k in range(W.shape[1]):
+            size = np.linalg.norm(rest[:, k])
+            if size > 1e-3:
+                chosen.append(k)
+                unit = rest[:, k] / size
+                rest = rest - np.outer(unit, unit.conj() @ rest)
+            if len(chosen) == self.options.patterns:
+                break
+        return W[:, chosen]
 
     def _point_share(self, harmonic: int) -> float:
         """Largest share of the flexibility of a pattern that the diagonal has."""

@@ -37,17 +37,9 @@ from bdamper.model.coupling import Coupling
 from bdamper.model.model import ContactStiffness
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
-from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.text import amount
 
 METHODS = ("residual_modes", "unit_traction", "eq4")
-CERTIFIED = 1e-10
-"""Largest violation of the contact conditions in a static solution that is used."""
-OUT_OF_BALANCE = 0.02
-"""Largest difference, relative to the load, between the user's contact forces and equilibrium."""
-OTHER_MODEL = 0.2
-"""Largest difference of the user's displacements from the model's, relative to the deformation."""
 FAR = 10.0
 """Factor from the value of ``"unit_traction"`` beyond which the quotient of Eqs (4), (10) is not used."""
 SMALL_FORCE = 0.05
@@ -182,65 +174,6 @@ def paper_equations(
     return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "eq4", ~usable)
 
 
-@brief
-@dataclass(frozen=True)
-class StiffnessComparison(Plottable):
-    """All methods side by side.
-
-    ``plot`` draws the stiffness of one method over the faces (:func:`bdamper.plot.plot_stiffness`).
-
-    Parameters
-    ----------
-    interfaces : tuple of str
-    points, frame : dict of interface name to (n, 3), (n, 3, 3) float
-    area : dict of interface name to (n,) float, m2
-    stiffness : dict of method to dict of interface name to ContactStiffness
-    literal_negative : dict of interface name to (3,) float
-        Share of the closed points at which Eqs (4), (10) taken literally give a negative stiffness along t1, t2, n.
-    frequencies : dict of method to (n,) float, Hz
-        With all friction points bonded.
-    """
-
-    interfaces: tuple[str, ...]
-    points: dict[str, NDArray]
-    frame: dict[str, NDArray]
-    area: dict[str, NDArray]
-    stiffness: dict[str, dict[str, ContactStiffness]]
-    literal_negative: dict[str, NDArray]
-    frequencies: dict[str, NDArray]
-
-    def bottom_line(self) -> str:
-        normal = [np.median([f.stiffness[:, 2] for f in faces.values()]) for faces in self.stiffness.values()]
-        return f"Median normal stiffness by method: {amount(min(normal), 'N/m')} to {amount(max(normal), 'N/m')}."
-
-    def details(self) -> str:
-        lines = ["contact stiffness, median over the face, N/m (share of fallbacks, %)"]
-        for name in self.interfaces:
-            lines.append(f"  {name:<18}{'t1':>18}{'t2':>18}{'n':>18}")
-            for method, faces in self.stiffness.items():
-                contact = faces[name]
-                middle = np.median(contact.stiffness, axis=0)
-                fell = np.zeros(3) if contact.fallback is None else 100.0 * contact.fallback.mean(axis=0)
-                lines.append(f"    {method:<16}" + "".join(f"{k:>11.3g} ({f:>3.0f})" for k, f in zip(middle, fell)))
-            negative = ", ".join(f"{100.0 * share:.0f}" for share in self.literal_negative[name])
-            lines.append(f"    Eqs (4), (10) taken literally: negative at {negative} % of the closed points (t1, t2, n)")
-        lines.append("  frequencies with all friction points bonded, Hz")
-        for method, found in self.frequencies.items():
-            lines.append(f"    {method:<16}" + " ".join(f"{f:10.3f}" for f in found))
-        return "\n".join(lines)
-
-
-def literal_negative(coupling: Coupling, friction: NDArray) -> dict[str, NDArray]:
-    """Share of the closed points at which Eqs (4), (10) give a negative stiffness, for t1, t2, n."""
-    force, left_out = paper_contact(coupling, friction)
-    out = {}
-    for name in coupling.friction_faces:
-        rows = coupling.rows(name)
-        closed = force[rows][:, 2] > 0.0
-        out[name] = (force[rows] * left_out[rows] < 0.0)[closed].mean(axis=0) if closed.any() else np.zeros(3)
-    return out
-
-
 def contact_stiffness(
     coupling: Coupling, method: str | float | ResidualModes | PerArea | Mapping[str, NDArray], friction: NDArray
 ) -> Contact:
@@ -335,6 +268,7 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
     """Static contact forces as (T1, T2, N): the user's where the model has them, else the condensed problem's."""
     faces = coupling.friction_faces
     out = np.zeros((coupling.n_points, 3))
+    out_of_balance = 0.02  # largest difference, relative to the load, between the user's contact forces and equilibrium
     if _has_static(coupling):
         for name in faces:
             # the file holds the force on body a; (T1, T2) act against u_b - u_a, hence along the force on a
@@ -343,17 +277,18 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
         given, load = problem.rigid.T @ out.ravel(), problem.load
         worst = float(np.abs(given - load).max() / max(float(np.abs(load).max()), 1e-300))
         expected, found = (
-            f"equilibrium with a load of 1 N within {OUT_OF_BALANCE:.0%}",
+            f"equilibrium with a load of 1 N within {out_of_balance:.0%}",
             f"a difference of {worst:.3g} times the load",
         )
-        require(worst <= OUT_OF_BALANCE, "static contact forces of the model", expected, found)
+        require(worst <= out_of_balance, "static contact forces of the model", expected, found)
         return out
     only_faces = replace(coupling, interfaces=faces)
     rows = coupling.friction_rows
     problem = static_contact_problem(only_faces, friction[rows])
     solution = solve_static_contact(problem)
-    good = solution.certificate.worst <= CERTIFIED
-    require(good, "static contact", f"violations below {CERTIFIED:g}", solution.certificate)
+    certified = 1e-10  # largest violation of the contact conditions in a static solution that is used
+    good = solution.certificate.worst <= certified
+    require(good, "static contact", f"violations below {certified:g}", solution.certificate)
     out[rows] = solution.force
     return out
 
@@ -371,9 +306,10 @@ def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
     eta = np.linalg.lstsq(full.rigid[at], (given.ravel() - elastic)[at], rcond=None)[0]
     rest = given.ravel() - elastic - full.rigid @ eta
     worst = float(np.linalg.norm(rest[at]) / max(float(np.linalg.norm((full.flexibility @ force.ravel())[at])), 1e-300))
-    expected = f"those of its static flexibility under its contact forces within {OTHER_MODEL:.0%}"
+    other_model = 0.2  # largest difference of the user's displacements from the model's, relative to the deformation
+    expected = f"those of its static flexibility under its contact forces within {other_model:.0%}"
     found = f"a difference of {worst:.3g} times the deformation"
-    require(worst <= OTHER_MODEL, "static contact displacements of the model", expected, found)
+    require(worst <= other_model, "static contact displacements of the model", expected, found)
     modal = full.flexibility - coupling.residual_flexibility(0).real
     # x = offset + Psi eta - R_modal F - (what is left out)
     left_out = full.offset.ravel() + full.rigid @ eta - modal @ force.ravel() - given.ravel()

@@ -11,6 +11,7 @@ self-locking, for plane symmetric faces at the angle :math:`\alpha` from the loa
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -83,25 +84,31 @@ def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
         return rows
 
 
-def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> WedgeFriction:
-    """Interval of the total normal force on each friction interface of a rigid free body.
+def wedge_friction(
+    coupling: Coupling, friction: NDArray, load: float = 1.0, shares: Mapping[str, float] | None = None
+) -> WedgeFriction:
+    """Interval of the total normal force on each friction interface of rigid free bodies.
 
     Parameters
     ----------
     coupling : Coupling
     friction : (n_points,) float
     load : float, N
+    shares : mapping of body name to float, optional
+        Newtons on each body per newton of load; 1 on all by default.
 
     Raises
     ------
     SettingError
         If no free body carries a load, or no forces at the friction interfaces are in equilibrium with it.
     """
-    bodies = [b for b in coupling.model.bodies.values() if b.kind == "free" and b.load is not None]
-    validate.require(bodies, "wedge friction", "a free body with a load", "none")
-    names = coupling.friction_faces
+    faces = coupling.model.interfaces
+    loaded = {b.name: b.load for b in coupling.model.bodies.values() if b.kind == "free" and b.load is not None}
+    validate.require(loaded, "wedge friction", "a free body with a load", "none")
+    pressed = {name: loaded.get(faces[name].body_a) or loaded.get(faces[name].body_b) for name in coupling.friction_faces}
+    names = tuple(name for name, by in pressed.items() if by is not None)
     basis = coupling.basis(0)
-    f, _ = coupling.load()
+    f, _ = coupling.load(shares)
     rigid = basis.omega2 == 0.0
     kept = [_corners(coupling, name, friction) for name in names]
     rows = np.concatenate(kept)
@@ -122,9 +129,10 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
                 none = f"found none at '{name}' and the other faces"
                 raise SettingError(f"wedge friction: expected contact forces in equilibrium with the load, {none}")
             out[i] = np.inf if found.status in (3, 4) else sign * found.fun * load
-    direction = np.asarray(bodies[0].load.direction, float)  # type: ignore[union-attr]
-    normal = [coupling.model.interfaces[name].frame[:, 2].mean(axis=0) for name in names]
-    angle = np.array([np.arcsin(np.clip(m @ direction / np.linalg.norm(m), -1.0, 1.0)) for m in normal])
+    angle = np.empty(len(names))
+    for i, name in enumerate(names):
+        normal, by = faces[name].frame[:, 2].mean(axis=0), np.asarray(pressed[name].direction, float)  # type: ignore[union-attr]
+        angle[i] = np.arcsin(np.clip(normal @ by / np.linalg.norm(normal), -1.0, 1.0))
     mean_mu = np.array([mu[owner == i].mean() for i in range(len(names))])
     return WedgeFriction(names, float(load), lowest, highest, np.abs(angle), mean_mu)
 
@@ -167,6 +175,7 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="
     distance: Annotated[NDArray, Quantity("m", name="gap")]
     status: NDArray
     friction: NDArray
+    _told = ("load", "normal_force")
 
     @classmethod
     def make(cls, coupling: Coupling, state: PreloadState, friction: NDArray, history: tuple[float, ...]) -> ContactMap:
@@ -216,14 +225,3 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="
         parts = ", ".join(f"{name} on {percent(area[name] / whole[name])} of its area" for name in whole if area[name])
         most = f"{amount(sum(force.values()), 'N')} in all, pressure up to {amount(self.pressure.max(), 'Pa')}"
         return f"Under {amount(self.load, 'N')} the faces touch: {parts}; normal forces {most}."
-
-    def details(self) -> str:
-        lines = [f"static contact under {self.load:g} N, load factors {self.history}:"]
-        area, force = self.contact_area, self.normal_force
-        for i, name in enumerate(self.interfaces):
-            here = self.owner == i
-            whole = self.area[here].sum()
-            share = f"{amount(force[name], 'N', 4)} on {100 * area[name] / whole:.3g} % of {1e6 * whole:.4g} mm2"
-            most = amount(self.pressure[here].max(), "Pa", 4), amount(self.distance[here].max(), "m")
-            lines.append(f"  {name}: {share}, pressure up to {most[0]}, gap up to {most[1]}")
-        return "\n".join(lines)

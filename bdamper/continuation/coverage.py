@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.follower import TWO_PI, Follower
 from bdamper.continuation.path import SIDE_POINTS, ContinuationOptions, Path, PathPoint
-from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem
+from bdamper.harmonic_balance.equations import OK, Correction, Equations
 from bdamper.util.cost import CostMeter
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
 
@@ -44,7 +44,7 @@ FindStart = Callable[[float], NDArray | None]
 """The chain of the first point, by frequency (rad/s)."""
 
 
-def evaluation_budget(system: HarmonicSystem) -> int:
+def evaluation_budget(system: Equations) -> int:
     """Evaluations of the equations that a curve may take if its options name no budget.
 
     So many that they come to OPERATIONS by the sizes of the problem, but at least FEWEST and at most MOST.  A plain curve
@@ -165,11 +165,11 @@ def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut
 
 @dataclass
 class Coverage:
-    """What is followed, how, and the pieces found so far.
+    """Search over an interval: settings, and the pieces of the curve found so far.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations
     limits : (low, high), rad/s
     options : ContinuationOptions
     meter : CostMeter
@@ -184,7 +184,7 @@ class Coverage:
         Where paths outside the interval broke off.
     """
 
-    system: HarmonicSystem
+    system: Equations
     limits: tuple[float, float]
     options: ContinuationOptions
     meter: CostMeter
@@ -219,7 +219,7 @@ class Coverage:
         self.fill(find_start)
 
     def follow(self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False) -> Path:
-        """Adds one path, also if Ctrl-C ends it."""
+        """Follow one branch and add it, also if interrupted."""
         stop, follower = None, Follower(self.system.with_share(SHARE), self.limits, self.options, self.on_point)
         try:
             path = follower.run(start, up)

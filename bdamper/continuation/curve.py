@@ -16,18 +16,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
-from bdamper.continuation.slow_sweep import SlowSweep, slow_sweep
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import INTERRUPTED, Status
-from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Metres, Numbers, Quantity, Radians, Shares, Tabular
-from bdamper.util.text import amount, height
+from bdamper.util.tables import (
+    ROW,
+    Followed,
+    Hertz,
+    Kinds,
+    Metres,
+    Numbers,
+    Quantity,
+    Radians,
+    RadiansPerSecond,
+    Shares,
+    Tabular,
+)
+from bdamper.util.text import amount, height, preloaded
+
+HIGHEST = "Highest response"
 
 
 @brief
@@ -64,12 +76,14 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
 
     Parameters
     ----------
-    kind : {"tracking", "free", "stuck"}
+    kind : {"tracking", "free", "stuck", "run-up"}
+        "run-up": along the line of an engine order, speed and frequency together.
     frequency : (n,) float, Hz
     harmonics : (n, n_harmonics + 1) complex, m
         Response amplitudes; the first column is the mean.
     unknowns : (n, n_unknowns) float
-        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
+        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic; none along the line of an
+        engine order.
     residual : (n,) float
         Relative to excitation and static load.
     shares : (n, 3) float
@@ -83,6 +97,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     point_kind : tuple of str
         "regular", "fold", "maximum", "end" or "drift" for each point.
     preload : float, N
+        NaN along the line of an engine order, where it changes with speed.
     status, reason : str
         "complete", "incomplete", "not found" where there is no solution to begin with, or "interrupted".
     cost : Cost
@@ -104,10 +119,10 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         (:mod:`bdamper.stability.in_time`); where it was asked for.
     error_estimates : ErrorEstimates or None
         Of the highest peak, by source, where they were asked for.
-    ladder : Ladder or None
-        What more harmonics change of the highest point, where a tolerance was given.
     closed : tuple of int
         Branches that close on themselves: no sweep of frequency leads to them, and their points are no ``peak``.
+    speed : (n,) float, rad/s, or None
+        Of the rotor, along the line of an engine order.
     """
 
     kind: str
@@ -131,8 +146,12 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     stability_note: str = ""
     in_time: Numbers | None = None
     error_estimates: ErrorEstimates | None = None
-    ladder: Ladder | None = None
     closed: tuple[int, ...] = ()
+    speed: RadiansPerSecond | None = None
+    _told = (
+        "preload", "kind", "status", "peak.kind", "peak.amplitude", "peak.frequency", "at_peak", "unstable",
+        "stability_note", "folds", "left_out", "detached", "error",
+    )  # fmt: skip
 
     @property
     def phase(self) -> Radians:
@@ -168,16 +187,13 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         gaps = [(part.low, part.high) for part in self.left_out if part.why == NO_SOLUTION]
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
-    def sweep(self, direction: str = "up") -> SlowSweep:
-        """What a slow sweep of frequency, "up" or "down", shows (:mod:`bdamper.continuation.slow_sweep`).
-
-        Points count as stable by ``stable``, or where that has not been judged by the plain rule of folds.
-        """
-        judged = self.stable is not None
-        stable = np.asarray(self.stable, bool) if judged else ~self.backward
-        fold = np.array([kind == "fold" for kind in self.point_kind], bool)
-        note = "stable points as judged" if judged else "stable by folds alone"
-        return slow_sweep(direction, self.frequency, self.amplitude, self.branch, stable, fold, note)
+    def _jump(self, fold: Fold) -> tuple[float, float]:
+        """Distance (m) of the response at a fold from the nearest other one at its frequency, 0 without; and that."""
+        f, a = self.frequency - fold.frequency, self.amplitude
+        away = np.abs(np.arange(len(self) - 1) - fold.index + 0.5) > 1.0
+        across = np.flatnonzero((f[:-1] * f[1:] < 0.0) & (np.diff(self.branch) == 0) & away)
+        met = a[across] + f[across] / (f[across] - f[across + 1]) * (a[across + 1] - a[across])
+        return float(min(np.abs(met - fold.amplitude), default=0.0)), fold.frequency
 
     def _highest(self) -> int:
         if not len(self):
@@ -203,14 +219,15 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     def peak_at_end(self) -> bool:
         """Whether the largest response is that at the lowest or highest frequency of the curve, where it is no maximum."""
         i = self._highest()
-        if self.kind == "tracking" and self.point_kind[i] in ("maximum", "fold", "drift"):
+        if self.kind in ("tracking", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False
-        return bool(self.frequency[i] in (self.frequency.min(), self.frequency.max()))
+        ends = self.frequency.min(), self.frequency.max()
+        return bool(np.isclose(self.frequency[i], ends, rtol=1e-6, atol=0.0).any())
 
     @property
     def labels(self) -> NDArray:
         """(n,) str: "stable" in time, "unstable", "stable as far as N harmonics tell", or "det J > 0 with N harmonics"
-        where no more than that sign is known; empty where nothing was judged."""
+        where no more than that sign is known; empty where nothing was examined."""
         if self.stable is None:
             return np.full(len(self), "", object)
         n = len(self.settings.get("harmonics", range(1, self.harmonics.shape[1])))
@@ -220,64 +237,45 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         proven = np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
         return np.where(self.stable, np.where(proven, "stable", so_far), "unstable")
 
+    @property
+    def unstable(self) -> int | None:
+        """Number of unstable points, None where that has not been examined."""
+        return None if self.stable is None else int(np.count_nonzero(~np.asarray(self.stable, bool)))
+
+    @property
+    def at_peak(self) -> dict[str, float]:
+        """Shares of the cycle that contacts stick, slip and are open at the peak, in per cent."""
+        shares = zip(("stick", "slip", "open"), np.round(100.0 * self.shares[self.peak.index], 1).tolist())
+        return {f"{name} (%)": share for name, share in shares if np.isfinite(share)}
+
+    @property
+    def error(self) -> str:
+        """Estimated error in one line."""
+        return error_line(self.error_estimates)
+
     def facts(self) -> tuple[Fact, ...]:
-        """What the curve is of, where it is highest, and how it was found."""
-        head = (Fact("preload", self.preload, "N"), Fact(f"{self.kind} curve", f"{self.status}, {len(self)} points"))
-        if not len(self):
-            return (*head, Fact("reason", self.reason))
-        top, ladder = self.peak, self.ladder
-        unstable = np.nan if self.stable is None else float(np.mean(~self.stable))
-        share = [(name, 100.0 * float(x)) for name, x in zip(("stick", "slip", "open"), self.shares[top.index])]
-        return (
-            *head,
-            Fact("highest amplitude, no peak" if self.peak_at_end else "peak amplitude", top.amplitude, "m"),
-            Fact("at the frequency", top.frequency, "Hz"),
-            *(Fact(f"{name} there", round(x, 1), "%") for name, x in share if np.isfinite(x)),
-            Fact("folds", len(self.folds)),
-            *([] if np.isnan(unstable) else [Fact("unstable points", round(100.0 * unstable, 1), "%")]),
-            *(Fact("not followed", str(part)) for part in self.left_out),
-            *([Fact("error", error_line(self.error_estimates))] if self.error_estimates is not None else []),
-            *([] if ladder is None else [Fact("harmonics", ladder.note)]),
-        )
+        """Highest point of the curve and how it was found; empty for a curve without points."""
+        return super().facts() if len(self) else ()
 
     def bottom_line(self) -> str:
         if not len(self):
             return f"No point of this curve was found: {self.reason}."
         top, low, high = self.peak, float(self.frequency.min()), float(self.frequency.max())
-        what = {"tracking": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}[self.kind]
-        load = f" under a preload of {amount(self.preload, 'N')}" if self.kind == "tracking" else ""
-        out = [f"{'Highest response' if self.peak_at_end else what} of {height(top.amplitude, top.frequency)}{load}."]
+        what = {"tracking": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(self.kind, HIGHEST)
+        load = f" under {preloaded(self.preload, self.settings)}" if self.kind == "tracking" else ""
+        if self.speed is not None:
+            speed = float(self.speed[top.index])
+            turning = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
+            load = f" along engine order {self.settings['engine_order']}, at {turning}"
+        out = [f"{HIGHEST if self.peak_at_end else what} of {height(top.amplitude, top.frequency)}{load}."]
         if self.peak_at_end:
-            out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is no peak.")
-        jumps = [j for way in ("up", "down") for j in self.sweep(way).jumps if j.choices] if self.folds else []
-        size, at = max(((abs(j.after - j.before), j.frequency) for j in jumps), default=(0.0, 0.0))
+            out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")
+        size, at = max((self._jump(fold) for fold in self.folds), default=(0.0, 0.0))
         if size > 0.01 * top.amplitude:  # smaller ones are not seen in a picture
             out.append(f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}.")
         if not self.complete:
             out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
         return " ".join(out)
-
-    def details(self) -> str:
-        head = f"{self.kind} curve, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
-        if not len(self):
-            return head
-        c = self.cost
-        top = f"{self.peak.amplitude:.6g} m at {self.peak.frequency:.6g} Hz"
-        end = "the end of the interval" if self.complete else "an end of the curve"
-        top = f"highest {top}, {end}: no peak" if self.peak_at_end else f"peak {top}"
-        lines = [head, f"  {top}, {len(self.folds)} folds, largest residual {self.residual.max():.1e}"]
-        if c.evaluations:
-            lines.append(f"  {c}")
-        if self.stable is not None:
-            lines.append(f"  {int((~self.stable).sum())} points unstable ({self.stability_note})")
-        lines += [f"  {part}, of a closed branch" for part in self.detached]
-        lines += [f"  left out: {part}" for part in self.left_out]
-        lines += [f"  {note}" for note in self.notes]
-        if self.kind == "tracking":
-            lines.append(f"  {error_line(self.error_estimates)}")
-        if self.ladder is not None:
-            lines += [f"  {line}" for line in self.ladder.details().split("\n")]
-        return "\n".join(lines)
 
 
 class InterruptedCurve(KeyboardInterrupt):

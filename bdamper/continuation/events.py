@@ -12,37 +12,30 @@ corner.  The Jacobian along a step that fails tells where: its null vector jumps
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.path import ContinuationOptions, PathPoint, is_drift
 from bdamper.harmonic_balance.conditions import Fold, Peak, Plane
-from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem, norm2
+from bdamper.harmonic_balance.equations import OK, Correction, Equations, norm2
 from bdamper.util.rootfind import root_trials
 
 Place = tuple[float, NDArray, NDArray]
 """Of a step: distance along the tangent where it sets off, point and tangent there."""
-ANY_RESIDUAL = 1e300
-"""Tolerance that every point meets."""
 MISSED = 3
 """Newton steps to a point of the curve once a plane has missed it.  With these, and guesses on the tangent of the last
 point before it, a fold or maximum at a corner takes 70 to 92 evaluations in place of 123 to 187 (shipped disk, 500 N, five
 harmonics)."""
-EVEN = 0.05
-"""Difference of the chord of a step from the mean of its tangents, relative to theirs, below which it bends evenly.  Of 129
-folds and maxima of curves with friction, 47 of 73 smooth ones are below and 9 of 56 at corners, where Newton's method is in
-vain."""
 LEVEL_RISE = 1e-9
 """Rise of the squared amplitude over a unit of the way, relative to itself, that counts as rounding."""
-BISECTIONS = 7
-"""Of a step that is searched for a corner."""
 
 
 def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) -> bool:
-    """Whether the cubic on (0, 1) with these slopes at its ends, which agree in sign, and this rise turns within.
+    """Whether the Hermite cubic on (0, 1) with end slopes of equal sign and this rise has an interior extremum.
 
-    Its slope is ``first + b t + c t**2``; by how much of the larger slope it must run the other way is ``margin``.
+    Its slope is ``first + b t + c t**2``, which must reverse by the fraction ``margin`` of the larger end slope.
     """
     if first * last <= 0.0:
         return False
@@ -69,16 +62,34 @@ def _on_cubic(near: Place, far: Place, s: float, a: PathPoint) -> NDArray:
     return np.asarray(near[1] + t * (first + t * (3.0 * rise - 2.0 * first - last + t * (first + last - 2.0 * rise))))
 
 
+class Step(NamedTuple):
+    """An accepted step along a curve.
+
+    Parameters
+    ----------
+    a : PathPoint
+        Where it sets off.
+    b : Correction
+        Where it ends.
+    end : float
+        How far it reaches along the tangent at a; 0 where a path ends at once, on the limit it set off from.
+    """
+
+    a: PathPoint
+    b: Correction
+    end: float
+
+
 class Events:
     """Events of the steps along one curve.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations
     options : ContinuationOptions
     """
 
-    def __init__(self, system: HarmonicSystem, options: ContinuationOptions) -> None:
+    def __init__(self, system: Equations, options: ContinuationOptions) -> None:
         self.system = system
         self.options = options
         self.iterations = 0
@@ -99,12 +110,12 @@ class Events:
                     return True
         return False
 
-    def over_pair(self, y: NDArray, tangent: NDArray, scale: NDArray, c: Correction) -> bool:
-        """Whether frequency or amplitude seems to turn twice within a step, which its ends do not show.
+    def over_pair(self, here: PathPoint, c: Correction) -> bool:
+        """Whether frequency or amplitude seems to turn twice within a step from a point, which its ends do not show.
 
-        Without this question 3 of 240 ordinary curves lose a pair of folds; it costs half a percent of the evaluations.
+        Without this question 3 of 240 ordinary curves lose a pair of folds; it costs half a per cent of the evaluations.
         """
-        n = self.system.n_mean
+        n, y, tangent, scale = self.system.n_mean, here.y, here.tangent, here.scale
         if is_drift(tangent, n) or is_drift(c.tangent, n):
             return False
         length = norm2((c.y - y) / scale)
@@ -116,23 +127,14 @@ class Events:
 
     # ---- folds and maxima ----
 
-    def between(self, a: PathPoint, b: Correction, end: float) -> tuple[list[PathPoint], str]:
+    def between(self, step: Step) -> tuple[list[PathPoint], str]:
         """Events of a step, located.
-
-        Parameters
-        ----------
-        a : PathPoint
-            Where the step sets off.
-        b : Correction
-            Where it ends.
-        end : float
-            How far it reaches along the tangent at a; 0 where a path ends at once, on the limit it set off from.
 
         Returns
         -------
-        list of PathPoint, in the order of the path, and the kind of b: that of an event which could not be located
+        list of PathPoint, in the order of the path, and the kind of its end: that of an event which could not be located
         """
-        n = self.system.n_mean
+        n, (a, b, end) = self.system.n_mean, step
         sense = 0.0 if is_drift(b.tangent, n) else float(np.sign(b.tangent[-1]))
         turned = sense * self.sense < 0.0
         self.sense = sense or self.sense
@@ -150,7 +152,7 @@ class Events:
             found.append("maximum")
         located = []
         for kind in found:
-            at = self.locate(a, b, end, kind, self.options.locate_tolerance * end)
+            at = self.locate(step, kind, self.options.locate_tolerance * end)
             if at is None:
                 missed = kind
             else:
@@ -162,17 +164,13 @@ class Events:
         """What changes its sign at a fold or a maximum."""
         return float(tangent[-1] if kind == "fold" else self.system.squared_gradient(y)[0] @ (tangent * scale))
 
-    def locate(self, a: PathPoint, b: Correction, end: float, kind: str, tolerance: float) -> Correction | None:
+    def locate(self, step: Step, kind: str, tolerance: float) -> Correction | None:
         """A fold or maximum within a step: by Newton's method where the step bends evenly, otherwise bracketed.
 
         Parameters
         ----------
-        a : PathPoint
-            Where the step sets off.
-        b : Correction
-            Where it ends; what vanishes at the event has another sign than at a.
-        end : float
-            How far it reaches along the tangent at a.
+        step : Step
+            What vanishes at the event has another sign at its end than where it sets off.
         kind : {"fold", "maximum"}
         tolerance : float
             On the place, in scaled unknowns.
@@ -182,10 +180,15 @@ class Events:
         Correction or None
             With slope and curvature as those of the condition; None where no corrector converges.
         """
-        values = [self._value(kind, p.y, p.tangent, a.scale) for p in (a, b)]
+        a, b, end = step
+        values = self._value(kind, a.y, a.tangent, a.scale), self._value(kind, b.y, b.tangent, a.scale)
         chord, ahead = (b.y - a.y) / a.scale, a.tangent + b.tangent
-        bend = norm2(chord / norm2(chord) - ahead / max(norm2(ahead), EVEN))
-        if bend < EVEN * norm2(b.tangent - a.tangent):
+        # difference of the chord of a step from the mean of its tangents, relative to theirs, below which it bends
+        # evenly. Of 129 folds and maxima of curves with friction, 47 of 73 smooth ones are below and 9 of 56 at
+        # corners, where Newton's method is in vain
+        even = 0.05
+        bend = norm2(chord / norm2(chord) - ahead / max(norm2(ahead), even))
+        if bend < even * norm2(b.tangent - a.tangent):
             part = values[0] / (values[0] - values[1])
             tangent = a.tangent + part * (b.tangent - a.tangent)
             condition, weight = (Fold, 1.0) if kind == "fold" else (Peak, self.system.squared_gradient(a.y)[1])
@@ -196,19 +199,18 @@ class Events:
             self.iterations += c.iterations
             if c.status == OK and 0.0 <= float(a.tangent @ ((c.y - a.y) / a.scale)) <= end:
                 return c
-        return self._bracketed(a, b, (0.0, values[0]), (end, values[1]), kind, tolerance)
+        return self._bracketed(step, values, kind, tolerance)
 
-    def _bracketed(
-        self, a: PathPoint, b: Correction, low: tuple[float, float], high: tuple[float, float], kind: str, tolerance: float
-    ) -> Correction | None:
-        """The same at a distance along the tangent at a, from two distances with the values there.
+    def _bracketed(self, step: Step, values: tuple[float, float], kind: str, tolerance: float) -> Correction | None:
+        """The same at a distance along the tangent at a, from the values at both ends.
 
         Points lie in planes normal to the tangent; where such a plane misses the curve it lies beyond a corner, and beyond
         the event.  A corrector begins at the cubic through the points around, with their tangents.
         """
-        around, last = [low, high], high[1]
-        near, far = (low[0], a.y, a.tangent), (high[0], b.y, b.tangent)
-        trials = root_trials(low, high, tolerance)
+        a, b, end = step
+        around, last = [(0.0, values[0]), (end, values[1])], values[1]
+        near, far = (0.0, a.y, a.tangent), (end, b.y, b.tangent)
+        trials = root_trials(around[0], around[1], tolerance)
         found, most = None, self.options.max_iterations
         s = next(trials)
         try:
@@ -235,15 +237,14 @@ class Events:
 
     def _direction(self, y: NDArray, scale: NDArray, border: NDArray, sign: int) -> NDArray | None:
         """Direction of travel that the Jacobian at y gives, on the curve or off it."""
-        c = self.system.solve(y, Plane(border), scale, ANY_RESIDUAL, 1)
+        any_residual = 1e300  # tolerance that every point meets
+        c = self.system.solve(y, Plane(border), scale, any_residual, 1)
         if c.status != OK or not c.orientation:
             return None
         return c.orientation * sign * c.tangent if sign else c.tangent
 
-    def around_corner(
-        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, sign: int
-    ) -> tuple[Correction, float] | None:
-        """The first point beyond a corner within a step, and the length of the part beyond the corner.
+    def around_corner(self, here: PathPoint, step: float, sign: int) -> tuple[Correction, float] | None:
+        """The first point beyond a corner within a step from a point, and the length of the part beyond the corner.
 
         Bisection between where the null vector of the Jacobian is the tangent and where it is another.  A curve without a
         corner shows no such jump, and is left alone as soon as the vectors on both sides are nearer to each other than 0.4
@@ -253,11 +254,12 @@ class Events:
 
         Parameters
         ----------
-        y, tangent, scale : (n_unknowns + 1,) float
+        here : PathPoint
         step : float
         sign : int
             Of det [J; tangent] along the path, 0 where it is not known.
         """
+        y, tangent, scale = here.y, here.tangent, here.scale
         border = tangent + self._tilt
         near, far = 0.0, step
         first, beyond = tangent, self._direction(y + far * tangent * scale, scale, border, sign)
@@ -266,7 +268,8 @@ class Events:
         total = norm2(beyond - tangent)
         if total < 0.2:
             return None
-        for _ in range(BISECTIONS):
+        bisections = 7  # of a step that is searched for a corner
+        for _ in range(bisections):
             middle = 0.5 * (near + far)
             t = self._direction(y + middle * tangent * scale, scale, border, sign)
             if t is None:
@@ -281,29 +284,30 @@ class Events:
             direction = sense * beyond
             for part in (0.5, 0.1, 0.01):
                 guess = y + (far * tangent + part * step * direction) * scale
-                c = self._beyond_corner(y, tangent, scale, guess, direction, 0.5 * part * step + far - near, sign)
-                if c is not None:
+                c = self._solution_near(guess, direction, scale, 0.5 * part * step + far - near)
+                if c is not None and self._goes_on(here, c, sign):
                     return c, part * step
         return None
 
-    def _beyond_corner(
-        self, y: NDArray, tangent: NDArray, scale: NDArray, guess: NDArray, direction: NDArray, reach: float, sign: int
-    ) -> Correction | None:
+    def _solution_near(self, guess: NDArray, direction: NDArray, scale: NDArray, reach: float) -> Correction | None:
+        """A solution within reach of a guess, in the plane normal to a direction, from which the curve goes on that way."""
         if not guess[-1] > 0.0:
             return None
         c = self.system.solve(
             guess, Plane(direction), scale, self.options.tolerance, self.options.max_iterations, reach=2.0 * reach
         )
         self.iterations += c.iterations
-        if c.status != OK or norm2((c.y - guess) / scale) > reach:
-            return None
-        back = sign and c.orientation == -sign
-        if back or float(c.tangent @ direction) < np.cos(self.options.max_turn):
-            return None
-        moved = (c.y - y) / scale
-        if not sign and float(moved @ tangent) < -0.99 * norm2(moved):
-            return None
-        return None if self.over_resonance(y, c.y) else c
+        near = c.status == OK and norm2((c.y - guess) / scale) <= reach
+        return c if near and float(c.tangent @ direction) >= np.cos(self.options.max_turn) else None
+
+    def _goes_on(self, here: PathPoint, c: Correction, sign: int) -> bool:
+        """Whether a path goes on from a point to a solution beyond a corner, and not back along itself."""
+        if sign and c.orientation == -sign:
+            return False
+        moved = (c.y - here.y) / here.scale
+        if not sign and float(moved @ here.tangent) < -0.99 * norm2(moved):
+            return False
+        return not self.over_resonance(here.y, c.y)
 
 
 def point_of(c: Correction, scale: NDArray, kind: str = "regular") -> PathPoint:

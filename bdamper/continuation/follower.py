@@ -20,10 +20,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.events import Events, point_of
+from bdamper.continuation.events import Events, Step, point_of
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint, is_drift
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.harmonic_balance.system import OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
+from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equations, norm2
 
 DRIFTED_OFF = (
     "no periodic solution beyond: the mean position of a free body moves without bound, a mean force drives it and no "
@@ -38,7 +38,7 @@ class Follower:
 
     def __init__(
         self,
-        system: HarmonicSystem,
+        system: Equations,
         limits: tuple[float, float],
         options: ContinuationOptions,
         on_point: Callable[[PathPoint], None] | None = None,
@@ -82,8 +82,9 @@ class Follower:
 
     # ---- steps ----
 
-    def try_step(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[Correction, str]:
+    def try_step(self, here: PathPoint, step: float) -> tuple[Correction, str]:
         """One predictor and corrector; the text says why it is refused, if it is."""
+        y, tangent, scale = here.y, here.tangent, here.scale
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
             return Correction(1, predicted, tangent, 0, np.inf, 0.0, 0), "frequency not positive"
@@ -102,22 +103,20 @@ class Follower:
             return c, "orientation of the curve changed"
         if self.events.over_resonance(y, c.y):
             return c, "a resonance of the linear structure lies within the step"
-        if self.options.locate and step > 0.02 and self.events.over_pair(y, tangent, scale, c):
+        if self.options.locate and step > 0.02 and self.events.over_pair(here, c):
             return c, "two folds or extrema lie within the step"
         return c, ""
 
-    def advance(
-        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float
-    ) -> tuple[Correction | None, float, float, str]:
+    def advance(self, here: PathPoint, step: float) -> tuple[Correction | None, float, float, str]:
         """One accepted step: the new point, its length, how far it reaches along the tangent; or why there is none."""
         refused = "step too short"
         while step >= self.options.min_step and not self.system.spent:
-            new, refused = self.try_step(y, tangent, scale, step)
+            new, refused = self.try_step(here, step)
             if not refused:
                 return new, step, step, ""
             self.failed += 1
             if step <= self.options.corner_step:
-                corner = self.events.around_corner(y, tangent, scale, step, self.sign)
+                corner = self.events.around_corner(here, step, self.sign)
                 if corner is not None:
                     return corner[0], corner[1], step, ""
             step *= 0.5 if new.status == OK else 0.25
@@ -204,14 +203,14 @@ class Follower:
             tangent /= norm2(tangent)
             here = replace(point, tangent=tangent, scale=scale)
             failed = self.failed
-            new, step, reach, refused = self.advance(y, tangent, scale, step)
+            new, step, reach, refused = self.advance(here, step)
             if new is None:
                 return self._stopped(y, tangent, start, refused)
             if not self.low <= new.y[-1] <= self.high:
                 bound = self.high if new.y[-1] > self.high else self.low
                 end = self.end_at(here, new.y, bound)
                 if end is not None:
-                    for event in self.events.between(here, end, norm2((end.y - y) / scale))[0]:
+                    for event in self.events.between(Step(here, end, norm2((end.y - y) / scale)))[0]:
                         self.record(event)
                     self.record(point_of(end, scale, "end"))
                     return self._arrived(bound, up, start[-1])
@@ -223,7 +222,7 @@ class Follower:
             self.sign = new.orientation or self.sign
             if len(self.points) > 10 and self._closes(y, new):
                 return self.path("closed", f"the branch closes on itself at {self.system.place(new.y[-1])}")
-            located, kind = self.events.between(here, new, reach)
+            located, kind = self.events.between(Step(here, new, reach))
             for event in located:
                 self.record(event)
             point = self.record(point_of(new, scale, kind))
@@ -239,7 +238,7 @@ class Follower:
 
 
 def follow(
-    system: HarmonicSystem,
+    system: Equations,
     start: NDArray,
     limits: tuple[float, float],
     *,
@@ -250,7 +249,7 @@ def follow(
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations
     start : (n_unknowns + 1,) float
         A point close enough for Newton at its frequency.
     limits : (low, high), rad/s

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from bdamper.continuation.curve import Curve
-from bdamper.harmonic_balance.linear import NEAREST, around, linear_maximum, linear_resonances
+from bdamper.harmonic_balance.linear import NEAREST, around
 from bdamper.problem.plausible import check_interval
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
@@ -39,11 +39,13 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
     ----------
     frequency : (low, high), Hz
     preload : float, N
-        Decides which points are closed; without gaps its size does not matter.
+        Decides which points are closed; without gaps its size does not matter.  An interface that touches but carries
+        nothing counts as stuck where it touches, with a warning.
     """
     if not problem.carries_load:
         preload = 0.0
-    return _linear(problem, "stuck", preload, frequency, stuck_springs(problem, problem.equilibrium(preload)))
+    springs = stuck_springs(problem, problem.equilibrium(preload), touching=True)
+    return _linear(problem, "stuck", preload, frequency, springs)
 
 
 def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
@@ -52,10 +54,10 @@ def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float,
     low, high = (2.0 * np.pi * f for f in validate.interval("frequency", frequency))
     check_interval(problem, frequency, preload)
     system = problem.system(preload)
-    omega = np.linspace(low, high, 201)
+    linear, omega = system.structure.linear, np.linspace(low, high, 201)
     unbounded = []
-    for w, width, _ in linear_resonances(system, (springs,), *around(low, high)):
-        at, amplitude = linear_maximum(system, springs, w, width)
+    for w, width, _ in linear.resonances((springs,), *around(low, high)):
+        at, amplitude = linear.maximum(system.response_rows[1], springs, w, width)
         if np.isinf(amplitude):
             unbounded.append(w)
             omega = np.concatenate([omega, w * (1.0 + np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel())])
@@ -68,23 +70,25 @@ def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float,
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
 
     def height(w: float) -> float:
-        return float(abs(system.linear_response(w, springs) @ system.response_rows[1]))
+        return float(abs(linear.response(w, springs) @ system.response_rows[1]))
 
     tops = [w for w in _maxima(height, omega) if all(abs(w - pole) >= 2.0 * NEAREST * pole for pole in unbounded)]
     omega = np.unique(np.concatenate([omega, tops]))
-    q = np.array([system.linear_response(w, springs) for w in omega])
-    u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])
     n = len(omega)
-    c, s = system.slices(1)
-    force = system.force[c] - 1j * system.force[s]
-    error = [np.abs(system.linear_matrix(w, springs) @ a - force).max() for w, a in zip(omega, q)]
+    u, error, largest = np.zeros((n, system.n_unknowns)), np.zeros(n), 1e-300
+    for l in problem.settings.excited:
+        force, (cosine, sine) = system.amplitudes(system.structure.force, l), system.slices(l)
+        q = np.array([linear.response(w, springs, l) for w in omega])
+        u[:, cosine], u[:, sine] = q.real, -q.imag
+        wrong = [np.abs(linear.matrix(w, springs, l) @ a - force).max() for w, a in zip(omega, q)]
+        error, largest = np.maximum(error, wrong), max(largest, float(np.abs(force).max()))
     return Curve(
         kind=kind,
         frequency=omega / (2.0 * np.pi),
         harmonics=system.response(u),
         unknowns=u,
-        residual=np.array(error) / max(float(np.abs(force).max()), 1e-300),
-        shares=np.tile([1.0, 0.0, 0.0] if springs is not None else [0.0, 0.0, 1.0], (n, 1)),
+        residual=error / largest,
+        shares=np.tile(_shares(problem, springs), (n, 1)),
         backward=np.zeros(n, bool),
         rank_deficiency=np.zeros(n, int),
         branch=np.zeros(n, int),
@@ -97,8 +101,14 @@ def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float,
     )
 
 
-FLAT = 1e-9
-"""Dips between two maxima below this share of the lower one are rounding."""
+def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
+    """(3,) stick, slip and open: points with friction or a bond that springs hold, and those without any."""
+    held = np.zeros((len(problem.friction), 3)) if springs is None else springs
+    counted = problem.friction_points & ((problem.friction > 0.0) | problem.bonded_points)
+    stick = float((held[counted] > 0.0).any(axis=1).mean()) if counted.any() else 0.0
+    return np.array([stick, 0.0, float(counted.any()) - stick])
+
+
 
 
 def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
@@ -106,8 +116,9 @@ def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     a = np.array([height(w) for w in omega])
     rises, falls = a[1:-1] > a[:-2], a[1:-1] >= a[2:]
     found: list[int] = []
+    flat = 1e-9  # dips between two maxima below this share of the lower one are rounding
     for i in (np.flatnonzero(rises & falls) + 1).tolist():
-        if found and a[found[-1] : i + 1].min() >= (1.0 - FLAT) * min(a[found[-1]], a[i]):
+        if found and a[found[-1] : i + 1].min() >= (1.0 - flat) * min(a[found[-1]], a[i]):
             found[-1] = max(found[-1], i, key=a.item)
         else:
             found.append(i)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import PathPoint
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coupling import Coordinate
 from bdamper.model.model import Model
 
@@ -22,9 +23,9 @@ def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
 
 
 def notes(
-    system: HarmonicSystem, model: Model, coordinates: Sequence[Coordinate], points: Sequence[PathPoint]
+    system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], points: Sequence[PathPoint]
 ) -> tuple[str, ...]:
-    """Where the mean position moves on its own, and which mean positions are held by least norm only."""
+    """Stretches on which the mean position drifts, and mean positions determined by least norm only."""
     out = []
     n = system.n_mean
     i = 0
@@ -51,7 +52,7 @@ def notes(
     return tuple(out)
 
 
-def neutral_directions(system: HarmonicSystem, coordinates: Sequence[Coordinate], y: NDArray) -> list[str]:
+def neutral_directions(system: Equations[Sector], coordinates: Sequence[Coordinate], y: NDArray) -> list[str]:
     """Names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
     n = system.n_mean
     columns = system.evaluate_at(y)[1][:, :n]
@@ -66,7 +67,7 @@ def neutral_directions(system: HarmonicSystem, coordinates: Sequence[Coordinate]
     return names
 
 
-def why_no_solution(system: HarmonicSystem, model: Model, coordinates: Sequence[Coordinate], y: NDArray) -> str:
+def why_no_solution(system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray) -> str:
     """If a free body cannot be in equilibrium where Newton ended: which mean force is left, and what that means."""
     try:
         r, J, _ = system.evaluate(y[:-1], y[-1])

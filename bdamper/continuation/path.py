@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.system import norm2
+from bdamper.harmonic_balance.equations import norm2
 from bdamper.util import validate
 from bdamper.util.repr import brief
 

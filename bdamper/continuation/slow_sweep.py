@@ -14,17 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.curve import Curve
 from bdamper.util import validate
 from bdamper.util.plotting import Summarised
 from bdamper.util.repr import brief
 from bdamper.util.text import amount, height
 
-SAME = 1e-6
-"""Relative difference of amplitudes below which two places of a curve at one frequency are one solution."""
-
 
 class Jump(NamedTuple):
-    """Where a branch ends for a sweep, and what comes after it.
+    """End of a branch in a sweep, and the branch that follows.
 
     Parameters
     ----------
@@ -51,7 +49,7 @@ class Jump(NamedTuple):
 @brief
 @dataclass(frozen=True)
 class SlowSweep(Summarised):
-    """Response along a slow sweep of frequency, by :meth:`bdamper.continuation.curve.Curve.sweep`.
+    """Response along a slow sweep of frequency, by :func:`sweep_of`.
 
     Parameters
     ----------
@@ -63,6 +61,8 @@ class SlowSweep(Summarised):
     jumps : tuple of Jump
     note : str
         By which labels points count as stable, and what the sweep does not know.
+    point : (n,) int
+        Of the curve; where a jump ends between two points, that of the two which the sweep has not come to yet.
     """
 
     direction: str
@@ -70,6 +70,8 @@ class SlowSweep(Summarised):
     amplitude: NDArray
     jumps: tuple[Jump, ...]
     note: str
+    point: NDArray
+    _told = ("note", "jumps")
 
     def bottom_line(self) -> str:
         if not len(self.frequency):
@@ -78,9 +80,6 @@ class SlowSweep(Summarised):
         jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
         top = height(self.amplitude[i], self.frequency[i])
         return f"Slow sweep {self.direction}: highest {top}{jumps}."
-
-    def details(self) -> str:
-        return "\n".join([self.bottom_line(), f"  {self.note}", *(f"  {jump}" for jump in self.jumps)])
 
 
 class _Landing(NamedTuple):
@@ -91,12 +90,32 @@ class _Landing(NamedTuple):
     way: int
 
 
+class Branches(NamedTuple):
+    """The points of a curve.
+
+    Parameters
+    ----------
+    frequency : (n,) float, Hz
+    amplitude : (n,) float, m
+    branch : (n,) int
+        Points of one branch follow each other along it.
+    stable, fold : (n,) bool
+    """
+
+    frequency: NDArray
+    amplitude: NDArray
+    branch: NDArray
+    stable: NDArray
+    fold: NDArray
+
+
 class _Sweep:
     """The points of a curve, by a coordinate that rises along the sweep."""
 
-    def __init__(self, x: NDArray, amplitude: NDArray, branch: NDArray, stable: NDArray, fold: NDArray) -> None:
-        self.x, self.amplitude, self.branch, self.fold = x, amplitude, branch, fold
-        self.held = stable | fold  # at a fold itself rounding decides
+    def __init__(self, sense: float, points: Branches) -> None:
+        frequency, self.amplitude, self.branch, stable, self.fold = points
+        self.x = sense * frequency
+        self.held = stable | self.fold  # at a fold itself rounding decides
         first, last = np.minimum(self.x[:-1], self.x[1:]), np.maximum(self.x[:-1], self.x[1:])
         self.first, self.last = first, last
         joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:] & (first < last)
@@ -105,11 +124,13 @@ class _Sweep:
     def landings(self, x: float) -> list[_Landing]:
         """Stable solutions from which the sweep can go on, the lowest first: a branch that ends at x is none."""
         found: list[_Landing] = []
+        # relative difference of amplitudes below which two places of a curve at one frequency are one solution
+        same = 1e-6
         for i in self.stretches[(self.first[self.stretches] <= x) & (self.last[self.stretches] > x)].tolist():
             part = (x - self.x[i]) / (self.x[i + 1] - self.x[i])
             height = float(self.amplitude[i] + part * (self.amplitude[i + 1] - self.amplitude[i]))
             way = 1 if self.x[i + 1] > self.x[i] else -1
-            if all(abs(height - other.amplitude) > SAME * height for other in found):
+            if all(abs(height - other.amplitude) > same * height for other in found):
                 found.append(_Landing(height, i + 1 if way > 0 else i, way))
         return sorted(found)
 
@@ -121,19 +142,13 @@ class _Sweep:
         return new if self.held[new] and self.x[new] >= self.x[point] else None
 
 
-def slow_sweep(
-    direction: str, frequency: NDArray, amplitude: NDArray, branch: NDArray, stable: NDArray, fold: NDArray, note: str
-) -> SlowSweep:
+def slow_sweep(direction: str, points: Branches, note: str) -> SlowSweep:
     """The response that a slow sweep of frequency shows.
 
     Parameters
     ----------
     direction : {"up", "down"}
-    frequency : (n,) float, Hz
-    amplitude : (n,) float, m
-    branch : (n,) int
-        Points of one branch follow each other along it.
-    stable, fold : (n,) bool
+    points : Branches
     note : str
         By which labels points count as stable.
 
@@ -144,22 +159,23 @@ def slow_sweep(
     """
     validate.choice("direction", direction, ("up", "down"))
     sense = 1.0 if direction == "up" else -1.0
-    sweep = _Sweep(sense * frequency, amplitude, branch, stable, fold)
-    end = float(sweep.x.max()) if len(frequency) else np.nan
-    options = sweep.landings(float(sweep.x.min())) if len(frequency) else []
+    sweep = _Sweep(sense, points)
+    end = float(sweep.x.max()) if len(sweep.x) else np.nan
+    options = sweep.landings(float(sweep.x.min())) if len(sweep.x) else []
     if not options:
-        return SlowSweep(direction, np.zeros(0), np.zeros(0), (), f"{note}; no stable solution where it sets off")
+        none, note = np.zeros(0), f"{note}; no stable solution where it sets off"
+        return SlowSweep(direction, none, none, (), note, none.astype(int))
     if len(options) > 1:
         note += f"; sets off from the lowest of {len(options)} stable solutions"
     here, x = options[0], float(sweep.x.min())
-    places, jumps = [(x, here.amplitude)], []
+    places, jumps = [(x, here.amplitude, here.point)], []
     while True:
         point: int | None = here.point
         while point is not None:
             last = point
-            places.append((float(sweep.x[last]), float(sweep.amplitude[last])))
+            places.append((float(sweep.x[last]), float(sweep.amplitude[last]), last))
             point = sweep.onward(last, here.way)
-        x, height = places[-1]
+        x, height, _ = places[-1]
         if x >= end:
             break
         options = sweep.landings(x)
@@ -168,6 +184,24 @@ def slow_sweep(
         jumps.append(Jump(sense * x, height, here.amplitude, len(options)))
         if not options:
             break
-        places.append((x, here.amplitude))
-    passed, height_there = np.array(places).T
-    return SlowSweep(direction, sense * passed, height_there, tuple(jumps), note)
+        places.append((x, here.amplitude, here.point))
+    passed, height_there = np.array([place[:2] for place in places]).T
+    numbers = np.array([place[2] for place in places])
+    return SlowSweep(direction, sense * passed, height_there, tuple(jumps), note, numbers)
+
+
+def sweep_of(curve: Curve, direction: str) -> SlowSweep:
+    """The response that a slow sweep of frequency shows of a tracking curve.
+
+    Points count as stable by ``curve.stable``, or by the sign between folds where that has not been determined.
+
+    Parameters
+    ----------
+    curve : Curve
+    direction : {"up", "down"}
+    """
+    known = curve.stable is not None
+    stable, note = (curve.stable, "stable as determined") if known else (~curve.backward, "stable by folds alone")
+    fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
+    points = Branches(curve.frequency, curve.amplitude, curve.branch, np.asarray(stable, bool), fold)
+    return slow_sweep(direction, points, note)

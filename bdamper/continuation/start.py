@@ -9,12 +9,13 @@ The chain is, in this order,
 4. support homotopy: free bodies (all, if none is free) rest on springs and dampers that fade, while the excitation is
    raised.
 
-What was tried is kept in the result.
+The result lists what was tried.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,10 @@ from numpy.typing import NDArray
 from bdamper.contact.preload import PreloadState
 from bdamper.continuation.follower import DRIFTED_OFF, follow
 from bdamper.continuation.path import SIDE_POINTS, ContinuationOptions, Path
-from bdamper.harmonic_balance.system import OK, STATUS_TEXT, HarmonicSystem
+from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Equations
+from bdamper.harmonic_balance.system import Sector, excitation_ramp, supported_by
 from bdamper.util.cost import CostMeter
 
-FIRST = 1e-2
-"""Share of the excitation at which the support sets off; the ramp does at a tenth of it.  With the whole of it the ramp
-finds no start on the wedge dampers of eight sectors where the excitation equals the preload; with a tenth of it the support
-finds none on one of two random structures that need it."""
 DRAG, SPRING = 10.0, 1.0
 """Support of free bodies: on the vibration, and on the mean.
 
@@ -42,7 +40,7 @@ DRIFTED_AWAY = "the bodies drift away"
 
 
 def first_point(
-    system: HarmonicSystem,
+    system: Equations[Sector],
     state: PreloadState,
     springs: NDArray,
     omega: float,
@@ -53,7 +51,7 @@ def first_point(
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
     state : PreloadState
         The static state, converged.
     springs : (n_points, 3) float
@@ -67,7 +65,7 @@ def first_point(
     (n_unknowns + 1,) float or None, what was tried, and where the last Newton iteration ended
     """
     log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
-    mean, stuck = state.q[: system.n_mean], system.linear_response(omega, springs)
+    mean, stuck = state.q[: system.n_mean], system.structure.linear.response(omega, springs)
     vibration = max(float(np.linalg.norm(stuck)), 1e-300)
     scale = np.full(system.n_unknowns + 1, vibration)
     scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), vibration)
@@ -83,22 +81,34 @@ def first_point(
         last = c.y
         if c.status == OK:
             return c.y, log, last
-    found = None if system.spent else _by_homotopy(system, mean, stuck, omega, options, meter, log)
+    found = None if system.spent else _by_homotopy(_Tries(system, omega, options, meter, log), mean, stuck)
     if found is None and system.spent:
         log.append("the budget of evaluations is used up")
     return found, log, last
 
 
-def _by_homotopy(
-    system: HarmonicSystem, mean: NDArray, stuck: NDArray, omega: float, options: ContinuationOptions, meter: CostMeter,
-    log: list[str],
-) -> NDArray | None:  # fmt: skip
+class _Tries(NamedTuple):
+    """What all ways to a first point have in common."""
+
+    system: Equations[Sector]
+    omega: float
+    options: ContinuationOptions
+    meter: CostMeter
+    log: list[str]
+
+
+def _by_homotopy(tries: _Tries, mean: NDArray, stuck: NDArray) -> NDArray | None:
     """The excitation is raised from almost nothing to its full level, along the curve and around its folds; failing that,
     free bodies (all, if none is free) start on a support, where they neither bounce nor drift, and it fades.
     """
-    level = 0.1 * FIRST
+    system, omega, options, meter, log = tries
+    # share of the excitation at which the support sets off; the ramp does at a tenth of it. With the whole of it the
+    # ramp finds no start on the wedge dampers of eight sectors where the excitation equals the preload; with a tenth of
+    # it the support finds none on one of two random structures that need it
+    first = 1e-2
+    level = 0.1 * first
     start = np.append(system.pack(mean, level * stuck), level)
-    path = _homotopy(system.excitation_ramp(omega), start, options, meter)
+    path = _homotopy(excitation_ramp(system, omega), start, options, meter)
     if path.status == "complete":
         log.append(f"excitation ramp: full level after {len(path.points)} steps")
         return np.append(path.points[-1].y[:-1], omega)
@@ -107,10 +117,10 @@ def _by_homotopy(
     log.append(f"excitation ramp: stopped at {reached} ({why})")
     if system.spent:
         return None
-    supported = system.supported_by(omega, DRAG, SPRING)
-    u = system.pack(mean, FIRST * stuck)
+    supported = supported_by(system, omega, DRAG, SPRING)
+    u = system.pack(mean, first * stuck)
     scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
-    c = supported.correct_at(u, FIRST, scale, options.tolerance, 60, True)
+    c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
     meter.count(c.iterations)
     if c.status != OK:
         log.append(f"support homotopy: {STATUS_TEXT[c.status]} on the support")
@@ -124,7 +134,7 @@ def _by_homotopy(
     return None
 
 
-def _homotopy(system: HarmonicSystem, start: NDArray, options: ContinuationOptions, meter: CostMeter) -> Path:
+def _homotopy(system: Equations[Sector], start: NDArray, options: ContinuationOptions, meter: CostMeter) -> Path:
     """Along the last unknown, from where the start has it to 1."""
     limits = 0.5 * float(start[-1]), 1.0
     path = follow(system, start, limits, options=replace(options, locate=False, max_points=SIDE_POINTS))

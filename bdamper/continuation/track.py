@@ -11,6 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.rattle import NO_STEADY, open_at_rest, rattles
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.continuation.unloaded import free_of_contact
-from bdamper.harmonic_balance.linear import linear_resonances, reach
+from bdamper.harmonic_balance.linear import reach
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import single_thread
@@ -42,7 +43,6 @@ def track(
     preload: float,
     frequency: tuple[float, float],
     *,
-    from_high: bool = False,
     options: ContinuationOptions | None = None,
     progress: bool = False,
     search_branches: bool | Sequence[float] = False,
@@ -55,8 +55,6 @@ def track(
     preload : float, N
         Radial load on the damper; without one the curve is the free response wherever nothing else holds the damper.
     frequency : (low, high), Hz
-    from_high : bool
-        Set off from the upper end.
     options : ContinuationOptions
     progress : bool
         Show a progress bar.
@@ -72,8 +70,7 @@ def track(
         complemented by one from there.
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
-    for name, value in (("from_high", from_high), ("progress", progress)):
-        validate.flag(name, value)
+    validate.flag("progress", progress)
     ratios: tuple[float, ...] = (0.9, 1.2) if search_branches is True else ()
     if not isinstance(search_branches, bool):
         ratios = tuple(validate.numbers("search_branches, ratios to the preload", search_branches, above=0.0).tolist())
@@ -91,7 +88,7 @@ def track(
         find_start = partial(_start, problem, preload, search)
         try:
             with progress_bar(progress, *search.limits) as search.on_point:
-                search.cover(find_start, from_high)
+                search.cover(find_start)
                 for start in search.new_solutions(_other_solutions(problem, preload, ratios, search)):
                     search.note(start[-1], "a solution apart from the branches so far")
                     search.both_ways(start)
@@ -100,7 +97,10 @@ def track(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        return _curve(problem, search, preload, len(ratios))
+        ended = _ending(problem, search, preload, len(ratios))
+        curve = as_curve(problem, search, ended, kind="tracking", preload=preload)
+        locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
+        return replace(curve, notes=(*curve.notes, *locked))
 
 
 def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
@@ -110,10 +110,10 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
     if options.budget is None:
         options = replace(options, budget=evaluation_budget(system))
     assert options.budget is not None
-    system = system.within(options.budget)
     springs = None, stuck_springs(problem, problem.static(preload))
-    free, stuck = (linear_resonances(system, (k,), ELASTIC * low, np.inf) for k in springs)
-    system.watched = [there for there in (*free, *stuck) if low < there[0] < high]
+    free, stuck = (system.structure.linear.resonances((k,), ELASTIC * low, np.inf) for k in springs)
+    watched = [there for there in (*free, *stuck) if low < there[0] < high]
+    system = replace(system.within(options.budget), watched=watched)
     search = Coverage(system, (low, high), options, CostMeter(time.perf_counter()))
     search.reach = reach([w for w, *_ in free], [w for w, *_ in stuck], low, high)
     search.meter.watch(system)
@@ -185,7 +185,7 @@ def _rattles(search: Coverage, at_rest: float) -> str:
 
 
 def without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
-    """Where there is not even a static state."""
+    """An empty curve, for preloads without static equilibrium."""
     return Curve(
         kind="tracking",
         frequency=np.zeros(0),
@@ -206,15 +206,24 @@ def without_points(problem: Problem, preload: float, reason: str, options: Conti
     )
 
 
-def _curve(problem: Problem, search: Coverage, preload: float, tried: int) -> Curve:
-    status, reason, left_out = _ending(problem, search, preload, tried)
+def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **own: Any) -> Curve:
+    """The curve of what was followed.
+
+    Parameters
+    ----------
+    problem : Problem
+    search : Coverage
+    ended : tuple
+        Status, reason, and what was left out.
+    **own
+        Kind, preload, and fields that other curves leave out.
+    """
     system, ordered = search.system, in_order(search.pieces)
     points = [p for p, _ in ordered]
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
     onward = [p.tangent[-1] * (1.0 if way.up else -1.0) for p, way in ordered]
     backward = np.array([p.kind != "drift" and to < 0.0 for p, to in zip(points, onward)], bool)
     return Curve(
-        kind="tracking",
         frequency=y[:, -1] / TWO_PI,
         harmonics=system.response(y[:, :-1]),
         unknowns=y[:, :-1],
@@ -225,22 +234,21 @@ def _curve(problem: Problem, search: Coverage, preload: float, tried: int) -> Cu
         branch=np.array([way.branch for _, way in ordered], int),
         closed=tuple(sorted({piece.branch for piece in search.pieces if piece.path.status == "closed"})),
         point_kind=tuple(p.kind for p in points),
-        preload=preload,
-        status=status,
-        reason=reason,
-        left_out=left_out,
+        status=ended[0],
+        reason=ended[1],
+        left_out=ended[2],
         cost=search.meter.read(time.perf_counter()),
-        **problem.recorded(search.options),
         start_log=tuple(search.log),
-        notes=notes(system, problem.coupling.model, problem.bases[0].coordinates, points)
-        + tuple(f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem)),
+        notes=notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
+        **own,
+        **problem.recorded(search.options),
     )
 
 
 def check_curve(problem: Problem, curve: Curve) -> None:
     """Refuse a curve that is no tracking curve of this problem."""
-    if curve.kind != "tracking" or curve.model_hash != problem.model.hash:
-        raise SettingError("curve: expected a tracking curve of this model, found another")
+    validate.require(curve.kind == "tracking", "curve", "a tracking curve (study.track)", f"a {curve.kind} curve")
+    validate.require(curve.model_hash == problem.model.hash, "curve", "one of this model", "one of another")
     system = problem.system(curve.preload)
     n = system.n_unknowns
     validate.require(curve.unknowns.shape[1] == n, "curve", f"one of this study with {n} unknowns", curve.unknowns.shape[1])
@@ -266,6 +274,6 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
         return ()
     faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
     holders = {problem.coupling.model.interfaces[name].body_a for name in faces}
-    springs = {name for name, law in problem.law_by_interface().items() if law == LAW_BONDED}
+    springs = {name for name, law in problem.settings.law_by_interface().items() if law == LAW_BONDED}
     holders -= {problem.coupling.model.interfaces[name].body_a for name in springs}
     return tuple(body.name for body in problem.model.bodies.values() if body.load is not None and body.name in holders)

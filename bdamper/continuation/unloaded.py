@@ -40,9 +40,10 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     if not (opening.size and opening.min() > 1e-6 * np.abs(opening).max() > 0.0):
         return None
     curve = free(problem, frequency)
-    c, s = system.slices(1)
-    amplitude = curve.unknowns[:, c] - 1j * curve.unknowns[:, s]
-    swing = np.abs(problem.bases[1].G[problem.friction_points, 2] @ amplitude.T).max(initial=0.0)
+    swing = 0.0
+    for l in problem.settings.excited:
+        G, amplitude = problem.bases[l].G[problem.friction_points, 2], system.amplitudes(curve.unknowns, l)
+        swing += np.abs(G @ amplitude.T).max(initial=0.0)
     overlap = max(0.0, -float(problem.point_gaps[problem.friction_points].min()))
     unknowns = curve.unknowns.copy()
     unknowns[:, : len(away)] += (2.0 * swing + overlap) / opening.min() * away

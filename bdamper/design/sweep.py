@@ -7,56 +7,51 @@ interruptions.  Finished points can be kept in a file (:mod:`bdamper.util.result
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.workers import check_executor, run_stored
+from bdamper.design.workers import check_executor, recorded, run_stored
 from bdamper.model.model import Model
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.optimal import optimal_curve, preload_values
+from bdamper.problem.asked import Asking, problem_of
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import check_name, study_fingerprint, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Recorded, Storable
+from bdamper.util.cost import Cost
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Recorded, Storable, enter_former
 from bdamper.util.plotting import Plottable
-from bdamper.util.progress import LongWork
 from bdamper.util.repr import brief, short
 from bdamper.util.results_file import ResultsFile
-from bdamper.util.status import COMPLETE, FAILED, Statuses, all_complete, because, left_undone, word
+from bdamper.util.status import FAILED, Statuses, all_complete, word
 from bdamper.util.tables import Column, Tabular
 from bdamper.util.text import UNITS, amount, spaced
 from bdamper.util.versions import HERE
 
 Values = Mapping[str, Any]
-Task = Callable[[Problem, float | None], Values]
-"""The question: a function of a problem and a preload (None if the sweep has none) that returns named numbers, texts or
-lists of numbers.
+Task = Callable[[Any, float | None], Values]
+"""The question: a function of a study (of a problem where that is swept) and a preload (None if the sweep has none) that
+returns named numbers, texts or lists of numbers.
 
 An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts those that are not.  An answer
 named ``"cost"`` that is a :class:`bdamper.util.cost.Cost` is kept as the cost of the point.
 """
 
 
-def _check_place(task: PeakTask | OptimalTask) -> None:
-    """Whether the mode and the interval of frequency in which a task looks for peaks are valid."""
-    validate.fields(task, validate.whole, "mode", least=1)
-    if task.frequency is not None:
-        validate.fields(task, validate.interval, "frequency")
-
-
 @dataclass(frozen=True)
-class PeakTask:
+class PeakTask(validate.Checked):
     """The highest resonance peak.
 
     Parameters
@@ -68,30 +63,26 @@ class PeakTask:
     mode : int
     """
 
-    preload: float | None = None
-    frequency: tuple[float, float] | None = None
-    mode: int = 1
+    preload: validate.Force | None = None
+    frequency: validate.Interval | None = None
+    mode: validate.Count = 1
 
-    def __post_init__(self) -> None:
-        if self.preload is not None:
-            validate.fields(self, validate.number, "preload", least=0.0, unit="N")
-        _check_place(self)
-
-    def __call__(self, problem: Problem, preload: float | None) -> Values:
+    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
         at = self.preload if preload is None else preload
         if at is None:
             raise SettingError('preload: expected "preload" among the settings of the sweep or PeakTask(preload=...)')
-        peak = highest_peak(problem, at, self.frequency, mode=self.mode)
+        peak = highest_peak(problem_of(study), at, self.frequency, mode=self.mode)
         stick, slip, separation = (float(s) for s in peak.shares)
+        amplitude, frequency = (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
         return {
-            "amplitude": peak.amplitude, "frequency": peak.frequency, "residual": peak.residual, "stick": stick,
+            "amplitude": amplitude, "frequency": frequency, "residual": peak.residual, "stick": stick,
             "slip": slip, "open": separation, "scan": peak.scan,
             "warning": "" if peak.scan == "complete" else f"scan {peak.scan}", "cost": peak.cost,
         }  # fmt: skip
 
 
 @dataclass(frozen=True)
-class OptimalTask:
+class OptimalTask(validate.Checked):
     """Optimal curve and optimum.
 
     Parameters
@@ -106,15 +97,15 @@ class OptimalTask:
 
     preload: tuple[float, ...] = (10.0, 25e3)
     n: int = 24
-    frequency: tuple[float, float] | None = None
-    mode: int = 1
+    frequency: validate.Interval | None = None
+    mode: validate.Count = 1
 
     def __post_init__(self) -> None:
         preload_values(self.preload, self.n)
-        _check_place(self)
+        super().__post_init__()
 
-    def __call__(self, problem: Problem, preload: float | None) -> Values:
-        curve = optimal_curve(problem, self.preload, self.n, frequency=self.frequency, mode=self.mode)
+    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
+        curve = optimal_curve(problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode)
         o = curve.optimum
         return {
             "curve_preload": curve.preload.tolist(), "curve_amplitude": curve.amplitude.tolist(),
@@ -173,7 +164,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the answer at each point leaves open, empty where nothing."""
+        """Warnings of the result at each point, empty where there is none."""
         return tuple(str(value.get("warning", "")) for value in self.values)
 
     @property
@@ -234,25 +225,6 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         ends = (f"{amount(known[k], UNITS.get(name, ''))} ({_as_words(self.points[k])})" for k in (i, j))
         return f"{head}. {spaced(name).capitalize()} from {' to '.join(ends)}."
 
-    def details(self) -> str:
-        failed = [s for s in self.status if word(s) == FAILED]
-        warned = [w for w in self.warnings if w]
-        lines = [
-            f"sweep over {', '.join(self.names)}: {len(self)} points {self.shape}, {len(failed)} failed, "
-            f"{len(warned)} with a warning, "
-            f"{float(np.nansum(self.seconds)):.2f} s of work, {sum(c.evaluations for c in self.cost)} evaluations"
-        ]
-        lines += left_undone(self.status, "points")
-        for name in self.quantities:
-            array = self.array(name)
-            if array.dtype.kind == "f" and array.ndim == len(self.shape) and np.isfinite(array).any():
-                ends = (amount(end(array), UNITS.get(name, ""), 4) for end in (np.nanmin, np.nanmax))
-                lines.append(f"  {spaced(name)}: {' to '.join(ends)}")
-        lines += [f"  {text}" for text in dict.fromkeys(failed)]
-        if warned:
-            lines.append(f"  first warning: {warned[0]}")
-        return "\n".join(lines)
-
 
 def _as_words(point: Mapping[str, Any]) -> str:
     texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short(v) for n, v in point.items()}
@@ -260,7 +232,7 @@ def _as_words(point: Mapping[str, Any]) -> str:
 
 
 def _named(task: Any) -> str:
-    """A text for a callable that stays the same from run to run."""
+    """Stable identifier of a callable."""
     if is_dataclass(task) and not isinstance(task, type):
         return repr(task)
     return f"{getattr(task, '__module__', '')}.{getattr(task, '__qualname__', type(task).__qualname__)}"
@@ -270,34 +242,24 @@ def _named(task: Any) -> str:
 class _Job:
     """What all points have in common."""
 
-    problem: Problem
+    study: Asking | Problem
     evaluate: Task
     model: Callable[..., Model] | None = None
 
     def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
-        watch = Stopwatch()
-        status, values = COMPLETE, {}
-        cost: Cost | None = None
-        try:
-            problem = self.problem
-            arguments = {name[6:]: value for name, value in settings.items() if name.startswith("model.")}
-            if arguments:
-                assert self.model is not None
-                problem = replace(problem, model=self.model(**arguments))
-            rest = {k: v for k, v in settings.items() if k != "preload" and not k.startswith("model.")}
-            if rest:
-                problem = vary(problem, rest)
-            preload = settings.get("preload")
-            with LongWork() as work:  # a worker does not know that the point is part of a sweep
-                values = dict(self.evaluate(problem, None if preload is None else float(preload)))
-            if work.interrupted:
-                raise KeyboardInterrupt
-            if isinstance(values.get("cost"), Cost):
-                cost = values.pop("cost")
-        except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-            status = because(FAILED, error)
-        spent = watch.read()
-        return {"status": status, "values": values, "seconds": spent["seconds"], "cost": asdict(cost or Cost(**spent))}
+        return recorded(lambda: self._answers(settings))
+
+    def _answers(self, settings: Mapping[str, Any]) -> Values:
+        study = self.study
+        arguments = {name[6:]: value for name, value in settings.items() if name.startswith("model.")}
+        if arguments:
+            assert self.model is not None
+            study = study.with_(model=self.model(**arguments))
+        rest = {k: v for k, v in settings.items() if k != "preload" and not k.startswith("model.")}
+        if rest:
+            study = vary(study, rest)
+        preload = settings.get("preload")
+        return self.evaluate(study, None if preload is None else float(preload))
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
@@ -357,8 +319,9 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     """What identifies a sweep in its results file."""
     return {
-        "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(), "study": study_fingerprint(job.problem),
-        "evaluate": _named(job.evaluate), "model": None if job.model is None else _named(job.model), "combine": combine,
+        "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(),
+        "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate),
+        "model": None if job.model is None else _named(job.model), "combine": combine,
         "over": {name: list(values) for name, values in over.items()},
     }  # fmt: skip
 
@@ -366,7 +329,7 @@ def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
 @validate.spelt
 @one_thread
 def sweep(
-    problem: Problem,
+    study: Asking | Problem,
     over: Mapping[str, Sequence[Any] | NDArray],
     evaluate: Task | None = None,
     *,
@@ -383,11 +346,11 @@ def sweep(
 
     Parameters
     ----------
-    problem : Problem
+    study : Study
     over : mapping of name to sequence of values
         "preload", the settings of :mod:`bdamper.problem.variation`, and "model.<argument>" for arguments of ``model``.
     evaluate : callable, optional
-        ``evaluate(problem, preload)`` returns named answers: numbers, texts, lists of numbers; the highest peak by default.
+        ``evaluate(study, preload)`` returns named answers: numbers, texts, lists of numbers; the highest peak by default.
         Processes need a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
     model : callable, optional
     combine : {"product", "zip"}
@@ -411,12 +374,13 @@ def sweep(
         For a name or value that cannot be varied; BdamperError if the results file is of another sweep.
     """
     names, points, shape = _points(over, combine)
-    _check_names(validate.instance("study", problem, Problem, "a Study"), over, model)
+    problem = problem_of(study)
+    _check_names(problem, over, model)
     check_executor(executor)
     validate.flag("progress", progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
     _check_plausible(problem, evaluate, over)
-    job = _Job(problem, evaluate, model)
+    job = _Job(study, evaluate, model)
     if executor is not None:
         _ = problem.stiffness  # which variants share is made before the job is sent out
     kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
@@ -426,3 +390,19 @@ def sweep(
     return SweepResult(
         names, tuple(points), values, status, np.array(seconds), shape, cost, **problem.recorded()
     )  # fmt: skip
+
+
+def _of_check(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the sweep that the check of an advice in a file of version 0.6 or before is."""
+    rows = [json.loads(group[key][()]) for key in ("whole", "lean")]
+    return {
+        "names": ("name",),
+        "points": tuple({"name": row.pop("name")} for row in rows),
+        "status": tuple(row.pop("status") for row in rows),
+        "seconds": np.array([row.pop("seconds") for row in rows]),
+        "values": tuple(rows),
+        "shape": (len(rows),),
+    }
+
+
+enter_former("bdamper-advice-check", "lean", SweepResult, _of_check)

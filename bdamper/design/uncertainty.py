@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bdamper.design.sweep import OptimalTask, sweep
 from bdamper.peaks.optimal import preload_values
+from bdamper.problem.asked import Asking
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
@@ -188,7 +189,7 @@ class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncer
 
 
 def uncertain_curve(
-    problem: Problem,
+    study: Asking | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
     preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
     n: int = 24,
@@ -203,7 +204,7 @@ def uncertain_curve(
 
     Parameters
     ----------
-    problem : Problem
+    study : Study
     samples : mapping of setting to (n_draws,) float
         From :func:`draw`, or given otherwise.
     preload, n, frequency, mode
@@ -216,7 +217,7 @@ def uncertain_curve(
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(
-        problem, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress
+        study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress
     )  # fmt: skip
     m = len(values)
     nothing = [np.nan] * m
@@ -233,7 +234,7 @@ def uncertain_curve(
 
 
 def robust_optimum(
-    problem: Problem,
+    study: Asking | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
     preload: tuple[float, float] = (10.0, 25e3),
     *,
@@ -252,7 +253,7 @@ def robust_optimum(
 
     Parameters
     ----------
-    problem : Problem
+    study : Study
     samples : mapping of setting to (n_draws,) float
     preload : (low, high), N
     percentile : float
@@ -285,7 +286,7 @@ def robust_optimum(
     rounds = 0
     while True:
         curve = uncertain_curve(
-            problem, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
+            study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
         left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]
         if left:

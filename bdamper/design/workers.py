@@ -18,11 +18,16 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
 
+import numpy as np
+
 from bdamper.util import status, validate
+from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.errors import BdamperError
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.results_file import ResultsFile, as_line
 
@@ -33,11 +38,29 @@ NOT_RUN: Record = {"status": status.NOT_RUN, "values": {}, "seconds": 0.0, "cost
 
 
 class Job(Protocol):
-    """What all points have in common; it can be pickled if it is to reach other processes."""
+    """Data common to all points; picklable if other processes need it."""
 
     def run(self, settings: Mapping[str, Any]) -> Record:
         """The record of the point with some settings."""
         ...
+
+
+def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
+    """Record of one point: the answers to a question, or why there are none.
+
+    An answer named "cost" that is a :class:`bdamper.util.cost.Cost` is the cost of the point, otherwise its time alone is.
+    """
+    watch, ending, values = Stopwatch(), status.COMPLETE, dict[str, Any]()
+    try:
+        with LongWork() as work:  # a worker does not know that the point is part of longer work
+            values = dict(ask())
+        if work.interrupted:
+            raise KeyboardInterrupt
+    except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
+        ending = status.because(status.FAILED, error)
+    spent = watch.read()
+    cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else Cost(**spent)
+    return {"status": ending, "values": values, "seconds": spent["seconds"], "cost": asdict(cost)}
 
 
 _jobs: dict[str, Job] = {}
@@ -66,18 +89,28 @@ def work(key: str, path: str, packed: bytes | Job | None, settings: Mapping[str,
     return f"{platform.node()} {os.getpid()}", None if job is None else job.run(settings)
 
 
-class _Tasks:
-    """Tasks of an executor, and what is known of its workers."""
+Task = Future[tuple[str, Record | None]]
+"""One that runs on an executor."""
 
-    def __init__(self, executor: Executor, key: str, path: str, packed: bytes | Job, points: Sequence[Mapping[str, Any]]):
-        self.executor, self.key, self.path, self.packed, self.points = executor, key, path, packed, points
-        self.running: dict[Future[tuple[str, Record | None]], int] = {}
-        self.finished: SimpleQueue[Future[tuple[str, Record | None]]] = SimpleQueue()
-        self.without: set[str] = set()
-        """Workers that have handed a task back and not yet received the job."""
-        self.carriers: set[Future[tuple[str, Record | None]]] = set()
-        """Running tasks that carry the job."""
-        self.handed_back: list[int] = []
+
+@dataclass
+class _Tasks:
+    """Tasks of an executor, and what is known of its workers.
+
+    ``without`` has the workers that have handed a task back and not yet received the job, ``carriers`` the running tasks
+    that carry it.
+    """
+
+    executor: Executor
+    key: str
+    path: str
+    packed: bytes | Job
+    points: Sequence[Mapping[str, Any]]
+    running: dict[Task, int] = field(default_factory=dict)
+    finished: SimpleQueue[Task] = field(default_factory=SimpleQueue)
+    without: set[str] = field(default_factory=set)
+    carriers: set[Task] = field(default_factory=set)
+    handed_back: list[int] = field(default_factory=list)
 
     def submit(self, i: int, carries: bool) -> None:
         """Submit a point, with the job or with its digest alone."""
@@ -87,7 +120,7 @@ class _Tasks:
             self.carriers.add(future)
         future.add_done_callback(self.finished.put)
 
-    def record(self, future: Future[tuple[str, Record | None]]) -> Record | None:
+    def record(self, future: Task) -> Record | None:
         """Record of a finished task, None if it was handed back."""
         self.carriers.discard(future)
         worker, record = future.result()

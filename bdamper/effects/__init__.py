@@ -1,7 +1,6 @@
-"""Effects: which physical effects one scene calls for, and what the choice of the friction law changes.
+"""Effects: which physical effects one scene calls for, and what the choice of settings changes.
 
-In comes a problem with a preload and an interval of frequency.  ``advice.advise`` judges each effect, ``advice.apply``
-makes the study with those called for, ``advice.check`` compares the two; ``compare_laws`` follows curves under several
-friction laws, ``microslip`` the first loading of a seated damper; ``indicator`` estimates what another study changes of a
-peak, ``richer.compare`` finds it.
+In comes a problem with a preload and an interval of frequency.  ``advice.advise`` determines each effect, ``advice.apply``
+makes the study with those needed; ``comparison.compare`` asks several studies the same question; ``microslip`` is the
+first loading of a seated damper; ``indicator`` estimates what another study changes of a peak, ``richer.compare`` finds it.
 """

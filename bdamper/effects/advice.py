@@ -6,7 +6,7 @@ the advice says what the highest peak of the reference would change if this effe
 1. The peak is carried into the study without the effect; one adjoint solution there estimates the change
    (:mod:`bdamper.effects.indicator`).
 2. Unless the estimate with what it may miss is within the tolerance, the study without the effect has a whole curve of its
-   own, whose highest point is taken.  Where there is none, the change is unknown and the effect is called for.
+   own, whose highest point is taken.  Where there is none, the change is unknown and the effect is needed.
 3. Effects are left out one after the other, those that save most first, as long as the sum of their changes is within the
    tolerance.  Small changes may still amount to more together than their sum, so the peak without all of them is computed
    and compared with that of the reference; until they agree, the effect with the largest change is taken back.
@@ -15,13 +15,14 @@ the advice says what the highest peak of the reference would change if this effe
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from bdamper.effects.indicator import embed, estimate_change
-from bdamper.effects.richer import Change, Tops, ask, compare, whole_curve
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.effects.richer import Change, Tops, compare, whole_curve
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.problem.asked import asked
 from bdamper.problem.effects import AXES, Effects
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
@@ -29,23 +30,15 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Plottable, Summarised
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, from_rows
-from bdamper.util.text import amount, percent
-
-MOST_HARMONICS = 3
-"""Of the reference, unless the study or the caller asks for more: each of the many peaks takes some five times as long with
-five."""
-WORTH = 0.98
-"""Share of the work of the reference from which on leaving an effect out saves nothing."""
-
-AnyProblem = TypeVar("AnyProblem", bound=Problem)
+from bdamper.util.text import amount
 
 
 @dataclass(frozen=True)
 class EffectAdvice:
-    """What leaving out one effect changes, and whether the scene calls for it.
+    """Change of the peak without one effect, and whether the effect is needed.
 
     Parameters
     ----------
@@ -62,7 +55,7 @@ class EffectAdvice:
         Operations of a Newton iteration without the effect, relative to those of the reference.
     called_for : bool
     reason : str
-        Why the change is not known, or why an effect of a small change is called for.
+        Why the change is not known, or why an effect of a small change is needed.
     """
 
     name: str
@@ -83,7 +76,7 @@ class EffectAdvice:
 
     @property
     def verdict(self) -> str:
-        """What to do about the effect in the study."""
+        """Recommended action for the effect in the study."""
         if self.on:
             return "keep" if self.called_for else "leave out"
         return "switch on" if self.called_for else "stays off"
@@ -92,7 +85,7 @@ class EffectAdvice:
 @brief
 @dataclass(frozen=True)
 class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, oldest=4):
-    """What each effect changes in one scene, and which of them the scene calls for.
+    """Change of the peak without each effect, and which effects are needed.
 
     ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_advice`).
 
@@ -110,7 +103,7 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, old
     reference, called_for : Effects
         All effects on, and just those that the scene calls for.
     amplitude_change, frequency_change : float
-        Relative change of the peak with just the effects called for, computed.
+        Relative change of the peak with just the effects needed, computed.
     work : float
         Operations of a Newton iteration with just these, relative to those of the reference.
     peaks : int
@@ -176,7 +169,7 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, old
 
 
 def _change(value: float, uncertainty: float) -> str:
-    """A change in percent; where as much may be missed as was found, what it is less than."""
+    """A change in per cent; where as much may be missed as was found, what it is less than."""
     if not np.isfinite(uncertainty) or uncertainty == 0.0 or max(uncertainty, 5e-5) < abs(value):
         return _percent(value)
     return f"< {np.ceil(1e4 * (abs(value) + uncertainty)) / 100:.2f} %"
@@ -196,7 +189,7 @@ def advise(
     against: Effects | None = None,
     tolerance: float = 0.01,
 ) -> Advice:
-    """What each effect changes at the highest peak of one scene, and which of them the scene calls for.
+    """Change of the highest peak without each effect, and which effects are needed.
 
     It costs many peaks itself: that of the reference, one for each effect whose change is not small, one or a few to
     compute what leaving out effects together changes.  It pays where many peaks of like scenes follow.
@@ -209,7 +202,7 @@ def advise(
         Interval in which the highest peak is looked for.
     against : Effects, optional
         The reference; by default all that the model allows (:func:`fullest`).  The friction law stays that of the
-        study: it says what is computed, and :meth:`bdamper.Study.compare_laws` compares them.
+        study: it says what is computed.
     tolerance : float
         Relative change of amplitude or frequency that leaving out effects may make in all.
 
@@ -282,11 +275,12 @@ def _chosen(
 ) -> tuple[list[EffectAdvice], tuple[float, float]]:
     """The rows, marked with the effects that can be left out together, and the computed change without all of these."""
     taken_back = {row.name: reason for row in rows if (reason := _contains_more(reference.effects, row, rows, tolerance))}
+    worth = 0.98  # share of the work of the reference from which on leaving an effect out saves nothing
     while True:
         effects, total, out = reference.effects, 0.0, dict[str, EffectAdvice]()
         for row in sorted(rows, key=lambda row: row.work):
             fits = row.name not in taken_back and total + row.size <= tolerance
-            if fits and (row.work < WORTH or not row.on) and effects.without(row.name) != effects:
+            if fits and (row.work < worth or not row.on) and effects.without(row.name) != effects:
                 effects, total = effects.without(row.name), total + row.size
                 out[row.name] = row
         change = 0.0, 0.0
@@ -303,21 +297,19 @@ def _chosen(
         covered = effects.without(row.name) == effects  # by itself or with an effect that contains it
         reason = row.reason or taken_back.get(row.name, "")
         if not covered and not reason and row.size <= tolerance:
-            reason = "saves nothing" if row.work >= WORTH else "the sum would be beyond the tolerance"
+            reason = "saves nothing" if row.work >= worth else "the sum would be beyond the tolerance"
         marked.append(replace(row, called_for=not covered, reason="" if covered else reason))
     return marked, change
 
 
 def _contains_more(effects: Effects, row: EffectAdvice, rows: list[EffectAdvice], tolerance: float) -> str:
-    """Whether leaving out an effect leaves out another one that is called for by itself: both may cancel by chance."""
+    """Whether leaving out an effect leaves out another one that is needed by itself: both may cancel by chance."""
     without = effects.without(row.name)
-    for other in rows:
-        if other is not row and other.size > tolerance and without.without(other.name) == without:
-            return f"contains {other.name}"
-    return ""
+    large = (other.name for other in rows if other is not row and other.size > tolerance)
+    return next((f"contains {name}" for name in large if without.without(name) == without), "")
 
 
-def _work(system: HarmonicSystem) -> float:
+def _work(system: Equations) -> float:
     """Operations of a Newton iteration, the same on every machine."""
     return float(system.work[:3].sum())
 
@@ -329,7 +321,10 @@ def fullest(problem: Problem) -> Effects:
     """
     own = Effects.of(problem)
     most = 1
-    for l in range(2, MOST_HARMONICS + 1):
+    # of the reference, unless the study or the caller asks for more: each of the many peaks takes some five times as
+    # long with five
+    most_harmonics = 3
+    for l in range(2, most_harmonics + 1):
         try:
             problem.coupling.basis(l)
         except SettingError:
@@ -339,13 +334,13 @@ def fullest(problem: Problem) -> Effects:
     switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
     on: dict[str, Any] = dict.fromkeys(switches, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
-    damper_modes = max(own.damper_modes, min(2, problem.most_modes("free")))
+    damper_modes = max(own.damper_modes, min(2, problem.settings.most_modes("free")))
     return replace(own, harmonics=harmonics, damper_modes=damper_modes, **on)
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
     """Names of the single effects among those that are on, as :meth:`Effects.without` takes them, for one model."""
-    points = problem.most_points
+    points = problem.settings.most_points
     points = points if effects.contact_points is None else min(points, effects.contact_points)
     names = ["bias", "variable normal load", "separation"]
     names += [f"harmonics beyond {l}" for l in (1, 3)]
@@ -364,7 +359,8 @@ def parts(problem: Problem, effects: Effects) -> list[str]:
     return [name for name in names if effects.without(name) != effects]
 
 
-def apply(problem: AnyProblem, advice: Advice) -> AnyProblem:
+@asked
+def apply(problem: Problem, advice: Advice) -> Problem:
     """The study with just the effects that a scene calls for.
 
     Parameters
@@ -378,112 +374,3 @@ def apply(problem: AnyProblem, advice: Advice) -> AnyProblem:
         Of the same kind as the one given.
     """
     return problem.with_effects(validate.instance("advice", advice, Advice).called_for)
-
-
-# ---- what the advice is worth ----
-
-
-@dataclass(frozen=True)
-class CheckedPeak:
-    """The highest peak of one study, and what it took.
-
-    Parameters
-    ----------
-    name : str
-    amplitude, frequency : float, m, Hz
-        NaN if no peak was found.
-    seconds : float
-        Of the processor, with all that has to be made for the study.
-    evaluations : int
-    status : str
-        "complete" if the curve was followed from end to end of the interval, otherwise how it ended.
-    """
-
-    name: str
-    amplitude: float
-    frequency: float
-    seconds: float
-    evaluations: int
-    status: str
-
-
-@brief
-@dataclass(frozen=True)
-class AdviceCheck(Summarised, Tabular, Storable, kind="bdamper-advice-check"):
-    """The highest peak with all effects on and with just those called for, each computed anew.
-
-    Parameters
-    ----------
-    preload : float, N
-    tolerance : float
-    whole, lean : CheckedPeak
-        With all effects of the advice's reference, and with just those called for.
-    """
-
-    preload: float
-    tolerance: float
-    whole: CheckedPeak
-    lean: CheckedPeak
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each of both peaks."""
-        return from_rows((self.whole, self.lean))
-
-    @property
-    def amplitude_change(self) -> float:
-        """Relative change of the amplitude by what is left out."""
-        return self.lean.amplitude / self.whole.amplitude - 1.0
-
-    @property
-    def frequency_change(self) -> float:
-        """Relative change of the frequency by what is left out."""
-        return self.lean.frequency / self.whole.frequency - 1.0
-
-    @property
-    def agrees(self) -> bool:
-        """Whether amplitude and frequency agree within the tolerance."""
-        return max(abs(self.amplitude_change), abs(self.frequency_change)) <= self.tolerance
-
-    @property
-    def speedup(self) -> float:
-        """Processor time with all effects, relative to that with those called for."""
-        return self.whole.seconds / self.lean.seconds
-
-    def bottom_line(self) -> str:
-        within = "within" if self.agrees else "beyond"
-        changes = f"amplitude by {_percent(self.amplitude_change)} and frequency by {_percent(self.frequency_change)}"
-        return (
-            f"What is left out changes the {changes}, {within} the tolerance of {percent(self.tolerance)}. "
-            f"Without it the answer comes {self.speedup:.1f} times as fast."
-        )
-
-
-@one_thread
-def check(problem: Problem, advice: Advice) -> AdviceCheck:
-    """Compute the highest peak with all effects on and with just those called for, and compare them.
-
-    Parameters
-    ----------
-    problem : Problem
-    advice : Advice
-        Of this study.
-
-    Returns
-    -------
-    AdviceCheck
-    """
-    validate.instance("advice", advice, Advice)
-    sets = {"all": advice.reference, "called for": advice.called_for}
-    whole, lean = (_checked(problem, advice, name, effects) for name, effects in sets.items())
-    return AdviceCheck(advice.preload, advice.tolerance, whole, lean)
-
-
-def _checked(problem: Problem, advice: Advice, name: str, effects: Effects) -> CheckedPeak:
-    study = replace(problem, **problem.settings_for(effects))  # shares nothing, so that its time is that of all its work
-    answer = ask(study, lambda p: whole_curve(p, advice.preload, advice.interval))
-    curve = answer.result
-    if curve is None:
-        return CheckedPeak(name, np.nan, np.nan, answer.seconds, 0, answer.why)
-    return CheckedPeak(
-        name, curve.peak.amplitude, curve.peak.frequency, answer.seconds, curve.cost.evaluations, curve.status
-    )

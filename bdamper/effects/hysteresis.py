@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.cycle import Energies, bodily_motion, energies, histories
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.model import Interface
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.problem.problem import Problem, matching
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
@@ -60,8 +61,6 @@ WHOLE = "whole"
 """Name of the loop of all contacts together."""
 NOTHING = 1e-9
 """Energy relative to the work of the excitation below which nothing slips: the residual of a solution."""
-LARGEST_RESIDUAL = 1e-6
-"""Relative residual above which unknowns are no solution of a study."""
 Solved = Curve | Peak | OptimalCurve
 
 
@@ -169,7 +168,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     @property
     def imbalance(self) -> float:
-        """What is left of the work of the excitation after both losses, relative to it."""
+        """Error of the energy balance relative to the work of the excitation."""
         return (self.excitation - self.damping - self.lost) / self.excitation if self.excitation else float("nan")
 
     def rows(self, interface: str) -> NDArray:
@@ -213,7 +212,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         return draw(self, "energy", **options)
 
     def facts(self) -> tuple[Fact, ...]:
-        """Where the energy of a cycle goes, and what the contacts are equivalent to."""
+        """Energy of a cycle by its losses, and equivalent stiffness and damping of the contacts."""
         return (
             Fact("preload", self.preload, "N"),
             Fact("frequency", self.frequency, "Hz"),
@@ -326,7 +325,6 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Problem, list[_Solutio
     """The problem with the harmonics of a result, and its solutions."""
     kinds = Curve, Peak, OptimalCurve
     validate.instance("result", result, kinds, "a tracking curve, a peak or an optimal curve of this study")
-    problem = matching(problem, result.settings)
     own = problem.record()["response"]
     found_at = result.settings.get("response", own)
     validate.require(found_at == own, "result", f"a result with the response {own}", f"one with {found_at}")
@@ -347,9 +345,10 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Problem, list[_Solutio
     return problem, found
 
 
-def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_Solution, HarmonicSystem]]:
+def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_Solution, Equations[Sector]]]:
     """Each solution with its equations, refused where it does not satisfy them."""
     system, preload = None, None
+    largest_residual = 1e-6  # relative residual above which unknowns are no solution of a study
     for s in solutions:
         if system is None or s.preload != preload:
             system, preload = problem.system(s.preload), s.preload
@@ -358,16 +357,16 @@ def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_So
                 r = system.residual(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
                 error = float(np.abs(r * system.row_scale).max())
             found = f"those of other settings (residual {error:.2g})"
-            validate.require(error < LARGEST_RESIDUAL, "result", "solutions of this study", found)
+            validate.require(error < largest_residual, "result", "solutions of this study", found)
         yield s, system
 
 
-def _on_points(problem: Problem, system: HarmonicSystem, values: NDArray) -> NDArray:
+def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> NDArray:
     """Sums over the elements of the equations that belong to each contact point of the structure."""
-    if system.points.index is None:
+    if system.structure.points.index is None:
         return values
     out = np.zeros((problem.coupling.n_points, *values.shape[1:]))
-    np.add.at(out, system.points.index, values)
+    np.add.at(out, system.structure.points.index, values)
     return out
 
 
@@ -419,11 +418,11 @@ def _identity(problem: Problem) -> dict[str, Any]:
     return {"interface": names, **problem.recorded()}
 
 
-def _counted(problem: Problem, system: HarmonicSystem) -> NDArray:
+def _counted(problem: Problem, system: Equations[Sector]) -> NDArray:
     """(n,) bool: elements of the equations that belong to contacts; cubic and linear springs are a part of the bodies."""
     faces = _faces(problem)
     contact = np.repeat([face.kind in ("friction", "constraint") for face in faces], [face.n_points for face in faces])
-    return contact if system.points.index is None else contact[system.points.index]
+    return contact if system.structure.points.index is None else contact[system.structure.points.index]
 
 
 @one_thread
@@ -464,13 +463,13 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     X, F = histories(system, u, theta)
     counted, shown = _counted(problem, system), ~problem.coupling.spring_points
     e, response = energies(system, u, omega, counted), complex(system.response(u)[1])
-    places = np.arange(system.n_points) if system.points.index is None else system.points.index
+    places = np.arange(system.n_points) if system.structure.points.index is None else system.structure.points.index
     first = np.unique(places, return_index=True)[1]  # of two elements of a point the first, with the point's own normal
     sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
     force = _on_points(problem, system, np.stack([F[:, 0], F[:, 1], sense[:, None] * F[:, 2]], axis=1))
     displacement = np.full(force.shape, np.nan)
     displacement[places[first]] = X[first]
-    kn, n0 = system.points.kn[first], system.points.n0[first]
+    kn, n0 = system.structure.points.kn[first], system.structure.points.n0[first]
     distance = (-n0 / np.where(kn > 0.0, kn, np.nan))[:, None] - X[first, 2]
     gap = np.full(force[:, 2].shape, np.nan)
     gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
@@ -481,13 +480,13 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     return Hysteresis(
         preload=s.preload, frequency=s.frequency, amplitude=abs(response), theta=theta, stiffness=e.stiffness.real,
         width=e.stiffness.imag, response=(response * np.exp(1j * theta)).real,
-        whole=_whole(system, u, response, F, theta, counted), **columns, **_identity(problem),
+        whole=_whole(system, u, F, theta, counted), **columns, **_identity(problem),
     )  # fmt: skip
 
 
-def _whole(system: HarmonicSystem, u: NDArray, response: complex, F: NDArray, theta: NDArray, counted: NDArray) -> NDArray:
+def _whole(system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, counted: NDArray) -> NDArray:
     """(n_theta,) force at the response that does the work of all contacts on the fundamental harmonic."""
-    _, mean, _ = system.contact(u)
+    (_, mean, _), response = system.contact(u), complex(system.response(u)[1])
     if response == 0.0:
         return np.full(len(theta), np.nan)
     ratio = (bodily_motion(system, u) / response)[counted]

@@ -25,9 +25,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import get_lapack_funcs
 
-from bdamper.harmonic_balance.system import OK, HarmonicSystem
+from bdamper.harmonic_balance.equations import OK, Equations, norm2
 from bdamper.peaks.newton import amplitude_and_phase
 from bdamper.problem.problem import Problem
 from bdamper.util.repr import brief
@@ -83,10 +82,10 @@ def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
         before, after = old.static(preload).q, new.static(preload).q
         out[: b.n_mean] = after
         if a.n_mean:
-            at, to = _common(a.bases[0].coordinates, b.bases[0].coordinates)
+            at, to = _common(a.structure.bases[0].coordinates, b.structure.bases[0].coordinates)
             out[to] += y[at] - before[at]
     for l in range(1, min(a.n_harmonics, b.n_harmonics) + 1):
-        at, to = _common(a.bases[l].coordinates, b.bases[l].coordinates)
+        at, to = _common(a.structure.bases[l].coordinates, b.structure.bases[l].coordinates)
         for from_part, to_part in zip(a.slices(l), b.slices(l)):
             out[to_part.start + to] = y[from_part.start + at]
     return out
@@ -99,50 +98,39 @@ def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
     return np.array([i for i, _ in pairs], int), np.array([j for _, j in pairs], int)
 
 
-def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None = None) -> Estimate:
+def estimate_change(system: Equations, y: NDArray, residual: NDArray | None = None) -> Estimate:
     """Change of the peak from the point ``y`` to the solutions of a system that ``y`` does not solve.
 
     It is unknown where the equations of the system are not finite.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations
     y : (n_unknowns + 1,) float
         A peak of another system, embedded.
     residual : (n_unknowns,) float, optional
         Of equations that differ from those of the system a little, at ``y``; the system's own by default.
     """
     n, unknown = system.n_unknowns, Estimate(np.nan, np.nan, np.inf, y)
-    try:
-        r, J, r_omega = system.evaluate(y[:-1], y[-1])
-    except FloatingPointError:
+    if system.core.evaluate(np.ascontiguousarray(y), r := np.empty(n)) != OK:
         return unknown
     r = r if residual is None else residual
     grow, turn, amplitude = amplitude_and_phase(system, y[:-1])
-    B = np.zeros((n + 1, n + 1))
-    B[:n, :n], B[:n, n], B[n, :n] = J, r_omega, turn
-    columns = np.ones(n + 1)
-    columns[:n] = max(float(np.linalg.norm(y[system.n_mean : -1])), 1e-300)
-    columns[n] = y[-1]
-    B *= columns
-    rows = 1.0 / np.maximum(np.abs(B).max(axis=1), 1e-300)
-    B *= rows[:, None]
-    weights = np.zeros((n + 1, 2))
-    weights[:n, 0] = grow / max(amplitude, 1e-300) * columns[:n]
-    weights[n, 1] = 1.0
-    right = np.append(r, 0.0) * rows
-    getrf, getrs, gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), (B,))
-    factors, pivots, info = getrf(B)
-    if info == 0 and gecon(factors, np.abs(B).sum(axis=0).max())[0] > 1e-14:
-        dual = getrs(factors, pivots, weights, trans=1)[0]
-        step = getrs(factors, pivots, -right)[0]
-    else:  # a mean position that nothing holds stays where it is
-        dual = np.linalg.lstsq(B.T, weights, rcond=1e-13)[0]
-        step = np.linalg.lstsq(B, -right, rcond=1e-13)[0]
-    change = -(right @ dual)
-    new = y + step * columns
+    scale = np.full(n + 1, max(norm2(y[system.n_mean : -1]), 1e-300))
+    scale[n] = y[-1]
+    border = np.append(turn, 0.0) * scale
+    border /= max(norm2(border), 1e-300)
+    weights = np.zeros((2, n + 1))  # d ln(amplitude) and d ln(frequency)
+    weights[0, :n], weights[1, n] = grow / max(amplitude, 1e-300) * scale[:n], 1.0
+    try:  # a mean position that nothing holds stays where it is
+        dual = system.solve_linear(y, border, scale, weights, transposed=True)[:, :n]
+        step = system.solve_linear(y, border, scale, np.append(-r, 0.0)[None])[0]
+    except FloatingPointError:
+        return unknown
+    change = -(dual @ r)
+    new = y + step * scale
     again = np.empty(n)
     if not new[-1] > 0.0 or system.core.evaluate(new, again) != OK:
         return unknown
-    missed = (np.append(again, 0.0) * rows) @ dual
+    missed = dual @ again
     return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new)

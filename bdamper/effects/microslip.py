@@ -7,7 +7,7 @@ The static equations of :mod:`bdamper.contact.preload` under the load :math:`P` 
 
 :math:`d` the modes of the location in the direction of :math:`Q`.  Residual modes do not move the location and :math:`Q`
 does no work on them, so curves of different contact stiffnesses differ by the contact alone.  As points begin to slip one
-after the other the slope falls from the stuck stiffness to zero, at the force at which the damper slides.
+after the other the slope decreases from the stuck stiffness to zero, at the force at which the damper slides.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
+from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, static_state
 from bdamper.model.loads import direction_vector
+from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
@@ -71,6 +72,7 @@ class Microslip(Plottable, Tabular, Storable, kind="bdamper-microslip"):
         return f"At a preload of {amount(self.preload, 'N')} the damper moves by {way}; {slips}."
 
 
+@asked
 def microslip(
     problem: Problem,
     preload: float,
@@ -114,15 +116,12 @@ def microslip(
     d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
     if not np.any(d):
         raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
-    f, x0 = problem.damper_load
-    kn = problem.point_stiffness[:, 2]
-    system = StaticSystem(
-        basis.omega2, basis.G.real, problem.tangential_stiffness, kn, problem.friction,
-        kn * (preload * x0[:, 2] - problem.point_gaps), d.real, np.zeros_like(x0),
-        preload * f + problem.constant_force, problem.bonded_points, problem.static_system.cubic,
+    own = problem.static_system
+    system = replace(
+        own, force=d.real, shift=np.zeros_like(own.shift), constant_force=preload * own.force + own.constant_force,
+        constant_shift=own.shift_at(preload),
     )  # fmt: skip
-    # the constant part of the motion stands in n0 and in the sliders
-    state = replace(seat, load=0.0, slider=seat.slider - preload * x0[:, :2])
+    state = replace(seat, load=0.0)
     states, reached = [state], [0.0]
     for force in wanted:
         state = static_state(system, float(force), start=state, steps=2)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import track
 from bdamper.effects.indicator import embed
-from bdamper.harmonic_balance.system import OK, HarmonicSystem
+from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.peaks.highest import highest_of_curve, maxima
 from bdamper.peaks.newton import Peak, find_peak, peak_scale, same_peak
 from bdamper.problem.problem import Problem
@@ -35,6 +35,8 @@ A peak that changes by more than the rest, 30 %, may leave the top to one that i
 taken.  In the scenes of ``benchmarks.estimate_scenes`` the changes that Newton's method finds are at most 6 %, and those of
 whole curves to 1e-4.
 """
+WIDER = 1.05, 1.1, 1.2
+"""By how much an interval is widened, one after the other, where the resonance has left it: 39 % in all."""
 
 
 class Answer(NamedTuple):
@@ -84,18 +86,29 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
         known, why = result.complete, f"{result.status}: {result.reason}"
     if not known:
         return np.nan, np.nan, why
-    top = result if isinstance(result, Peak) else result.peak
-    if isinstance(result, Curve) and result.peak_at_end:
-        top = highest_of_curve(problem.system(result.preload), result).peak
-    return top.amplitude, top.frequency, ""
+    if isinstance(result, Curve):
+        result = highest_of_curve(problem.system(result.preload), result).peak if result.peak_at_end else result.peak
+    return result.amplitude, result.frequency, ""
 
 
-def whole_curve(problem: Problem, preload: float, frequency: tuple[float, float], at_end: bool = False) -> Curve:
-    """A tracking curve; an error where it has no point or, unless ``at_end``, no maximum within the interval."""
+def whole_curve(
+    problem: Problem, preload: float, frequency: tuple[float, float], at_end: bool = False, wider: tuple | None = None
+) -> Curve:
+    """A tracking curve; an error where it has no point or, unless ``at_end``, no maximum within the interval.
+
+    With factors ``wider`` it is an error, too, if an end is higher than every maximum.  The interval is first widened by
+    them, one after the other, at the end at which the response is highest.
+    """
     curve = uninterrupted(track(problem, preload, frequency))
     why = "" if len(curve) else curve.reason
-    if not why and not at_end and curve.peak_at_end and highest_of_curve(problem.system(preload), curve).kind == "end":
-        why = "the response is highest at an end"
+    if not why and not at_end and curve.peak_at_end:
+        if wider:
+            low, high = frequency
+            upward = 2.0 * curve.peak.frequency > low + high
+            frequency = (low, high * wider[0]) if upward else (low / wider[0], high)
+            return whole_curve(problem, preload, frequency, wider=wider[1:])
+        if wider is not None or highest_of_curve(problem.system(preload), curve).kind == "end":
+            why = "the response is highest at an end"
     if why:
         raise BdamperError(f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {why}")
     return curve
@@ -113,11 +126,14 @@ class Tops:
         Of the curve that they are from.
     at_end : bool
         Whether the highest is an end of the interval, which is no maximum.
+    follow : bool
+        Whether the interval is widened where the peak leaves it: not if an end is already higher, on the flank of another.
     """
 
     peaks: tuple[Peak, ...]
     interval: tuple[float, float] | None = None
     at_end: bool = False
+    follow: bool = False
 
     @classmethod
     def of(cls, problem: Problem, curve: Curve) -> Tops:
@@ -163,17 +179,16 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
         if found is not None:
             return found
     interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
-    answer = ask(other, lambda p: whole_curve(p, preload, interval, at_end=tops.at_end))
-    if answer.why:
-        return Change(np.nan, np.nan, f"no whole curve: {answer.why}")
-    return _change(peak, answer, "found anew by a whole curve")
+    answer = ask(other, lambda p: whole_curve(p, preload, interval, tops.at_end, WIDER if tops.follow else None))
+    beyond = "" if interval[0] <= answer.frequency <= interval[1] else ", beyond the interval"
+    return _change(peak, answer, f"no whole curve: {answer.why}" if answer.why else f"found anew by a whole curve{beyond}")
 
 
 def _change(before: Peak, after: Answer | Peak, how: str) -> Change:
     return Change(after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, how)
 
 
-def _solved(system: HarmonicSystem, embedded: list[NDArray], tops: Tops) -> Change | None:
+def _solved(system: Equations, embedded: list[NDArray], tops: Tops) -> Change | None:
     """The highest of the peaks to which Newton's method leads from each; None if it fails, or leads to another one."""
     found = []
     for y, peak in zip(embedded, tops.peaks):
@@ -184,7 +199,7 @@ def _solved(system: HarmonicSystem, embedded: list[NDArray], tops: Tops) -> Chan
     return _change(tops.peaks[0], max(found, key=lambda p: p.amplitude), "solved")
 
 
-def _at_frequency(system: HarmonicSystem, embedded: list[NDArray], peak: Peak) -> Change | None:
+def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
     """To the response of another system at the frequency of a point, if nothing else may become the highest."""
     y = embedded[0]
     for search in (False, True) if len(embedded) == 1 else ():

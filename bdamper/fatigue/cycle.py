@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +21,19 @@ from bdamper.contact.friction_axes import turned
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.points import PointArrays
 from bdamper.fatigue import criteria
-from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.model.loads import direction_vector
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.model import Body, ModalBasis
 from bdamper.model.stress import StressSet
-from bdamper.problem.problem import Problem, matching
-from bdamper.problem.settings import check_result
+from bdamper.problem.problem import Problem
+from bdamper.problem.results import unknowns_of
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Numbers, Pascals, Quantity, Tabular
 from bdamper.util.text import amount
 
 
@@ -54,7 +55,7 @@ class Solutions(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class StressCycle(Plottable, Comparable, Recorded, Storable, kind="bdamper-stress"):
+class StressCycle(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
     """Stress over the cycle of one solution.
 
     ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
@@ -78,11 +79,11 @@ class StressCycle(Plottable, Comparable, Recorded, Storable, kind="bdamper-stres
     model_hash : str
     """
 
-    points: NDArray
-    names: tuple[str, ...]
+    points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
+    names: Annotated[tuple[str, ...], Quantity(name="name")]
     coefficients: NDArray
     centrifugal: NDArray
-    counted: NDArray
+    counted: Numbers
     spread: NDArray
     frequency: float
     preload: float
@@ -102,33 +103,25 @@ class StressCycle(Plottable, Comparable, Recorded, Storable, kind="bdamper-stres
         return criteria.amplitude_and_mean(self.coefficients, criterion)
 
     @property
+    def amplitude(self) -> Pascals:
+        """(n,) float, Pa: amplitude by von Mises."""
+        return self.amplitude_and_mean().amplitude
+
+    @property
+    def mean(self) -> Pascals:
+        """(n,) float, Pa: the mean beside it."""
+        return self.amplitude_and_mean().mean
+
+    @property
     def critical(self) -> int:
         """The counted point of largest amplitude by von Mises."""
-        return int(np.where(self.counted, self.amplitude_and_mean().amplitude, -1.0).argmax())
-
-    def facts(self) -> tuple[Fact, ...]:
-        """Largest amplitude, where, and the mean there."""
-        i, cycle = self.critical, self.amplitude_and_mean()
-        return (
-            Fact("stress", f"{len(self)} points, {self.frequency:.6g} Hz, {self.preload:g} N, {self.speed:.4g} rad/s"),
-            Fact("largest amplitude, von Mises", 1e-6 * float(cycle.amplitude[i]), "MPa"),
-            Fact("mean there", 1e-6 * float(cycle.mean[i]), "MPa"),
-            Fact("at", self.names[i]),
-        )
+        return int(np.where(self.counted, self.amplitude, -1.0).argmax())
 
     def bottom_line(self) -> str:
         i, cycle = self.critical, self.amplitude_and_mean()
         stress = f"{amount(cycle.amplitude[i], 'Pa')} about a mean of {amount(cycle.mean[i], 'Pa')}"
         at = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
         return f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({at})."
-
-    def details(self) -> str:
-        cycle, head = self.amplitude_and_mean(), self.facts()[0].value
-        lines = [f"stress over the cycle: {head}; amplitude and mean, von Mises"]
-        for i, name in enumerate(self.names):
-            left = "" if self.counted[i] else ", next to a contact face"
-            lines.append(f"  {name}: {1e-6 * cycle.amplitude[i]:.4g} MPa about {1e-6 * cycle.mean[i]:.4g} MPa{left}")
-        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
 def stress(
@@ -159,18 +152,12 @@ def stress(
     SettingError
         If the model has no stress, or the result is not one of this problem.
     """
-    problem = of(problem, result)
     found = solutions(problem, result, speed)
     n = len(found.unknowns)
     if n > 1:
         index = _highest(result, found) if index is None else validate.whole("index", index, least=0, most=n - 1)
     chosen = Solutions(*(column[[index or 0]] for column in found))
     return cycles(problem, chosen, sets)[0]
-
-
-def of(problem: Problem, result: Any) -> Problem:
-    """The problem with the harmonics that a tolerance chose for a result."""
-    return matching(problem, getattr(result, "settings", {}))
 
 
 def _highest(result: Any, found: Solutions) -> int:
@@ -187,22 +174,11 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
         If there are none, or they are not those of this problem.
     """
     chosen_sets(problem)
-    if hasattr(result, "y"):
-        if not result.converged:
-            raise SettingError(f"result: expected a converged peak, found one that is {result.status}")
-        unknowns, preload = np.asarray(result.y)[None, :-1], np.array([result.parameter])
-    elif hasattr(result, "unknowns"):
-        unknowns, preload = np.asarray(result.unknowns), np.asarray(result.preload, float)
-    else:
-        raise SettingError(f"result: expected a peak or a curve with its solutions, found a {type(result).__name__}")
-    if not len(unknowns) or unknowns.shape[1] != problem.n_unknowns:
-        n = unknowns.shape[1] if len(unknowns) else 0
-        raise SettingError(f"result: expected one of this study, with {problem.n_unknowns} unknowns, found {n}")
-    if hasattr(result, "settings"):
-        check_result(problem, result)
+    unknowns = unknowns_of(problem, result)
+    preload = np.array([result.parameter]) if hasattr(result, "y") else np.asarray(result.preload, float)
     validate.require(np.isfinite(preload).all(), "result", "one at a known preload", "none")
     frequency = np.broadcast_to(np.asarray(result.frequency, float), len(unknowns))
-    turning = speed if speed is not None else getattr(problem, "speed", None)
+    turning = speed if speed is not None else problem.settings.speed
     if turning is not None:
         rotation = np.full(len(unknowns), validate.number("speed", turning, least=0.0, unit="rad/s"))
     else:
@@ -248,9 +224,9 @@ def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet
     n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
     out = np.full((len(found.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
     centrifugal = np.concatenate([np.full((len(s), 6), np.nan) if s.static is None else s.static for s in sets])
-    present = sorted({0, *problem.active_harmonics})
+    present = sorted({0, *problem.settings.active_harmonics})
     parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
-    systems: dict[float, tuple[HarmonicSystem, NDArray]] = {}
+    systems: dict[float, tuple[Equations[Sector], NDArray]] = {}
     for i, (u, frequency, preload, speed) in enumerate(zip(*found)):
         if not np.isfinite(u).all():
             continue
@@ -264,7 +240,7 @@ def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet
             force = np.einsum("pdk,pd->k", axes, f)
             q = system.amplitudes(u, l)
             coordinates = problem.bases[l].coordinates
-            if l == 0 and not problem.bias:
+            if l == 0 and not problem.settings.bias:
                 state = problem.equilibrium(preload)
                 q, force, coordinates = state.q, state.force.ravel(), problem.static_basis.coordinates
             by_body: dict[str, dict[int, complex]] = {}
@@ -285,11 +261,11 @@ def _contact_axes(problem: Problem, preload: float) -> NDArray:
         law=problem.point_laws.copy(), shift=np.zeros((n, 3)),
     )  # fmt: skip
     bases = [basis]
-    if problem.friction_axes == "major":
+    if problem.settings.friction_axes == "major":
         bases, points = turned(bases, points, problem.major_directions(preload))
-    if not problem.separation or not problem.variable_normal_load:
+    if not problem.settings.separation or not problem.settings.variable_normal_load:
         state = problem.equilibrium(preload)
-        constant = not problem.variable_normal_load
+        constant = not problem.settings.variable_normal_load
         bases, _ = without_separation(bases, points, state, problem.friction_points, constant_load=constant)
     return np.asarray(bases[0].G.real)
 
@@ -308,7 +284,7 @@ class _Rows:
     @classmethod
     def make(cls, problem: Problem, chosen: StressSet, harmonic: int) -> _Rows:
         model = problem.coupling.model
-        order = problem.engine_order * (1 if problem.single_basis else harmonic)
+        order = problem.engine_order * (1 if problem.settings.single_basis else harmonic)
         d, conjugate = model.folded_nodal_diameter(order)
         body = model.bodies[chosen.body]
         if body.kind != "constrained":
@@ -341,11 +317,11 @@ class _Rows:
         problem, basis, l = self.problem, self.basis, self.harmonic
         at_ports = self.port_forces(force)
         q = basis.contact_modes.reshape(len(at_ports), -1).conj().T @ at_ports
-        place = problem.excitation
-        if l == 1 and place.location in basis.locations:
-            along = direction_vector(place.direction, "excitation direction")
-            q = q + (along @ basis.locations[place.location]).conj() * place.amplitude * np.exp(1j * place.phase)
-        ratio = basis.damping_ratio if problem.damping_ratio is None else np.full(basis.n_modes, problem.damping_ratio)
+        for at, along, excitation in problem.settings.excited.get(l, []):
+            if at in basis.locations:
+                q = q + (along @ basis.locations[at]).conj() * excitation
+        given = problem.settings.damping_ratio
+        ratio = basis.damping_ratio if given is None else np.full(basis.n_modes, given)
         w = l * omega
         dynamic = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
         q = np.divide(q, dynamic, out=np.zeros_like(q), where=dynamic != 0.0)

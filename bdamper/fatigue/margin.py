@@ -1,4 +1,4 @@
-"""Margins against fatigue of solutions: the factor that the vibration keeps from the limit of the material.
+"""Margins against fatigue of solutions: the factor between the vibration and the limit of the material.
 
 A result of many solutions, a curve over frequency or over preload, gets a margin at each of them: the least of all counted
 points.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -22,21 +23,19 @@ from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.kept import Kept
-from bdamper.util.plotting import Fact, Plottable, draw
+from bdamper.util.kept import Marched
+from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, word
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 from bdamper.util.text import amount
 
-LARGE_SPREAD = 0.2
-"""Difference between elements, over the mean, from which on the stress at a point is told to be uncertain."""
 HIDES = "signed von Mises hides vibration across the mean stress, such as torsion under tension, and jumps with its sign"
 
 
 @dataclass(frozen=True)
-class Rule:
-    """How a cycle is judged.
+class Rule(validate.Checked):
+    """Criterion for a stress cycle.
 
     Parameters
     ----------
@@ -47,14 +46,9 @@ class Rule:
         What grows: the vibration alone, or mean and vibration together.
     """
 
-    criterion: str = "von_mises"
-    line: str = "goodman"
-    on: str = "amplitude"
-
-    def __post_init__(self) -> None:
-        validate.choice("criterion", self.criterion, criteria.CRITERIA)
-        validate.choice("line", self.line, LINES)
-        validate.choice("on", self.on, ON)
+    criterion: Annotated[str, partial(validate.choice, choices=criteria.CRITERIA)] = "von_mises"
+    line: Annotated[str, partial(validate.choice, choices=LINES)] = "goodman"
+    on: Annotated[str, partial(validate.choice, choices=ON)] = "amplitude"
 
     def __str__(self) -> str:
         line = "" if self.criterion == "findley" else f", {self.line.capitalize()}"
@@ -120,6 +114,7 @@ class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-
     preload: float
     speed: float
     notes: tuple[str, ...] = ()
+    _told = ("least", "frequency", "preload", "speed", "rule", "material.name")
 
     def __len__(self) -> int:
         return len(self.factor)
@@ -141,13 +136,15 @@ class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the margin leaves open."""
+        """Warnings about the margin."""
         out = list(self.notes)
         i = self.critical
         if self.yields:
             worst = int(np.where(self.counted, self.yield_factor, np.inf).argmin())
             out.append(f"{self.names[worst]} yields in the first cycle: factor {self.yield_factor[worst]:.3g}")
-        if self.spread[i] > LARGE_SPREAD:
+        # difference between elements, over the mean, from which on the stress at a point is told to be uncertain
+        large_spread = 0.2
+        if self.spread[i] > large_spread:
             apart = f"{100.0 * self.spread[i]:.3g} %"
             out.append(f"elements at {self.names[i]} differ by {apart}: its stress may not have converged with the mesh")
         if not self.counted.all():
@@ -157,19 +154,6 @@ class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-
     def plot_critical(self, model: Any, path: Any = None, **options: Any) -> Any:
         """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
         return draw(self, "plot_critical", model, path, **options)
-
-    def facts(self) -> tuple[Fact, ...]:
-        """The margin, where, and the stress there."""
-        i = self.critical
-        return (
-            Fact("margin", self.least),
-            Fact("at", self.names[i]),
-            Fact("amplitude there", 1e-6 * float(self.amplitude[i]), "MPa"),
-            Fact("mean there", 1e-6 * float(self.mean[i]), "MPa"),
-            Fact("factor to yield", float(self.yield_factor[self.counted].min())),
-            Fact("by", str(self.rule)),
-            Fact("material", self.material.name or "given by the user"),
-        )
 
     def bottom_line(self) -> str:
         i = self.critical
@@ -210,7 +194,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     best_status : str
         How far the best is known.
     in_time : tuple of Margins
-        Those of the largest period that a blade keeps, at the preloads where that is known.
+        Those of the largest period of the highest blade in time, at the preloads where that is known.
     notes : tuple of str
     settings : mapping
     model_hash : str
@@ -238,6 +222,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     best_status: str = ""
     in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
+    _told = ("over", "best_value", "unit", "best_margin", "best_status", "rule", "material.name")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -280,28 +265,9 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
             raise BdamperError(f"no margin found at any of {len(self)} values of {self.over}")
         return int(of(self.margin))
 
-    def facts(self) -> tuple[Fact, ...]:
-        """Least and largest margin and where they are."""
-        reach = f"{self.values.min():.6g} to {self.values.max():.6g} {self.unit}" if len(self) else "no value"
-        over = Fact("margin over", f"{self.over}, {reach}")
-        if np.isnan(self.margin).all():
-            return (over, Fact("margin", "not found"))
-        i, j = self.least, self.greatest
-        best = [Fact("best", f"{self.best_margin:.4g} at {self.best_value:.6g} {self.unit}, {self.best_status}")]
-        return (
-            over,
-            Fact("least margin", float(self.margin[i])),
-            Fact("least at", f"{self.values[i]:.6g} {self.unit}, {self.names[self.critical[i]]}"),
-            Fact("largest margin", float(self.margin[j])),
-            Fact("largest at", f"{self.values[j]:.6g} {self.unit}, {self.names[self.critical[j]]}"),
-            *(best if np.isfinite(self.best_value) else []),
-            Fact("by", str(self.rule)),
-            Fact("material", self.material.name or "given by the user"),
-        )
-
     @property
     def kept_lines(self) -> list[str]:
-        """What the margin is in time, where that is known."""
+        """Margin at the amplitude found in time, if known."""
         why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
         return [f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why)]
 
@@ -330,16 +296,13 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
 def margin(
     problem: Problem,
+    /,
     result: Solved | StressCycle,
     material: Material,
     index: int | None = None,
     *,
-    criterion: str = "von_mises",
-    line: str = "goodman",
-    on: str = "amplitude",
-    sets: str | Sequence[str] | None = None,
-    speed: float | None = None,
-    kept: Kept | None = None,
+    kept: Marched | None = None,
+    **judged: Any,
 ) -> Margins | MarginCurve:
     """Margins against fatigue, of infinite life.
 
@@ -351,6 +314,49 @@ def margin(
     material : Material
     index : int, optional
         One point of a curve; by default all of them.
+    kept : Marched, optional
+        March in time at the preload of the one solution (:meth:`bdamper.Study.march`): the vibration is scaled by its
+        highest period over the amplitude of the balance, and ``notes`` say so.
+    **judged
+        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, as :class:`LeastMargin` has them.
+
+    Returns
+    -------
+    Margins or MarginCurve
+        Of one solution, or of every point of a curve.
+    """
+    judge = LeastMargin(material, **judged)
+    if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or kept is not None):
+        result = over_cycle.stress(problem, result, index, sets=judge.sets, speed=judge.speed)
+    if isinstance(result, StressCycle):
+        return of_cycle(_as_kept(result, kept), material, judge.rule)
+    return judge.along(problem, result)
+
+
+def _as_kept(found: StressCycle, kept: Marched | None) -> StressCycle:
+    """The stress of the largest period of the highest blade in time."""
+    if kept is None:
+        return found
+    validate.instance("kept", kept, Marched)
+    if not np.isfinite(kept.factor) or abs(kept.preload - found.preload) > 1e-6 * found.preload:
+        raise validate.unfit("kept", f"a march at {found.preload:g} N", f"{kept.text} at {kept.preload:g} N")
+    coefficients = found.coefficients.copy()
+    coefficients[..., 1:] *= kept.factor
+    note = f"vibration scaled by {kept.factor:.3g}: the highest blade reaches {amount(kept.highest, 'm')} in time"
+    doubt = () if word(kept.status) == COMPLETE else (f"the amplitude in time is {kept.status}",)
+    return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
+
+
+@validate.spelt
+@dataclass(frozen=True)
+class LeastMargin:
+    """How a margin is judged, and the question for the least one, as :meth:`bdamper.Study.crossings` takes it.
+
+    A call takes a problem, the unknowns of a solution, its frequency (rad/s) and its preload (N).
+
+    Parameters
+    ----------
+    material : Material
     criterion : {"von_mises", "signed_von_mises", "principal", "findley"}
         What amplitude and mean are (:mod:`bdamper.fatigue.criteria`).
     line : {"goodman", "gerber", "soderberg"}
@@ -359,75 +365,36 @@ def margin(
         The factor is on the vibration alone, at the mean stress that the speed gives, or on vibration and mean together.
     sets, speed
         As for :func:`bdamper.fatigue.cycle.stress`.
-    kept : Kept, optional
-        What a blade keeps at the preload of the one solution (:meth:`bdamper.Study.kept`): the vibration is scaled by its
-        highest period over the amplitude of the balance, and ``notes`` say so.
-
-    Returns
-    -------
-    Margins or MarginCurve
-        Of one solution, or of every point of a curve.
-    """
-    rule = Rule(criterion, line, on)
-    validate.instance("material", material, Material)
-    if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or kept is not None):
-        result = over_cycle.stress(problem, result, index, sets=sets, speed=speed)
-    if isinstance(result, StressCycle):
-        return of_cycle(_as_kept(result, kept), material, rule)
-    problem = over_cycle.of(problem, result)
-    return of_solutions(problem, result, over_cycle.solutions(problem, result, speed), material, rule, sets)
-
-
-def _as_kept(found: StressCycle, kept: Kept | None) -> StressCycle:
-    """The stress of the largest period that a blade keeps."""
-    if kept is None:
-        return found
-    validate.instance("kept", kept, Kept)
-    if not np.isfinite(kept.factor) or abs(kept.preload - found.preload) > 1e-6 * found.preload:
-        raise validate.unfit("kept", f"what a blade keeps at {found.preload:g} N", f"{kept.text} at {kept.preload:g} N")
-    coefficients = found.coefficients.copy()
-    coefficients[..., 1:] *= kept.factor
-    note = f"vibration scaled by {kept.factor:.3g}: a blade keeps up to {amount(kept.highest, 'm')} in time"
-    doubt = () if word(kept.status) == COMPLETE else (f"what a blade keeps is {kept.status}",)
-    return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
-
-
-@dataclass(frozen=True)
-class LeastMargin:
-    """The question for the margin of a solution, as :meth:`bdamper.Study.crossings` takes it.
-
-    Parameters are those of :func:`margin`; a call takes a problem, the unknowns of a solution, its frequency (rad/s) and
-    its preload (N).
     """
 
     material: Material
     criterion: str = "von_mises"
     line: str = "goodman"
     on: str = "amplitude"
-    sets: str | tuple[str, ...] | None = None
+    sets: str | Sequence[str] | None = None
     speed: float | None = None
 
     def __post_init__(self) -> None:
         validate.instance("material", self.material, Material)
-        Rule(self.criterion, self.line, self.on)
+        _ = self.rule
+
+    @property
+    def rule(self) -> Rule:
+        """Criterion, line, and what the factor is on."""
+        return Rule(self.criterion, self.line, self.on)
 
     def __call__(self, problem: Problem, unknowns: NDArray, omega: float, preload: float) -> float:
-        return self.margins(problem, unknowns, omega, preload).least
+        return self.margins(problem, np.append(unknowns, omega), preload).least
 
-    def margins(
-        self, problem: Problem, unknowns: NDArray, omega: float, preload: float, kept: Kept | None = None
-    ) -> Margins:
-        """At every point, of what a blade keeps where that is given."""
-        at = _Point(np.append(unknowns, omega), omega / (2.0 * np.pi), preload)
-        rule = Rule(self.criterion, self.line, self.on)
+    def margins(self, problem: Problem, y: NDArray, preload: float, kept: Marched | None = None) -> Margins:
+        """At every point of a solution with its frequency (rad/s), of the motion in time where that is given."""
+        at = _Point(y, float(y[-1]) / (2.0 * np.pi), preload)
         cycle = over_cycle.stress(problem, at, sets=self.sets, speed=self.speed)
-        return of_cycle(_as_kept(cycle, kept), self.material, rule)
+        return of_cycle(_as_kept(cycle, kept), self.material, self.rule)
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
         """The margins along a curve."""
-        rule = Rule(self.criterion, self.line, self.on)
-        found = over_cycle.solutions(problem, curve, self.speed)
-        return of_solutions(problem, curve, found, self.material, rule, self.sets)
+        return of_solutions(problem, curve, over_cycle.solutions(problem, curve, self.speed), self)
 
 
 class _Point(NamedTuple):
@@ -459,10 +426,9 @@ def _notes(found: StressCycle, rule: Rule) -> tuple[str, ...]:
     return (*found.notes, *([HIDES] if rule.criterion == "signed_von_mises" else []))
 
 
-def of_solutions(
-    problem: Problem, result: Any, found: Solutions, material: Material, rule: Rule, sets: str | Sequence[str] | None = None
-) -> MarginCurve:
+def of_solutions(problem: Problem, result: Any, found: Solutions, judge: LeastMargin) -> MarginCurve:
     """The margin at every point of a curve."""
+    material, rule, sets = judge.material, judge.rule, judge.sets
     chosen = over_cycle.chosen_sets(problem, sets)
     known = np.isfinite(found.unknowns).all(axis=1)
     validate.require(known.any(), "margin", "a curve with solutions", "none")

@@ -1,4 +1,4 @@
-r"""Limits of a material under vibration, and the factor that a cycle keeps from them.
+r"""Limits of a material under vibration, and the factor between a cycle and these limits.
 
 With amplitude a, mean m, :math:`m_+ = \max(m, 0)`, endurance limit :math:`S_e`, ultimate strength :math:`S_u` and yield
 strength :math:`S_y`:
@@ -32,7 +32,7 @@ ON = ("amplitude", "both")
 
 @validate.spelt
 @dataclass(frozen=True)
-class Material:
+class Material(validate.Checked):
     """Strength of a material, as the user knows it for this part.
 
     Parameters
@@ -53,17 +53,15 @@ class Material:
         If a number is not positive, the yield strength exceeds the ultimate one, or the endurance limit that too.
     """
 
-    endurance_limit: float
-    ultimate_strength: float
-    yield_strength: float
-    findley_k: float = 0.3
+    endurance_limit: validate.Positive
+    ultimate_strength: validate.Positive
+    yield_strength: validate.Positive
+    findley_k: validate.Positive = 0.3
     name: str = ""
     source: str = ""
 
     def __post_init__(self) -> None:
-        validate.fields(
-            self, validate.number, "endurance_limit", "ultimate_strength", "yield_strength", "findley_k", above=0.0
-        )
+        super().__post_init__()
         if self.ultimate_strength < 1e6:
             implausible("ultimate_strength", "1e6 to 1e10 Pa", f"{self.ultimate_strength:g} Pa: MPa suspected, 1e6 Pa each")
         for name in ("yield_strength", "endurance_limit"):

@@ -28,7 +28,7 @@ from bdamper.reduction.structure import Structure
 
 
 def local_order() -> NDArray:
-    """For each of the 20 local nodes in the order of CalculiX and Abaqus the number of the same node in scikit-fem."""
+    """Numbers in scikit-fem of the 20 local nodes in the order of CalculiX and Abaqus."""
     ours = 2.0 * ElementHexS2().doflocs - 1.0
     middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
     layers = ((SQUARE, -1.0), (SQUARE, 1.0), (middles, -1.0), (middles, 1.0), (SQUARE, 0.0))  # on the cube [-1, 1]^3

@@ -25,7 +25,6 @@ from skfem import MeshHex
 from bdamper.fe.geometry import Geometry, turn
 
 # Local corners in the order in which scikit-fem numbers them.
-_CORNERS = ((1, 1, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))
 
 
 @dataclass(frozen=True)
@@ -61,11 +60,11 @@ class MeshDensity:
     @classmethod
     def preset(cls, name: str) -> MeshDensity:
         """The density called ``"coarse"`` or ``"reference"``."""
+        presets = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
         try:
-            return cls(*_PRESETS[name])
+            return cls(*presets[name])
         except KeyError:
-            raise ValueError(f"mesh must be one of {sorted(_PRESETS)}, not {name!r}") from None
-
+            raise ValueError(f"mesh must be one of {sorted(presets)}, not {name!r}") from None
 
 _PRESETS = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
 
@@ -79,11 +78,12 @@ def join_blocks(blocks: list[NDArray]) -> MeshHex:
         Positions that two blocks share must be equal to 1e-9 m.
     """
     points, cells, start = [], [], 0
+    corners = ((1, 1, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))
     for block in blocks:
         shape = block.shape[:3]
         number = start + np.arange(np.prod(shape)).reshape(shape)
         ends = [slice(c, n - 1 + c) for c in (0, 1) for n in shape]
-        corner = [number[ends[3 * a], ends[3 * b + 1], ends[3 * c + 2]].ravel() for a, b, c in _CORNERS]
+        corner = [number[ends[3 * a], ends[3 * b + 1], ends[3 * c + 2]].ravel() for a, b, c in corners]
         cells.append(np.array(corner))
         points.append(block.reshape(-1, 3))
         start += number.size

@@ -18,6 +18,7 @@ from bdamper.model.model import Interface, Location, SurfaceMesh
 from bdamper.reduction.bodies import picture_mesh
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches
+from bdamper.reduction.sector_faces import no_faces
 
 
 def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
@@ -25,8 +26,7 @@ def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> Cyclic
     angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
     cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
     clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
-    nothing = np.empty(0, int)
-    return CyclicSector(body, nothing, nothing, clamped, 1, 0)
+    return CyclicSector(body, no_faces(), clamped, 0)
 
 
 def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = None) -> SurfaceMesh:

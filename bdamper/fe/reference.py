@@ -95,7 +95,7 @@ def bladed_disk(
     fe : SectorFE, optional
         Finite element objects to use again; only the parts that depend on the contact points are computed.
     wheel : LocalSizes, optional
-        Numbers of shapes of a local basis, for wheels of unequal blades; none by default.
+        Numbers of shapes of a local basis, for mistuned wheels; none by default.
     stress, progress : bool
         Also the stress set "blade" (:func:`bdamper.fe.stress.blade_points`), at all the nodal diameters; a bar over these.
 

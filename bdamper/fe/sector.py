@@ -22,10 +22,11 @@ from bdamper.fe.spin import stiffness_per_squared_speed
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface
 from bdamper.reduction.bodies import Wanted
-from bdamper.reduction.cyclic import CyclicSector, match_faces
+from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.reduction.patches import Patches
+from bdamper.reduction.sector_faces import match_faces
 from bdamper.reduction.spin import Rotation
 
 
@@ -59,8 +60,7 @@ class SectorFE:
         on_disk = radius < g.rim_radius + 1e-8
         left = np.flatnonzero(on_disk & (np.abs(angle + 0.5 * g.pitch) < 1e-9))
         right = np.flatnonzero(on_disk & (np.abs(angle - 0.5 * g.pitch) < 1e-9))
-        self.left: NDArray = left
-        self.right: NDArray = match_faces(nodes, left, right, g.pitch)
+        self.faces = match_faces(nodes, left, right, g.n_blades)
         # Midpoints of straight edges along the bore lie slightly inside its radius, all others outside.
         self.clamped: NDArray = np.flatnonzero(radius < g.bore_radius + 1e-8)
         self._cyclic: dict[int, CyclicSector] = {}
@@ -75,9 +75,7 @@ class SectorFE:
                 if d != nodal_diameter:
                     other.forget_factors()
         if nodal_diameter not in self._cyclic:
-            self._cyclic[nodal_diameter] = CyclicSector(
-                self.blade, self.left, self.right, self.clamped, self.geometry.n_blades, nodal_diameter
-            )
+            self._cyclic[nodal_diameter] = CyclicSector(self.blade, self.faces, self.clamped, nodal_diameter)
         return self._cyclic[nodal_diameter]
 
     def rotation(self, check_at: float | None = None, check_diameters: tuple[int, ...] | None = None) -> Rotation:
@@ -107,7 +105,7 @@ class SectorFE:
         return BladePart(self.blade, nodes, fixed, stiffness)
 
     def local_basis(self, wanted: Wanted, interfaces: Mapping[str, Interface], sizes: LocalSizes) -> LocalBasis:
-        """Coordinates of blade and disk for wheels of unequal blades; see :func:`bdamper.reduction.local_basis`."""
+        """Coordinates of blade and disk for mistuned wheels; see :func:`bdamper.reduction.local_basis`."""
         dampers = damper_motion(wanted.ports, interfaces)
         return local_basis(self.blade_part(), self.cyclic, wanted, dampers, sizes, "shank, platform and airfoil")
 

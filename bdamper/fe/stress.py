@@ -16,9 +16,6 @@ from bdamper.reduction.element_stress import Solids
 from bdamper.reduction.patches import Patches
 from bdamper.reduction.stress import StressRows, near_patches
 
-ABOVE_ROOT = 1.0 / 6.0
-"""Height of the shipped points above the root of the airfoil, of its whole height; the root itself is a sharp edge."""
-
 
 def solids_of(body: Discretisation) -> tuple[Solids, ...]:
     """The elements of a body."""
@@ -43,7 +40,7 @@ def blade_stress(
     near = near_patches(fe.blade.nodes[at], faces[0], faces[1].turned(turn(-fe.geometry.pitch)))
     rows = StressRows("blade", solids_of(fe.blade), fe.blade.nodes, at, near, np.float32)
     for d in sorted({0, *nodal_diameters}):
-        rows.add(fe.cyclic(d), contact, n_modes)
+        rows.add(fe.cyclic(d), contact, *fe.cyclic(d).modes(n_modes))
     return {"blade": rows.set("blade", "bdamper.fe.stress, mean over elements at nodes")}
 
 
@@ -53,10 +50,12 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
     Leading and trailing edge and the middle of either side; the four edges of the shank and the middle of either side.
     """
     root = g.ridge_radius + g.platform_edge_thickness
-    y = root + ABOVE_ROOT * g.airfoil_height
-    chord = g.root_chord + ABOVE_ROOT * (g.tip_chord - g.root_chord)
-    thickness = g.root_thickness + ABOVE_ROOT * (g.tip_thickness - g.root_thickness)
-    c, s = np.cos(ABOVE_ROOT * g.twist), np.sin(ABOVE_ROOT * g.twist)
+    # height of the shipped points above the root of the airfoil, of its whole height; the root itself is a sharp edge
+    above_root = 1.0 / 6.0
+    y = root + above_root * g.airfoil_height
+    chord = g.root_chord + above_root * (g.tip_chord - g.root_chord)
+    thickness = g.root_thickness + above_root * (g.tip_thickness - g.root_thickness)
+    c, s = np.cos(above_root * g.twist), np.sin(above_root * g.twist)
     section = [(-2.0 * g.camber / 3.0, sense * 0.5 * chord) for sense in (-1.0, 1.0)]
     section += [(g.camber / 3.0 + sense * 0.5 * thickness, 0.0) for sense in (-1.0, 1.0)]
     places = [[c * x + s * z, y, c * z - s * x] for x, z in section]

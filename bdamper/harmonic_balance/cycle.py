@@ -26,9 +26,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_USER
 from bdamper.contact.residual_modes import RESIDUAL
-from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector, segments
 from bdamper.util.repr import brief
 
 STICK, PLUS, MINUS, OPEN = range(4)
@@ -65,12 +66,12 @@ class Energies:
     stiffness: complex
 
 
-def energies(system: HarmonicSystem, u: NDArray, omega: float, contacts: NDArray | None = None) -> Energies:
-    """Where the work of the excitation goes in one cycle.
+def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None) -> Energies:
+    """Work of the excitation and its losses in one cycle.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
     u : (n_unknowns,) float
         A solution.
     omega : float, rad/s
@@ -83,7 +84,7 @@ def energies(system: HarmonicSystem, u: NDArray, omega: float, contacts: NDArray
     x, f = (a[..., 1::2] - 1j * a[..., 2::2] for a in (X, F))
     damping = excitation = kinetic = 0.0
     for n in range(1, system.n_harmonics + 1):
-        q, e, basis = system.amplitudes(u, n), system.amplitudes(system.force, n), system.bases[n]
+        q, e, basis = system.amplitudes(u, n), system.amplitudes(system.structure.force, n), system.structure.bases[n]
         excitation += np.pi * n * float((e * q.conj()).imag.sum())
         damping += np.pi * n**2 * omega * float(basis.damping @ np.abs(q) ** 2)
         kinetic += 0.5 * (n * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
@@ -98,12 +99,12 @@ def energies(system: HarmonicSystem, u: NDArray, omega: float, contacts: NDArray
     )
 
 
-def bodily_motion(system: HarmonicSystem, u: NDArray) -> NDArray:
+def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
     """(n_points, 3) complex, m: fundamental harmonic of the relative motion that the modes of the bodies carry.
 
     Residual modes are left out: they are the elasticity around the contacts, in series with the contact elements.
     """
-    basis = system.bases[1]
+    basis = system.structure.bases[1]
     own = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
     return np.asarray(basis.G[..., own] @ system.amplitudes(u, 1)[own])
 
@@ -115,12 +116,12 @@ def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
     return np.asarray(coefficients[..., :1] + coefficients[..., 1:] @ wave)
 
 
-def histories(system: HarmonicSystem, u: NDArray, theta: NDArray) -> tuple[NDArray, NDArray]:
+def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[NDArray, NDArray]:
     """Relative motion (m) and force (N) at all contact points of the equations over a cycle.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
     u : (n_unknowns,) float
         A solution.
     theta : (n_theta,) float, rad
@@ -132,19 +133,34 @@ def histories(system: HarmonicSystem, u: NDArray, theta: NDArray) -> tuple[NDArr
         Along the axes in which friction acts and along the normal, closing and pressure positive.
     """
     coefficients, forces, share = system.contact(u)
-    p = system.arrays
+    p = system.structure.arrays
     X, F = at_angles(coefficients, theta), np.zeros((system.n_points, 3, len(theta)))
     two_sided = np.isin(p["law"], (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED))
     normal = p["n0"][:, None] + p["kn"][:, None] * X[:, 2]
     F[:, 2] = np.where(two_sided[:, None], normal, np.maximum(normal, 0.0))
     coupled = np.isin(p["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT))
-    for i in np.flatnonzero(~coupled).tolist():
+    for i in np.flatnonzero(~coupled & (p["law"] != LAW_USER)).tolist():
         F[i, :2] = _separable(p, i, coefficients[i], forces[i], theta)
     rests = coupled & (share[:, 0] > 1.0 - 1e-9)  # one of many sliders, that of the equations
     F[rests, :2] = at_angles(forces[rests, :2], theta)
     if (moves := coupled & ~rests).any():
         F[moves, :2] = _coupled({k: p[k][moves] for k in ("kt", "mu", "w", "law", "load")}, X[moves], F[moves, 2])
+    if system.structure.points.own is not None:
+        _march_own(system, X, F)
     return X, F
+
+
+def _march_own(system: Equations[Sector], X: NDArray, F: NDArray) -> None:
+    """Forces of points with laws of their own, marched over the cycle until what they remember repeats."""
+    own, memory = system.structure.points.own, system.structure.points.memory
+    assert own is not None and memory is not None
+    for _ in range(MOST_PERIODS):
+        before = memory
+        for k in range(X.shape[2]):
+            forces, _, memory = own.step(X[..., k], memory)
+            F[own.held, :, k] = forces[own.held]
+        if (np.abs(memory - before) <= 1e-9 * np.abs(memory).max(axis=0)).all():
+            break
 
 
 def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray) -> NDArray:

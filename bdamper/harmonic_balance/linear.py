@@ -7,12 +7,15 @@ poles give the resonances.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.equations import Layout
+from bdamper.model.coupling import HarmonicBasis
 
 UNDAMPED = 1e-9
 """Ratio of half-width to frequency of a resonance without damping."""
@@ -20,26 +23,86 @@ NEAREST = 1e-4
 """Distance, relative to its frequency, at which the response beside a resonance without damping is still solved for."""
 
 
-def linear_resonances(
-    system: HarmonicSystem, springs: Sequence[NDArray | None], low: float, high: float
-) -> list[tuple[float, float, NDArray]]:
-    """Resonances of the structure without contact and with every closed point stuck.
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A structure with linear springs in place of the contact.
 
-    Frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the modal coordinate.
+    Parameters
+    ----------
+    bases : sequence of HarmonicBasis
+        One for each harmonic, with the points and axes to which springs are given.
+    springs : (n_points, 3) float
+        Those that are a part of the bodies.
+    layout : Layout
+    force : (n_unknowns,) float
     """
-    out = []
-    basis = system.bases[1]
-    for k in springs:
-        frequencies, vectors = system.linear_modes(k)
-        for omega, vector in zip(frequencies, vectors.T):
-            if low < omega < high:
-                width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), UNDAMPED * float(omega))
-                out.append((float(omega), width, vector.conj() * basis.mass))
-    return out
+
+    bases: Sequence[HarmonicBasis]
+    springs: NDArray | float
+    layout: Layout
+    force: NDArray
+
+    def matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
+        """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""
+        b = self.bases[harmonic]
+        w = harmonic * omega
+        Z = np.diag(b.omega2 - w**2 * b.mass + 1j * w * b.damping).astype(complex)
+        if contact is not None or np.any(self.springs):
+            G = b.G.reshape(-1, 3, len(b.omega2))
+            k = np.broadcast_to(self.springs + (0.0 if contact is None else contact), G.shape[:2])
+            Z += G.reshape(-1, len(b.omega2)).conj().T @ (k[..., None] * G).reshape(-1, len(b.omega2))
+        return Z
+
+    def modes(self, contact: NDArray | None, harmonic: int = 1) -> tuple[NDArray, NDArray]:
+        """Undamped frequencies (rad/s), ascending, and mass-normalised modes under linear springs (n_points, 3).
+
+        Modal coordinates without mass follow the others statically and add no frequency.
+        """
+        K = self.matrix(0.0, contact, harmonic)
+        shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)  # free rigid-body modes have no stiffness
+        M = np.diag(self.bases[harmonic].mass)
+        inverse, vectors = scipy.linalg.eigh(M, 0.5 * (K + K.conj().T) + shift * M)
+        keep = np.flatnonzero(inverse > 1e-12 * inverse[-1])[::-1]
+        pole = np.maximum(1.0 / inverse[keep] - shift, 0.0)
+        return np.sqrt(pole), vectors[:, keep] / np.sqrt(inverse[keep])
+
+    def response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
+        """Complex modal amplitudes of one harmonic under linear contact; rigid modes without any contact stay at rest."""
+        e = self.layout.amplitudes(self.force, harmonic)
+        return np.linalg.lstsq(self.matrix(omega, contact, harmonic), e, rcond=1e-14)[0]
+
+    def resonances(self, springs: Sequence[NDArray | None], low: float, high: float) -> list[tuple[float, float, NDArray]]:
+        """Resonances with some springs (none without contact, those of every closed point where it sticks).
+
+        Frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the modal coordinate.
+        """
+        out = []
+        basis = self.bases[1]
+        for k in springs:
+            frequencies, vectors = self.modes(k)
+            for omega, vector in zip(frequencies, vectors.T):
+                if low < omega < high:
+                    width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), UNDAMPED * float(omega))
+                    out.append((float(omega), width, vector.conj() * basis.mass))
+        return out
+
+    def maximum(self, row: NDArray, springs: NDArray | None, omega: float, width: float) -> tuple[float, float]:
+        """Frequency (rad/s) and amplitude (m) of the maximum at a resonance of so many rad/s and half-width.
+
+        ``row`` (n_modes,) gives the response.  Without damping the response is unbounded, and the amplitude infinite.
+        """
+        if width <= UNDAMPED * omega:
+            return omega, np.inf
+
+        def negative(w: float) -> float:
+            return -abs(self.response(w, springs) @ row)
+
+        ends = (omega - 3.0 * width, omega + 3.0 * width)
+        options = {"xatol": 1e-9 * omega, "maxiter": 200}
+        found = minimize_scalar(negative, bounds=ends, method="bounded", options=options)
+        return float(found.x), -float(found.fun)
 
 
-BEYOND = 0.03
-"""Part of its frequency by which a branch may turn beyond the resonance without contact or with stuck contact."""
 
 
 def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float) -> tuple[float, float]:
@@ -54,7 +117,9 @@ def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float
         Resonances without contact (rigid motions left out) and with stuck contact, ascending.
     low, high : float
     """
-    spans = [((1.0 - BEYOND) * min(pair), (1.0 + BEYOND) * max(pair)) for pair in zip(free, stuck)]
+    # part of its frequency by which a branch may turn beyond the resonance without contact or with stuck contact
+    beyond = 0.03
+    spans = [((1.0 - beyond) * min(pair), (1.0 + beyond) * max(pair)) for pair in zip(free, stuck)]
     bottom = min((a for a, b in spans if a < low < b), default=low)
     top = max((b for a, b in spans if a < high < b), default=high)
     return bottom, top
@@ -63,19 +128,3 @@ def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float
 def around(low: float, high: float) -> tuple[float, float]:
     """Interval in which a pole may lie of which the maximum is in (low, high)."""
     return 0.8 * low, 1.25 * high
-
-
-def linear_maximum(system: HarmonicSystem, springs: NDArray | None, omega: float, width: float) -> tuple[float, float]:
-    """Frequency (rad/s) and amplitude (m) of the maximum at a resonance of so many rad/s and half-width.
-
-    Without damping the response is unbounded, and the amplitude infinite.
-    """
-    if width <= UNDAMPED * omega:
-        return omega, np.inf
-
-    def negative(w: float) -> float:
-        return -abs(system.linear_response(w, springs) @ system.response_rows[1])
-
-    ends = (omega - 3.0 * width, omega + 3.0 * width)
-    found = minimize_scalar(negative, bounds=ends, method="bounded", options={"xatol": 1e-9 * omega, "maxiter": 200})
-    return float(found.x), -float(found.fun)

@@ -13,7 +13,7 @@ from bdamper.io.contact_faces import ContactFaces
 from bdamper.io.fe_body import UNITS, FEBody, MassProperties, Modes, Receptance, Units
 from bdamper.io.import_report import ImportReport
 from bdamper.io.matrices import read_abaqus_matrix, read_arrays, read_dofs, read_elements, read_matrix, read_nodes, read_set
-from bdamper.io.measured import Measurement, read_response
+from bdamper.io.measured import Measurement, load_measured, read_response
 from bdamper.io.model_file import load_model, save_model
 from bdamper.io.nastran import read_bdf, read_nastran, read_op2, read_op4
 from bdamper.io.over_speed import over_speed
@@ -22,7 +22,7 @@ from bdamper.io.universal_file import read_measurements, read_unv
 
 __all__ = [
     "UNITS", "BuiltModel", "ContactFaces", "FEBody", "ImportReport", "MassProperties", "Measurement", "Modes",
-    "Receptance", "Units", "build_model", "load_model", "over_speed", "read_abaqus_matrix", "read_ansys",
+    "Receptance", "Units", "build_model", "load_measured", "load_model", "over_speed", "read_abaqus_matrix", "read_ansys",
     "read_arrays", "read_bdf", "read_body", "read_calculix", "read_cdb", "read_dofs", "read_elements", "read_frd",
     "read_full", "read_inp", "read_matrix", "read_measurements", "read_nastran", "read_nodes", "read_op2",
     "read_op4", "read_response", "read_rst", "read_set", "read_unv", "save_model",

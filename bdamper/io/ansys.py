@@ -10,7 +10,7 @@ with the program.
 Only the records that an import needs are read, and every length is checked against the file, so that damaged files are
 refused.
 
-A ``.full`` file keeps rows for components that are fixed; they are empty but for a one and are dropped.  The modes of a
+A ``.full`` file keeps rows for components that are fixed; they are empty except for a one and are dropped.  The modes of a
 cyclic analysis come as real shapes of the base sector, two for each wave; :mod:`bdamper.reduction.waves`
 finds their pairing and direction.  They are scaled to a modal mass of one over base and duplicate sector, which
 is what ``a + i b`` of a pair has over one sector.
@@ -43,6 +43,10 @@ _INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08
 _HEADER = 103  # the second record starts here
 _FULL, _RESULT = 4, 12
 _KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
+_MODAL = 2
+_ANALYSES = {
+    0: "static", 1: "of buckling", _MODAL: "modal", 3: "harmonic", 4: "transient", 7: "a substructure", 8: "of a spectrum",
+}  # fmt: skip
 
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
@@ -173,12 +177,15 @@ class FullMatrices(NamedTuple):
         Node number and component (1, 2, 3) of each row.
     dropped : int
         Rows of fixed components that were left out.
+    nodes : (n_nodes,) int
+        Numbers of all nodes, those that are fixed included.
     """
 
     stiffness: sp.csr_matrix
     mass: sp.csr_matrix
     dofs: NDArray
     dropped: int
+    nodes: NDArray
 
 
 @reader("a matrix file of Ansys (.full)")
@@ -199,7 +206,7 @@ def read_full(path: Path) -> FullMatrices:
     ):
         require(not refused, head.item, expected, found)
     n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
-    dof_names, node_numbers = file.run(206, 2, "degrees of freedom and nodes")
+    _, dof_names, node_numbers = file.run(_HEADER, 3, "header, degrees of freedom and nodes")
     counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
     dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
     require(len(constraint) >= n_eq, f"{path}: table of fixed components", f"{n_eq} entries", len(constraint))
@@ -213,13 +220,13 @@ def read_full(path: Path) -> FullMatrices:
     wrong = dofs[keep, 1] > 3
     if wrong.any():
         raise mismatch(f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {dofs[keep][wrong][0, 1]}")
-    return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep))
+    return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep), np.unique(dofs[:, 0]))
 
 
 def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int) -> NDArray:
     """Node number and component of each equation."""
-    if min(len(numbers), len(counts)) < n_nodes:
-        raise mismatch(f"{source}: nodes", f"{n_nodes} nodes", min(len(numbers), len(counts)))
+    for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
+        require(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
     numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
     if counts.min() < 0 or counts.max() > len(dof_names) or counts.sum() != n_eq:
         raise mismatch(f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
@@ -260,12 +267,23 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
         ``.cdb`` file (CDWRITE,DB) of the same model.
     results : path-like, optional
         ``.rst`` file to compare with.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        Also if the matrices have a node that the archive lacks, or lack one of its solid elements.
     """
-    body, (stiffness, mass, dofs, dropped) = read_cdb(archive), read_full(full)
+    body, found = read_cdb(archive), read_full(full)
+    solid = np.unique(np.concatenate([np.zeros(0, np.int64), *(e.ravel() for e in body.elements)]))
+    for place, nodes, others, of in ((archive, body.numbers, found.nodes, full), (full, found.nodes, solid, archive)):
+        missing = np.setdiff1d(others, nodes)
+        some = ", ".join(map(str, missing[:5])) + ", ..." * (len(missing) > 5)
+        wanted = f"the nodes of {of}, which is to be of the same model"
+        require(not len(missing), str(place), wanted, f"{len(missing)} of {len(others)} missing: {some}")
     modes = read_rst(results).modes if results is not None else ()
-    notes = (*body.notes, f"{dropped} rows of fixed components dropped from {full}")
-    source = f"{full}, {archive}"
-    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=modes, source=source, notes=notes)
+    notes = (*body.notes, f"{found.dropped} rows of fixed components dropped from {full}")
+    matrices = {"stiffness": found.stiffness, "mass": found.mass, "dofs": found.dofs}
+    return replace(body, **matrices, modes=modes, source=f"{full}, {archive}", notes=notes)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -283,6 +301,13 @@ def read_cdb(path: Path) -> FEBody:
     return _Archive(Lines(path, "latin-1")).body()
 
 
+class _Field(NamedTuple):
+    """Columns of a line that hold a whole number, or a real one."""
+
+    whole: bool
+    columns: slice
+
+
 class _Archive:
     def __init__(self, lines: Lines) -> None:
         self.source, self.lines = str(lines.source), lines
@@ -296,20 +321,21 @@ class _Archive:
         self.sets: dict[str, NDArray] = {}
         self.skipped: Counter[str] = Counter()
 
-    def _integers(self, what: str, width: int) -> list[int]:
-        """Whole numbers in columns of equal width on the next line."""
-        text = self.lines.take(what).rstrip()
-        with parsing(self.lines.item, f"whole numbers, {width} columns each", text):
-            numbers = [int(text[k : k + width]) for k in range(0, len(text), width) if text[k : k + width].strip()]
-        return numbers
+    def _integers(self, what: str, fields: list[_Field]) -> list[int]:
+        """Whole numbers on the next line."""
+        text = self.lines.take(what)
+        with parsing(self.lines.item, "whole numbers in the columns that the format of the block says", text):
+            return [int(text[field.columns]) for field in fields if text[field.columns].strip()]
 
-    def _fields(self, block: str) -> list[tuple[str, int]]:
-        """Fields of a Fortran format like (3i9,6e21.13e3), which opens a block: letter and width, repeated."""
+    def _fields(self, block: str) -> list[_Field]:
+        """Fields of a Fortran format like (1i7,2i9,6e21.13e3), which opens a block."""
         text = self.lines.take(f"the format of {block}")
-        fields: list[tuple[str, int]] = []
-        for count, letter, width in re.findall(r"(\d*)([ie])(\d+)", text.lower()):
-            repeat = check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)
-            fields += repeat * [(letter, check_count(int(width), self.lines.item, "a width of fields", 1, 100))]
+        fields: list[_Field] = []
+        for count, letter, width in re.findall(r"(\d*)([iedfg])(\d+)", text.lower()):
+            size = check_count(int(width), self.lines.item, "a width of fields", 1, 100)
+            for _ in range(check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)):
+                start = fields[-1].columns.stop if fields else 0
+                fields.append(_Field(letter == "i", slice(start, start + size)))
         self.lines.require(bool(fields), "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
         return fields
 
@@ -341,17 +367,16 @@ class _Archive:
         return ElementKind(plain, self.elastic.get("EX", {}).get(material), poisson.get(material))
 
     def _nodes(self) -> None:
-        fields = self._fields("NBLOCK")
-        integers = [w for letter, w in fields if letter == "i"] or [9]
-        integer, start = integers[0], integers[0] * sum(letter == "i" for letter, _ in fields)
-        real = next((w for letter, w in fields if letter == "e"), 21)
+        first, *fields = self._fields("NBLOCK")
+        self.lines.require(first.whole, "a format that begins with a whole number", "another one")
+        reals = [field.columns for field in fields if not field.whole]
         while True:
             line = self.lines.take("the end of NBLOCK (-1)")
             if line.startswith(("N,", "-1")) or not line.strip():
                 break
             with parsing(self.lines.item, "a node", line):
-                number, text = int(line[:integer]), line[start:].rstrip()
-                values = [float(text[k : k + real]) for k in range(0, len(text), real)]
+                number = int(line[first.columns])
+                values = [float(line[columns].replace("D", "E")) for columns in reals if line[columns].strip()]
             if number < 0:
                 break
             good = len(values) <= 6 and np.isfinite(values).all()
@@ -362,12 +387,12 @@ class _Archive:
             self.angles.append(values[3:])
 
     def _elements(self, solid: bool) -> None:
-        width = self._fields("EBLOCK")[0][1]
-        while (words := self._integers("the end of EBLOCK (-1)", width))[:1] != [-1]:
+        fields = self._fields("EBLOCK")
+        while (words := self._integers("the end of EBLOCK (-1)", fields))[:1] != [-1]:
             self.lines.require(solid and len(words) >= 12, "an element of a block of SOLID form", words)
             kind, count, nodes = words[1], words[8], words[11:]
             while len(nodes) < count:
-                nodes += self._integers("the nodes of an element", width)
+                nodes += self._integers("the nodes of an element", fields)
             name = self.types.get(kind, "")
             known = _SOLIDS.get(name, count if not name else 0)
             if known not in (4, 8, 10, 20) or len(nodes) != count:
@@ -384,11 +409,11 @@ class _Archive:
         with parsing(item, "a number of items in CMBLOCK", words[3]):
             count = int(re.findall(r"^\d+", words[3].strip())[0])
         total = check_count(count, item, "a number of items", 0, 50_000_000)
-        width = self._fields("CMBLOCK")[0][1]
+        fields = self._fields("CMBLOCK")
         found: list[int] = []
         wanted = f"{total} items of component '{name}'"
         while len(found) < total:
-            more = self._integers(wanted, width)
+            more = self._integers(wanted, fields)
             self.lines.require(bool(more), wanted, len(found))
             found += more
         members: list[NDArray] = []
@@ -430,6 +455,8 @@ def read_rst(path: Path) -> FEBody:
     """
     file = _Binary(path, _RESULT)
     head = _Header(file, _HEADER, "header")
+    kind = _ANALYSES.get(head[8], "another")
+    require(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", f"{head[8]}, {kind}")
     n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
     room = head.count(4, "room for result sets", n_sets)
     index = file.record(head.pointer(11, 41), "index of result sets")

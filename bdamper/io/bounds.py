@@ -36,16 +36,15 @@ class Bounds:
     to 0.8 in the order of components.  Stress stiffening adds some stress over modulus."""
     odd_ones: float = 0.5
     """Share of the nodes on which there may be such forces (springs to the ground act on few), and of the elements that may
-    be twisted where no other order fits (sliver elements of a good mesh are few)."""
-    corner_cosine: float = 0.1
-    """Of the angle between two corner normals of a face: a cube with the corners of one face turned by one place has 0, the
-    most distorted element of the reference sector 0.67."""
+    be twisted (sliver elements of a good mesh are few)."""
 
     # Two things that should be one.
     same_place: float = 1e-9
     """Distance of nodes at one place over the size of a body."""
     sector_faces: float = 1e-5
     """Distance of matching nodes of the sector faces over the size of the sector: files round positions."""
+    tied_faces: float = 1e-4
+    """Distance of sector faces whose meshes differ over the size of the sector: one blade of 100 too many is 6e-4."""
     agreement: float = 0.01
     """Difference up to which two programs agree on a frequency, two faces are equal in area, and modes at one speed are
     combinations of those at another."""

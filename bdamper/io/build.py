@@ -1,9 +1,9 @@
 """A model from the finite element bodies of any program: checks, reduction, contact points.
 
-The sector is called "blade" in the model, the free body "damper".  Everything is computed by the code that makes the
-reference model (:mod:`bdamper.reduction`).  Quantities that are easily mistaken are computed instead of asked for: which
-of the two sector faces lies toward +X, in which sector a damper meets its neighbour, in which direction a wave travels,
-mass, centre and inertia.  The report lists them.
+The sector is called "blade" in the model, a single free body "damper"; several have names of their own.  Everything is
+computed by the code that makes the reference model (:mod:`bdamper.reduction`).  Quantities that are easily mistaken are
+computed instead of asked for: which of the two sector faces lies toward +X, in which sector a damper meets its neighbour,
+in which direction a wave travels, mass, centre and inertia.  The report lists them.
 """
 
 from __future__ import annotations
@@ -23,23 +23,30 @@ from numpy.typing import NDArray
 
 from bdamper.io.bounds import BOUNDS
 from bdamper.io.contact_faces import ContactFaces, LaidContacts, from_first_sector, lay_contacts
-from bdamper.io.corner_order import check_corner_order
 from bdamper.io.fe_body import FEBody, Units
-from bdamper.io.from_matrices import Sectors, constrained_from_matrices, free_from_matrices
+from bdamper.io.force_field import force_fields
+from bdamper.io.from_matrices import constrained_from_matrices, cyclic_sectors, free_from_matrices, held_components
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
 from bdamper.io.import_report import ImportReport
 from bdamper.io.imported_stress import stress_rows
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
 from bdamper.io.model_file import save_model
-from bdamper.io.plausible import check_lowest, check_not_swapped, check_one_scale, check_radial, check_sizes
+from bdamper.io.plausible import (
+    check_corners,
+    check_lowest,
+    check_not_swapped,
+    check_one_scale,
+    check_radial,
+    check_sizes,
+    check_table,
+)
 from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, placement
-from bdamper.io.row_order import check_row_order
 from bdamper.model.checks import require
 from bdamper.model.model import Body, Location, Model
 from bdamper.model.validation import check_model
-from bdamper.reduction.bodies import Wanted, needed_nodal_diameters, picture_mesh
-from bdamper.reduction.cyclic import match_faces
+from bdamper.reduction.bodies import Place, Wanted, needed_nodal_diameters, picture_mesh
 from bdamper.reduction.local_coordinates import LocalSizes, sampled_waves
+from bdamper.reduction.sector_faces import SectorFaces, find_faces, match_faces, no_faces, tie_faces
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
@@ -52,6 +59,8 @@ if TYPE_CHECKING:
 
 HARMONICS = 9
 """Harmonics whose nodal diameters a model has by default."""
+DAMPER_MODES = 16
+"""Modes of a free body by default, its six rigid ones included."""
 MARCHED = 33
 """Sectors after which an excitation repeats, up to which a model has all their nodal diameters, for marches in time."""
 
@@ -86,18 +95,18 @@ class BuiltModel:
 @one_thread
 def build_model(
     blade: FEBody,
-    damper: FEBody | None = None,
+    damper: FEBody | Mapping[str, FEBody] | None = None,
     *,
-    n_blades: int,
+    n_blades: int | None = None,
     contacts: Sequence[ContactFaces],
     sector_faces: tuple[NodeSet, NodeSet] | None = None,
     fixed: NodeSet | None = None,
-    locations: Mapping[str, object] | None = None,
+    locations: Mapping[str, object] | None = None, forces: Mapping[str, object] | None = None,
     engine_order: int | Sequence[int] | None = None,
     harmonics: int | None = None,
     nodal_diameters: Sequence[int] | None = None,
     n_modes: int = 40,
-    n_damper_modes: int = 16,
+    n_damper_modes: int | Mapping[str, int] = DAMPER_MODES,
     damping_ratio: float = 0.002,
     units: str | Units = "m-kg-s",
     axis: Sequence[float] = (0.0, 0.0, 1.0),
@@ -116,18 +125,19 @@ def build_model(
 
     Parameters
     ----------
-    blade, damper : FEBody
-        One sector (or a whole structure, ``n_blades=1``); optionally a free body beside the blade of some sector.
-    n_blades, contacts : int, sequence of ContactFaces
+    blade, damper : FEBody, FEBody or mapping of name to FEBody
+        One sector (or a whole structure, ``n_blades=1``); optionally free bodies beside the blade of some sector.
+    n_blades, contacts : int (optional), sequence of ContactFaces
     sector_faces, fixed : (set, set), set, optional
-        The two faces at which the sector repeats, in either order, needed if ``n_blades > 1``; clamped nodes of the blade.
-    locations : mapping of name to node number, position, or (body, node number or position)
-        Where forces act and the response is read; positions in the axes and units of the file.
+        The two faces at which the sector repeats; found, as ``n_blades`` is, where their meshes match.  Clamped nodes.
+    locations, forces : mapping of name to node, position or (body, one of both); to (nodes (n,), forces (n, 3)) or CSV file
+        Where forces act and the response is read; nodal forces on the blade (:mod:`bdamper.io.force_field`).
     engine_order, harmonics, nodal_diameters : int or several, int, sequence of int (0 to N/2), optional
         Nodal diameters of the model, given or as the harmonics of engine orders need them; by default as nine harmonics and
         a march in time do, which the report weighs.  0 is always added.
     n_modes, n_damper_modes, damping_ratio : int, int, float
-        Modes of the sector at each nodal diameter, and of the damper, its six rigid ones included; of all elastic modes.
+        Modes of the sector at each nodal diameter, and of a damper, its six rigid ones included, for all alike or by name;
+        damping ratio of all elastic modes.
     units, axis, radial, origin : str or Units, (3,) float
         One of ``bdamper.io.UNITS`` or factors; axis of rotation, direction to the blade and a point on the axis, in the
         axes and the unit of length of the files.
@@ -136,7 +146,7 @@ def build_model(
     check_units : bool
         Whether sizes and densities far from anything built are refused.
     wheel, wheel_shapes : set, LocalSizes, optional
-        All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades.
+        All nodes of the blade, those of its root included, which the disk shares: for mistuned wheels.
     stress, elasticity : set or mapping of name to set, (Young's modulus, Poisson's ratio), optional
         Nodes of the blade for stress (extra ``bdamper[fe]``); constants in units of the file, in place of those in it.
     progress : bool, optional
@@ -147,19 +157,18 @@ def build_model(
     ModelError, SettingError
         At the first thing that is wrong, naming it, what was expected and what was found.
     """
-    n_blades = validate.whole("n_blades", n_blades, least=1)
-    counts = {"blade": validate.whole("n_modes", n_modes, 1, BOUNDS.modes)}
-    counts["damper"] = validate.whole("n_damper_modes", n_damper_modes, 6, BOUNDS.modes)
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
     bodies = _prepared(blade, damper, placement(axis, radial, origin, units), validate.flag("strict", strict))
+    counts = _counts(list(bodies)[1:], n_modes, n_damper_modes)
     contacts = _given_contacts(contacts)
-    diameters, excited, reason = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
+    faces = _sector_faces(bodies["blade"], sector_faces, n_blades)
+    diameters, excited, reason = _diameters(n_blades := faces.n_sectors, engine_order, harmonics, nodal_diameters, blade)
     bodies["blade"].expected = _known_frequencies(expected_frequencies, diameters)
     bodies["blade"].checks.append(f"{len(diameters)} nodal diameters, {reason}")
     _check_bodies(bodies, n_blades, validate.flag("check_units", check_units))
-    ring = Ring(n_blades, *_sector_faces(bodies["blade"], sector_faces, n_blades), diameters, excited or diameters)
+    ring = Ring(faces, diameters, excited or diameters)
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
-    laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
+    laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies, forces)
     rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
     with _told(progress, bodies, ring, wheel is not None):
         made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes, rows)
@@ -170,25 +179,39 @@ def build_model(
 # Settings
 
 
-def _prepared(blade: FEBody, damper: FEBody | None, place: Placement, strict: bool) -> dict[str, PreparedBody]:
-    """The bodies in SI units and the axes of the model."""
-    given = {"blade": blade} if damper is None else {"blade": blade, "damper": damper}
+def _prepared(
+    blade: FEBody, damper: FEBody | Mapping[str, FEBody] | None, place: Placement, strict: bool
+) -> dict[str, PreparedBody]:
+    """The bodies in SI units and the axes of the model, the blade first."""
+    free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
+    taken = [name for name in free if name in ("blade", "ground") or not isinstance(name, str)]
+    validate.require(not taken, "free bodies", "names other than 'blade' and 'ground'", taken)
+    given = {"blade": blade, **free}
     for name, body in given.items():
         validate.instance(name, body, FEBody, "an FEBody, as read_arrays returns it")
     return {name: PreparedBody(name, body, place, strict=strict) for name, body in given.items()}
 
 
+def _counts(free: Sequence[str], n_modes: int, n_damper_modes: int | Mapping[str, int]) -> dict[str, int]:
+    """Modes of each body."""
+    given = n_damper_modes if isinstance(n_damper_modes, Mapping) else dict.fromkeys(free, n_damper_modes)
+    validate.mapping("n_damper_modes", given, free, "free bodies")
+    own = {name: validate.whole("n_damper_modes", given.get(name, DAMPER_MODES), 6, BOUNDS.modes) for name in free}
+    return {"blade": validate.whole("n_modes", n_modes, 1, BOUNDS.modes), **own}
+
+
 def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
     for body in bodies.values():
         body.check_repeated()
-    if check_units and "damper" in bodies:
-        check_one_scale(bodies["blade"], bodies["damper"])
+    for name in list(bodies)[1:] if check_units else ():
+        check_one_scale(bodies["blade"], bodies[name])
     check_radial(bodies["blade"], n_blades)
     for body in bodies.values():
         if body.has_matrices:
             check_not_swapped(body)
-            check_row_order(body)
-        check_corner_order(body)
+            if body.name == "blade":  # a free body: check_rigid_motion
+                check_table(body)
+        check_corners(body)
         if check_units:
             check_sizes(body)
 
@@ -244,41 +267,79 @@ def _diameters(
     return tuple(sorted({0, *wanted})), excited, reason
 
 
-def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_blades: int) -> tuple[NDArray, NDArray]:
-    """Matching nodes of the face toward -X and of the one toward +X."""
+def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_blades: int | None) -> SectorFaces:
+    """The faces at which the sector repeats: those given, or found; matching ones, or tied by interpolation."""
+    n_blades = None if n_blades is None else validate.whole("n_blades", n_blades, least=1)
     if n_blades == 1:
-        return np.empty(0, int), np.empty(0, int)
+        return no_faces()
+    tolerance = BOUNDS.sector_faces * body.size
     if given is None:
-        raise SettingError("sector_faces: expected the two faces of the sector, since n_blades > 1; found none")
+        faces = find_faces(body.nodes, body.boundary, n_blades, tolerance) if body.elements else None
+        if faces is None:
+            expected = "the two faces of the sector" + ("" if n_blades else ", and n_blades (1 if nothing repeats)")
+            raise SettingError(f"sector_faces: expected {expected}, as no rotation carries faces of elements onto others")
+        how = f"found from the geometry, {faces.n_sectors} sectors"
+        body.checks.append(f"sector faces: {how}; {len(faces.dependent)} pairs of nodes match within {tolerance:.2g} m")
+        return faces
     if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
         raise validate.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
     first, second = (body.node_set(s, "sector_faces") for s in given)
-    # Nodes on the axis of rotation would be their own image; nothing in a disk stands there.
-    pitch = 2.0 * np.pi / n_blades
-    tolerance = BOUNDS.sector_faces * body.size
+    if n_blades is None:
+        n_blades = _sectors_between(body, first, second)
     problems = []
     for left, right, words in ((first, second, "the first set lies toward -X"), (second, first, "the sets came swapped")):
         try:
-            matched = match_faces(body.nodes, left, right, pitch, tolerance)
+            matched = match_faces(body.nodes, left, right, n_blades, tolerance)
         except ValueError as error:
             problems.append(str(error))
             continue
+        # Nodes on the axis of rotation would be their own image; nothing in a disk stands there.
         body.checks.append(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
-        return left, matched
+        return matched
     expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
-    raise body.error("sector_faces", expected, f"{problems[0]}; the other way: {problems[1]}")
+    if not body.elements:
+        raise body.error("sector_faces", expected, f"{problems[0]}; the other way: {problems[1]}")
+    with body.refusing("sector_faces", expected):
+        tied = [tie_faces(body.nodes, body.boundary, *pair, n_blades) for pair in ((first, second), (second, first))]
+    best = min(tied, key=lambda faces: faces.distance)
+    found = f"{problems[0]}; the other way: {problems[1]}; meshes that differ are at best {best.distance:.3g} m apart"
+    body.require(best.distance <= BOUNDS.tied_faces * body.size, "sector_faces", expected, found)
+    body.checks.append(
+        f"sector faces: meshes that differ, {len(best.dependent)} nodes tied by interpolation to {len(best.independent)}, "
+        f"at most {best.distance:.2g} m apart"
+    )
+    return best
 
 
-def _locations(given: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody]) -> dict[str, tuple[str, int]]:
-    """Body and node of each named location."""
-    out = {}
+def _sectors_between(body: PreparedBody, first: NDArray, second: NDArray) -> int:
+    """Number of sectors from the mean angle between two faces."""
+    angles = [np.arctan2(*body.nodes[nodes, :2].mean(axis=0)) for nodes in (first, second)]
+    between = abs((angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi)
+    n_blades = max(2, round(2.0 * np.pi / max(between, 1e-3)))
+    body.checks.append(f"{n_blades} sectors, from the {np.rad2deg(between):.4g} degrees between the sector faces")
+    return n_blades
+
+
+def _locations(
+    given: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody], forces: Mapping[str, object] | None
+) -> dict[str, tuple[str, Place]]:
+    """Body and node of each named location, or the field of forces of that name."""
+    out: dict[str, tuple[str, Place]] = {name: ("blade", f) for name, f in force_fields(forces, bodies["blade"]).items()}
     for name, value in ({} if given is None else validate.instance("locations", given, Mapping, "a mapping")).items():
         body = "blade"
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
             body, value = value
         validate.require(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
+        validate.require(name not in out, f"location '{name}'", "another name than one of forces", f"'{name}' twice")
         out[name] = (body, bodies[body].node(value, f"location '{name}'"))
     return out
+
+
+def _location(name: str, body: PreparedBody, place: Place) -> Location:
+    if not isinstance(place, np.ndarray):
+        return Location(name, body.name, body.nodes[place].copy())
+    sizes = np.linalg.norm(place, axis=1)
+    return Location(name, body.name, sizes @ body.nodes / sizes.sum(), "forces")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -301,22 +362,26 @@ def _told(progress: bool | None, bodies: Mapping[str, PreparedBody], ring: Ring,
 
 
 def _reduced(
-    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, int]],
+    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, Place]],
     counts: Mapping[str, int], damping_ratio: float, ring: Ring, fixed: NodeSet | None, wheel: NodeSet | None,
     shapes: LocalSizes | None, rows: Sequence[StressRows],
 ) -> dict[str, Body]:  # fmt: skip
     """All bodies with their modes, by the way that the numbers given for each of them allow."""
     made = {}
     for name, body in bodies.items():
-        nodes = {key: node for key, (owner, node) in places.items() if owner == name}
-        wanted = Wanted(laid.ports[name], laid.rows[name], nodes, counts[name], damping_ratio)
-        part = None if wheel is None or name != "blade" else blade_part(body, wanted, ring, fixed, wheel, laid.interfaces)
+        own = {key: place for key, (owner, place) in places.items() if owner == name}
+        wanted = Wanted(laid.ports[name], laid.rows[name], own, counts[name], damping_ratio, static_shapes=True)
         if name == "blade" and body.has_matrices:
-            sectors = Sectors(body, wanted, ring, fixed, kept=() if part is None else sampled_waves(ring.n_blades))
-            made[name] = constrained_from_matrices(sectors, rows)
+            mask = held_components(body, wanted, fixed, ring)
+            part = None if wheel is None else blade_part(body, wanted, ring, mask, wheel, laid.interfaces)
+            kept = {0} if body.given.other_speeds else set()  # for the displacement by rotation
+            sector = cyclic_sectors(body, ring, mask, kept if part is None else kept.union(sampled_waves(ring.n_blades)))
+            made[name] = constrained_from_matrices(body, wanted, ring, sector, mask, rows)
             if part is not None:
-                made[name] = with_local_basis(made[name], sectors, laid.interfaces, part, shapes or LocalSizes())
+                local = body, wanted, sector, laid.interfaces, part, shapes or LocalSizes()
+                made[name] = with_local_basis(made[name], *local)
         elif name == "blade":
+            validate.require(wheel is None, "wheel", "a sector of a cyclic structure with its matrices", "modes alone")
             made[name] = constrained_from_modes(body, wanted, ring)
         else:
             made[name] = free_from_matrices(body, wanted) if body.has_matrices else free_from_modes(body, wanted)
@@ -326,7 +391,7 @@ def _reduced(
 
 
 def _assembled(
-    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, int]],
+    bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, Place]],
     made: Mapping[str, Body], rows: Sequence[StressRows], n_blades: int, check_units: bool,
 ) -> BuiltModel:  # fmt: skip
     """The model and its report."""
@@ -338,7 +403,7 @@ def _assembled(
         n_blades=n_blades,
         bodies=made,
         interfaces=laid.interfaces,
-        locations={key: Location(key, b, bodies[b].nodes[node].copy()) for key, (b, node) in places.items()},
+        locations={key: _location(key, bodies[b], place) for key, (b, place) in places.items()},
         contact=laid.stiffness,
         stress={own.name: own.set("blade", "bdamper.io.build_model, mean over elements at nodes") for own in rows},
         meshes={

@@ -120,7 +120,7 @@ class _Deck:
                 self.elastic[self.material] = young, poisson
         elif keyword == "*SOLID SECTION":
             self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
-        elif keyword in _IGNORED_STRUCTURE:
+        elif keyword in _IGNORED_STRUCTURE and "CYCLIC SYMMETRY" not in parameters:
             self.notes.append(f"{keyword} of the deck is not read: what it does must be in the matrices")
 
     def _integers(self, lines: list[tuple[int, str]]) -> list[int]:

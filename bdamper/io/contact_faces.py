@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import partial
+from typing import Annotated, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,7 +41,7 @@ class ContactFaces:
         On body a: name of a set, node numbers (the faces of elements between them are found), or faces of elements by
         their node numbers, seen from outside counter-clockwise.
     faces_b : the same, or None against the ground
-    body_a, body_b : {"damper", "blade", "ground"}
+    body_a, body_b : {"damper", "blade", "ground"} or the name of one of several free bodies
     points : int or (int, int)
         Contact points, in all or along t1 and t2.
     kind : {"friction", "constraint"}
@@ -67,34 +68,17 @@ class ContactFaces:
     faces_b: FaceSet | None = None
     body_a: str = "damper"
     body_b: str = "blade"
-    points: int | tuple[int, int] = 24
+    points: Annotated[int | tuple[int, int], _points] = 24
     kind: Literal["friction", "constraint"] = "friction"
-    sector_b: int | None = None
-    gap: float | Literal["measured"] = 0.0
-    frame: NDArray | None = None
+    sector_b: Annotated[int, partial(validate.whole, least=-1, most=1)] | None = None
+    gap: Annotated[float | Literal["measured"], _gap] = 0.0
+    frame: Annotated[NDArray, _frame] | None = None
     patches: Patches | None = None
     stiffness: NDArray | tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        item = self.item
         validate.instance("name of a contact", self.name, str, "a text")
-        validate.choice(f"{item}: kind", self.kind, ("friction", "constraint"))
-        pair = isinstance(self.points, Sequence | np.ndarray) and not isinstance(self.points, str | bytes)
-        counts = tuple(self.points) if pair else (self.points,)  # type: ignore[arg-type]
-        if len(counts) != (2 if pair else 1):
-            raise validate.unfit(f"{item}: points", "a number of contact points or two, along t1 and t2", self.points)
-        counts = tuple(validate.whole(f"{item}: points", n, 1, BOUNDS.points) for n in counts)
-        if int(np.prod(counts)) > BOUNDS.points:
-            raise validate.unfit(f"{item}: points", f"at most {BOUNDS.points} contact points on a face", self.points)
-        object.__setattr__(self, "points", counts if pair else counts[0])
-        if not isinstance(self.gap, str):
-            object.__setattr__(self, "gap", validate.number(f"{item}: gap", self.gap))
-        elif self.gap != "measured":
-            raise validate.unfit(f"{item}: gap", "a distance in the units of the files, or 'measured'", self.gap)
-        if self.sector_b is not None:
-            object.__setattr__(self, "sector_b", validate.whole(f"{item}: sector_b", self.sector_b, -1, 1))
-        if self.frame is not None:
-            _check_frame(self.frame, item)
+        validate.checked(self, f"{self.item}: ")
 
     @property
     def item(self) -> str:
@@ -107,12 +91,30 @@ class ContactFaces:
         return f"{self.item} between {self.body_a} and {self.body_b}"
 
 
-def _check_frame(frame: NDArray, item: str) -> None:
+def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
+    pair = isinstance(points, Sequence | np.ndarray) and not isinstance(points, str | bytes)
+    counts = tuple(points) if pair else (points,)  # type: ignore[arg-type]
+    good = len(counts) == (2 if pair else 1)
+    validate.that(good, name, "a number of contact points or two, along t1 and t2", points)
+    counts = tuple(validate.whole(name, n, 1, BOUNDS.points) for n in counts)
+    validate.that(np.prod(counts) <= BOUNDS.points, name, f"at most {BOUNDS.points} contact points on a face", points)
+    return counts if pair else counts[0]
+
+
+def _gap(name: str, gap: float | str) -> float | str:
+    if not isinstance(gap, str):
+        return validate.number(name, gap)
+    validate.that(gap == "measured", name, "a distance in the units of the files, or 'measured'", gap)
+    return gap
+
+
+def _frame(name: str, frame: NDArray) -> NDArray:
     rows = frame if isinstance(frame, np.ndarray | Sequence) and np.shape(frame) == (3, 3) else None
-    axes = np.array([validate.numbers(f"{item}: frame", row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
+    axes = np.array([validate.numbers(name, row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
     if not np.allclose(axes @ axes.T, np.eye(3), atol=BOUNDS.axes) or np.linalg.det(axes) < 0.0:
         expected = "three rows t1, t2, n of length 1 at right angles, right-handed"
-        raise validate.unfit(f"{item}: frame", expected, np.asarray(frame).tolist())
+        raise validate.unfit(name, expected, np.asarray(frame).tolist())
+    return frame
 
 
 @dataclass(frozen=True)
@@ -140,47 +142,53 @@ class LaidContacts:
 def from_first_sector(
     contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
 ) -> tuple[tuple[ContactFaces, ...], dict[str, PreparedBody]]:
-    """Contacts and bodies with the damper in sector 0: between its blade and the next one, wherever it is drawn.
+    """Contacts and bodies with free bodies in sector 0: between its blade and the next one, wherever they are drawn.
 
     A damper beside another blade, or at the other flank, is turned about the axis by whole pitches.
     """
-    contacts, bodies = tuple(_from_damper(contact) for contact in contacts), dict(bodies)
-    touching = [c for c in contacts if (c.body_a, c.body_b) == ("damper", "blade")]
-    if n_blades == 1 or not touching or not {"damper", "blade"} <= set(bodies):
-        return contacts, bodies
-    damper, blade = bodies["damper"], bodies["blade"]
+    bodies = dict(bodies)
+    for name in [name for name in bodies if name != "blade"]:
+        contacts = tuple(_from_free(contact, name) for contact in contacts)
+        contacts = _one_from_first_sector(contacts, bodies, name, n_blades)
+    return tuple(contacts), bodies
+
+
+def _one_from_first_sector(
+    contacts: tuple[ContactFaces, ...], bodies: dict[str, PreparedBody], name: str, n_blades: int
+) -> tuple[ContactFaces, ...]:
+    """Contacts with one free body in sector 0, where it is moved to among the bodies."""
+    touching = [c for c in contacts if (c.body_a, c.body_b) == (name, "blade")]
+    if n_blades == 1 or not touching:
+        return contacts
+    damper, blade = bodies[name], bodies["blade"]
     sectors = set()
     for contact in touching:
         if contact.faces_b is None:
-            return contacts, bodies  # refused where it is laid
+            return contacts  # refused where it is laid
         face_a, face_b = damper.faces(contact.faces_a, contact.item), blade.faces(contact.faces_b, contact.item)
         sectors.add(_nearest(range(n_blades), damper, face_a, blade, face_b, n_blades)[2])
     first = next((s for s in sectors if (s - 1) % n_blades not in sectors), 0)
     if not first:
-        return contacts, bodies
+        return contacts
     sector = first if 2 * first <= n_blades else first - n_blades
     back = turn(-2.0 * np.pi / n_blades * sector)
     place = replace(damper.place, radial=(back @ damper.place.rotation)[1])
-    bodies["damper"] = replace(damper, place=place)
-    damper.checks.append(f"damper: drawn {sector:+d} sectors on, moved between the blades of sectors 0 and 1")
-    return tuple(_turned(contact, back, sector) for contact in contacts), bodies
+    bodies[name] = replace(damper, place=place)
+    damper.checks.append(f"{name}: drawn {sector:+d} sectors on, moved between the blades of sectors 0 and 1")
+    return tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
 
 
-def _from_damper(contact: ContactFaces) -> ContactFaces:
-    """The same contact with the damper as body a."""
-    if (contact.body_a, contact.body_b) != ("blade", "damper") or contact.frame is not None or contact.patches is not None:
+def _from_free(contact: ContactFaces, name: str) -> ContactFaces:
+    """The same contact with a free body as body a."""
+    if (contact.body_a, contact.body_b) != ("blade", name) or contact.frame is not None or contact.patches is not None:
         return contact
     assert contact.faces_b is not None
     sector = None if contact.sector_b is None else -contact.sector_b
-    return replace(
-        contact, body_a="damper", body_b="blade", faces_a=contact.faces_b, faces_b=contact.faces_a, sector_b=sector
-    )
+    return replace(contact, body_a=name, body_b="blade", faces_a=contact.faces_b, faces_b=contact.faces_a, sector_b=sector)
 
 
 def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
     """A contact of a damper that is turned by ``back`` (3, 3), so many sectors."""
-    if contact.body_a != "damper":
-        return contact
     frame = None if contact.frame is None else np.asarray(contact.frame) @ back.T
     patches = None if contact.patches is None else contact.patches.turned(back)
     sector_b = None if contact.sector_b is None or contact.body_b == "ground" else contact.sector_b - sector

@@ -22,7 +22,7 @@ from bdamper.util.repr import brief
 
 
 @dataclass(frozen=True)
-class Units:
+class Units(validate.Checked):
     """Units of a finite element model, as factors to metres and kilograms; time is in seconds.
 
     Parameters
@@ -33,11 +33,8 @@ class Units:
         Kilograms per unit of mass; the unit of force is mass times length over second squared.
     """
 
-    length: float = 1.0
-    mass: float = 1.0
-
-    def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "length", "mass", above=0.0)
+    length: validate.Positive = 1.0
+    mass: validate.Positive = 1.0
 
 
 UNITS = {
@@ -196,7 +193,7 @@ class FEBody:
         ``numbers``.  Components without a row count as fixed.
     elements : tuple of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
         Node numbers of solid elements; needed where faces are given as sets of nodes.  Corners first: of hexahedra four in
-        turn around one face, then the four opposite ones (:mod:`bdamper.io.corner_order`).
+        turn around one face, then the four opposite ones in the same turn.
     element_kinds : tuple of ElementKind
         Of each array of ``elements``; none counts as full integration and unknown material.
     node_sets : mapping of name to (n,) int

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from bdamper.io.over_speed import rotation_of
 from bdamper.io.plausible import check_rigid_motion
 from bdamper.io.prepare import NodeSet, PreparedBody, Ring
 from bdamper.model.model import Body
-from bdamper.reduction.bodies import Wanted, constrained_body, free_body
+from bdamper.reduction.bodies import Wanted, constrained_body, free_body, nodes_of
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 
@@ -24,57 +24,60 @@ if TYPE_CHECKING:
 POSITIVE = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
 
 
-@dataclass
-class Sectors:
-    """The sector at each nodal diameter from matrices; calling it gives one, checked.
+def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring) -> NDArray:
+    """Mask (n_nodes, 3) of the components that are held, those at images of held nodes on the other sector face included.
 
-    Parameters
-    ----------
-    body : PreparedBody
-    wanted : Wanted
-    ring : Ring
-    fixed : NodeSet, optional
-        Clamped nodes.
-    kept : collection of int
-        Nodal diameters that are asked for more than once: their modes are kept.
+    Other programs want only one face held: their tie of the faces holds the other.
 
     Raises
     ------
     ModelError
-        If the sector is not held, or a contact face or location has no rows in the matrices.
+        If a contact face or location has no rows in the matrices.
     """
+    held = None if fixed is None else body.node_set(fixed, "fixed")
+    _check_reached(body, wanted, held)
+    mask = body.fixed(held)
+    out = np.stack([ring.faces.images(component) for component in mask.T], axis=1)
+    if added := int((out & ~mask).any(axis=1).sum()):
+        body.checks.append(f"{body.name}: {added} nodes of a sector face held as images of held nodes of the other one")
+    return out
 
-    body: PreparedBody
-    wanted: Wanted
-    ring: Ring
-    fixed: NodeSet | None
-    kept: Collection[int] = ()
 
-    def __post_init__(self) -> None:
-        held = None if self.fixed is None else self.body.node_set(self.fixed, "fixed")
-        self.mask = self.body.fixed(held)
-        _check_reached(self.body, self.wanted, self.mask, held)
-        free = int((~self.mask).sum())
-        self.body.require(free >= 12, "matrices", "more than a dozen free components", free)
-        self.n_modes = min(self.wanted.n_modes, max(1, (free - 3 * len(self.ring.right)) // 2))
-        self._made: dict[int, CyclicSector] = {}
+def cyclic_sectors(
+    body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int] = ()
+) -> Callable[[int], CyclicSector]:
+    """The sector from matrices as a function of the nodal diameter; modes of those in ``kept`` are kept.
 
-    def __call__(self, d: int) -> CyclicSector:
-        """The sector at a nodal diameter."""
-        if d in self._made:
-            return self._made[d]
-        body, ring = self.body, self.ring
+    Raises
+    ------
+    ModelError
+        If hardly anything of the sector can move.
+    """
+    free = int((~mask).sum())
+    body.require(free >= 12, "matrices", "more than a dozen free components", free)
+    made: dict[int, CyclicSector] = {}
+
+    def sector(d: int) -> CyclicSector:
+        if d in made:
+            return made[d]
         body.step(f"nodal diameter {d}")
-        with body.refusing(f"nodal diameter {d}", "fixed nodes alike on both sector faces"):
-            made = CyclicSector(body.structure, ring.left, ring.right, self.mask, ring.n_blades, d)
+        for other in made.values():
+            other.forget_factors()
+        with body.refusing(f"nodal diameter {d}", "a sector whose fixed components both sector faces can have"):
+            out = CyclicSector(body.structure, ring.faces, mask, d)
         if d == 0 or ring.n_blades == 1:  # the pivots take as long as a factorisation; elsewhere the frequencies tell
-            _check_held(body, made, bool(self.mask.any()))
-        if d in self.kept:
-            self._made[d] = made
-        return made
+            _check_held(body, out, bool(mask.any()))
+        if d in kept:
+            made[d] = out
+        return out
+
+    return sector
 
 
-def constrained_from_matrices(sectors: Sectors, stress: Iterable[StressRows] = ()) -> Body:
+def constrained_from_matrices(
+    body: PreparedBody, wanted: Wanted, ring: Ring, sector: Callable[[int], CyclicSector], mask: NDArray,
+    stress: Iterable[StressRows] = (),
+) -> Body:  # fmt: skip
     """A sector from its matrices at each nodal diameter; ``stress`` collects that of its vectors.
 
     Raises
@@ -82,31 +85,25 @@ def constrained_from_matrices(sectors: Sectors, stress: Iterable[StressRows] = (
     ModelError
         If the sector is not held, or a matrix is not positive definite.
     """
-    body, wanted, ring, n_modes = sectors.body, sectors.wanted, sectors.ring, sectors.n_modes
-    rotation = rotation_of(body)
-    if rotation is not None:
-        sectors.kept = {0, *sectors.kept}  # for the displacement by rotation
-    compared: set[int] = set()
+    free = int((~mask).sum())
+    n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.faces.dependent)) // 2))
+    fewer, compared = replace(wanted, n_modes=n_modes), set[int]()
     known = {*body.expected, *(modes.nodal_diameter for modes in body.given.modes)}
     known_first = sorted(ring.diameters, key=lambda d: d not in known)
 
-    def sector(d: int) -> CyclicSector:
-        made = sectors(d)
+    def checked(d: int) -> CyclicSector:
+        made = sector(d)
         if d not in compared:
             compared.add(d)
             compare_known(body, d, made.modes(n_modes)[0], ring)
         if d in ring.pictured:
             body.keep_pictures(d, made.modes(n_modes)[1])
         for rows in stress:
-            rows.add(made, wanted.contact, n_modes)
+            rows.add(made, wanted.contact, *fewer.shapes(made)[:2])
         return made
 
     with body.refusing("matrices", POSITIVE):
-        fewer = replace(wanted, n_modes=n_modes)
-        built = constrained_body(body.name, fewer, sector, known_first, ring.diameters, rotation)
-    for d in sectors.kept:
-        if d in ring.diameters:
-            sectors(d).forget_factors()
+        built = constrained_body(body.name, fewer, checked, known_first, ring.diameters, rotation_of(body))
     built = replace(built, bases=dict(sorted(built.bases.items())))
     for d, basis in built.bases.items():
         _check_positive(body, d, basis.omega2)
@@ -116,17 +113,15 @@ def constrained_from_matrices(sectors: Sectors, stress: Iterable[StressRows] = (
     return built
 
 
-def _check_reached(body: PreparedBody, wanted: Wanted, mask: NDArray, held: NDArray | None) -> None:
-    """Contact faces and locations have rows in the matrices."""
-    empty = np.flatnonzero(mask.all(axis=1))
-    if held is not None:
-        empty = np.setdiff1d(empty, held)
+def _check_reached(body: PreparedBody, wanted: Wanted, held: NDArray | None) -> None:
+    """Contact faces and locations have rows in the matrices, or are held by name."""
+    empty = np.setdiff1d(np.flatnonzero(body.fixed(None).all(axis=1)), [] if held is None else held)
     wrong = np.intersect1d(np.unique(wanted.contact.indices // 3), empty)
     if len(wrong):
         found = f"node {body.given.numbers[wrong[0]]} and {len(wrong)} such in all without any"
         raise body.error("contact faces", "nodes with rows in the matrices", found)
-    for name, node in wanted.locations.items():
-        if node in empty:
+    for name, place in wanted.locations.items():
+        for node in np.intersect1d(nodes_of(place), empty)[:1]:
             raise body.error(f"location '{name}'", "a node with rows in the matrices", f"node {body.given.numbers[node]}")
 
 
@@ -183,8 +178,6 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     omega2 = built.bases[0].omega2
     if len(omega2) > 6 and not omega2[6] > 0.0:
         raise body.error("stiffness matrix", "six rigid-body motions and no others", f"omega2 = {omega2[6]:.3g}")
-    moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(free.inertia))
-    body.checks.append(
-        f"damper: six rigid-body motions without force; mass {free.total_mass:.6g} kg, principal moments {moments} kg m2"
-    )
+    moments = f"principal moments {', '.join(f'{m:.4g}' for m in np.linalg.eigvalsh(free.inertia))} kg m2"
+    body.checks.append(f"{body.name}: six rigid-body motions without force; mass {free.total_mass:.6g} kg, {moments}")
     return built

@@ -19,7 +19,7 @@ from bdamper.io.over_speed import basis_from_modes
 from bdamper.io.plausible import compare_frequencies
 from bdamper.io.prepare import PreparedBody, Ring
 from bdamper.model.model import Body, BodyLoad
-from bdamper.reduction.bodies import Wanted
+from bdamper.reduction.bodies import Wanted, nodes_of
 from bdamper.reduction.cyclic import fix_phase
 from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.waves import Waves, farthest_pair, travelling_waves
@@ -39,15 +39,15 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
         waves = Waves(np.arange(shapes.shape[1]), shapes.real, np.zeros(shapes.shape[1]), 0, 0)
     else:
         known = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
-        both = known[ring.left] & known[ring.right]
-        body.require(both.any(), item, "values at matching nodes of the two sector faces", "none")
-        left, right, frequency = ring.left[both], ring.right[both], np.asarray(modes.frequency, float)
+        faces = ring.faces.among(known)
+        body.require(len(faces.dependent), item, "values at matching nodes of the two sector faces", "none")
         plain = np.nan_to_num(shapes)
         try:
-            waves = travelling_waves(frequency, plain, left, right, ring.n_blades, d)
+            waves = travelling_waves(np.asarray(modes.frequency, float), plain, faces, d)
         except ValueError as error:
-            k = farthest_pair(plain, left, right, ring.n_blades, d)
-            place = f"most at nodes {body.given.numbers[left[k]]} and {body.given.numbers[right[k]]}"
+            k = farthest_pair(plain, faces, d)
+            pair = faces.independent[int(faces.weights[k].argmax())], faces.dependent[k]
+            place = "most at nodes {} and {}".format(*body.given.numbers[list(pair)])
             raise body.error(item, "travelling waves", f"{error}; {place}") from error
         out = np.array(waves.shapes)
         out[np.repeat(~known, 3)] = np.nan
@@ -100,8 +100,8 @@ def _check_known(body: PreparedBody, wanted: Wanted, shapes: NDArray) -> None:
     if len(wrong):
         number = body.given.numbers[wrong[0] // 3]
         raise body.error("contact faces", "values of the modes at its nodes", f"none at node {number}")
-    for name, node in wanted.locations.items():
-        known = not unknown[3 * node : 3 * node + 3].any()
+    for name, place in wanted.locations.items():
+        known = not unknown.reshape(-1, 3)[nodes_of(place)].any()
         body.require(known, f"location '{name}'", "values of the modes at its node", "none")
 
 

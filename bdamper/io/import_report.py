@@ -14,7 +14,7 @@ from bdamper.util.repr import brief
 
 def frequencies_of(basis: ModalBasis) -> NDArray:
     """Frequencies (n_modes,) of the modes of a body, Hz."""
-    return np.sqrt(basis.omega2) / (2.0 * np.pi)
+    return np.sqrt(basis.omega2[: basis.n_natural]) / (2.0 * np.pi)
 
 
 @brief
@@ -81,9 +81,10 @@ class ImportReport(Plottable):
         for d, values in self.frequencies.items():
             shown = "  ".join(f"{f:.6g}" for f in values[:6])
             lines.append(f"  {d:4d}  {shown}{'  ...' if len(values) > 6 else ''}  ({len(values)} modes)")
-        free = self.model.bodies.get("damper")
-        if free is not None and free.centre is not None and free.inertia is not None:
-            lines += ["", "Free body, recomputed"]
+        for free in self.model.bodies.values():
+            if free.centre is None or free.inertia is None:
+                continue
+            lines += ["", f"Free body {free.name}, recomputed"]
             lines.append(f"  mass {free.mass:.6g} kg, centre ({', '.join(f'{c:.6g}' for c in free.centre)}) m")
             moments = np.linalg.eigvalsh(free.inertia)
             lines.append(f"  principal moments of inertia {', '.join(f'{m:.6g}' for m in moments)} kg m2")

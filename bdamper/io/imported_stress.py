@@ -25,7 +25,7 @@ def stress_rows(
     body: PreparedBody, given: NodeSet | Mapping[str, NodeSet] | None, elasticity: Sequence[float] | None,
     laid: LaidContacts, ring: Ring,
 ) -> list[StressRows]:  # fmt: skip
-    """What collects the stress at sets of nodes of a blade.
+    """Rows that recover the stress at sets of nodes of a blade.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def stress_rows(
 
 def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
     """The nodes that have all their elements in the sector."""
-    kept = nodes[~np.isin(nodes, np.concatenate([ring.left, ring.right]))]
+    kept = nodes[~np.isin(nodes, ring.faces.nodes)]
     body.require(len(kept) > 0, item, "nodes away from the faces at which the sector repeats", "none")
     if len(kept) < len(nodes):
         body.missing.append(f"{item}: {len(nodes) - len(kept)} nodes on the sector faces are left out")

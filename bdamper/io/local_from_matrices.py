@@ -1,22 +1,23 @@
-"""The local basis of an imported sector, for wheels of unequal blades."""
+"""The local basis of an imported sector, for mistuned wheels."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bdamper.io.from_matrices import Sectors
 from bdamper.io.prepare import NodeSet, PreparedBody, Ring
 from bdamper.model.model import Body, Interface
 from bdamper.reduction.bodies import Wanted
+from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.util.errors import SettingError
 
 
 def blade_part(
-    body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None, blade: NodeSet,
+    body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NDArray, blade: NodeSet,
     interfaces: Mapping[str, Interface],
 ) -> BladePart:  # fmt: skip
     """The blade within a sector.
@@ -34,25 +35,24 @@ def blade_part(
     ModelError, SettingError
         If there are no matrices or no sectors, or the set is not a blade with all contact points and locations on it.
     """
-    if not body.has_matrices or ring.n_blades == 1:
-        found = "an acyclic structure" if body.has_matrices else "modes alone"
-        raise SettingError(f"wheel: expected a sector of a cyclic structure with its matrices, found {found}")
+    if ring.n_blades == 1:
+        raise SettingError("wheel: expected a sector of a cyclic structure with its matrices, found an acyclic structure")
     touching = [name for name, face in interfaces.items() if face.body_a == face.body_b == body.name]
     if touching:
         raise SettingError(f"wheel: expected blades that touch dampers, found '{touching[0]}', where they touch each other")
-    nodes, faces = body.node_set(blade, "wheel"), np.concatenate([ring.left, ring.right])
+    nodes = body.node_set(blade, "wheel")
     with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
-        held = None if fixed is None else body.node_set(fixed, "fixed")
-        part = BladePart(body.structure, nodes, body.fixed(held), step=body.step)
+        part = BladePart(body.structure, nodes, fixed, step=body.step)
         part.check_on_blade(wanted)
-        if np.isin(nodes, faces).any():
+        if np.isin(nodes, ring.faces.nodes).any():
             raise ValueError("nodes on the faces at which the sector repeats")
     return part
 
 
 def with_local_basis(
-    made: Body, sectors: Sectors, interfaces: Mapping[str, Interface], part: BladePart, sizes: LocalSizes
-) -> Body:
+    made: Body, body: PreparedBody, wanted: Wanted, sector: Callable[[int], CyclicSector],
+    interfaces: Mapping[str, Interface], part: BladePart, sizes: LocalSizes,
+) -> Body:  # fmt: skip
     """The sector ``made`` with a local basis from its matrices.
 
     Raises
@@ -60,10 +60,9 @@ def with_local_basis(
     ModelError
         If the matrices of the blade clamped at its root are not positive definite.
     """
-    body, wanted = sectors.body, sectors.wanted
     with body.refusing("wheel", "a blade that its root holds"):
         dampers = damper_motion(wanted.ports, interfaces)
-        local = local_basis(part, sectors, wanted, dampers, sizes, "set of nodes")
+        local = local_basis(part, sector, wanted, dampers, sizes, "set of nodes")
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
     worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
     body.checks += [

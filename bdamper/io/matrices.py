@@ -208,7 +208,7 @@ def read_set(path: Path) -> NDArray:
 def read_elements(path: Path) -> tuple[NDArray, ...]:
     """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first.
 
-    Hexahedra: four corners in turn around one face, then the four opposite ones (:mod:`bdamper.io.corner_order`).
+    Hexahedra: four corners in turn around one face, then the four opposite ones in the same turn.
     """
     elements = []
     for k, line in enumerate(path.read_text(errors="replace").splitlines(), 1):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -181,42 +180,69 @@ def load_measured(path: str | PathLike[str]) -> Measured:
         If a column is missing, a row is longer than the header, or a value is not a finite number of at least 0; the
         message names the line.
     """
-    lines, head = _lines(path)
-    if "load" not in head or not {"amplitude", "frequency"} & set(head):
-        raise mismatch(f"{path}, line {lines[0][0]}", f"the columns {COLUMNS} (one of the last two)", head)
-    values: dict[str, list[float]] = {name: [] for name in COLUMNS}
-    for number, row in _rows(path, lines, head):
-        for name in COLUMNS:
-            text = row[head.index(name)].strip() if name in head and head.index(name) < len(row) else ""
-            with parsing(f"{path}, line {number}", f"a finite number of at least 0 in column '{name}'", text):
-                value = float(text) if text and text.lower() != "nan" else np.nan
-                if value < 0.0 or np.isinf(value) or (name == "load" and np.isnan(value)):
-                    raise ValueError
-            values[name].append(value)
-    return Measured(**{name: np.array(column) for name, column in values.items()}, source=str(path))
+    sets = COLUMNS, COLUMNS[:2], (COLUMNS[0], COLUMNS[2])
+    found = read_columns(path, *sets, signed=False, blank=COLUMNS[1:])
+    values = {name: column for name, (column, _) in found.items()}
+    return Measured(**{name: values.get(name, np.full(len(values["load"]), np.nan)) for name in COLUMNS}, source=str(path))
 
 
-def _lines(path: str | PathLike[str]) -> tuple[list[tuple[int, str]], list[str]]:
-    """Numbered lines of a CSV file without comments and empty ones, and the names in the first of them in small letters."""
+def read_columns(
+    path: str | PathLike[str], *sets: tuple[str, ...], signed: bool = True, blank: tuple[str, ...] = ()
+) -> dict[str, tuple[NDArray, str]]:
+    """Columns of a CSV file by name, each with the unit that stands in brackets behind the name.
+
+    Names and units are read in small letters.  Lines that start with ``#``, empty lines and other columns are left alone.
+
+    Parameters
+    ----------
+    path : path-like
+    *sets : tuple of str
+        Names that belong together; those of the first set which the file has are read.
+    signed : bool
+        Whether numbers below 0 are allowed.
+    blank : tuple of str
+        Columns in which a value may be missing; it is NaN then.
+
+    Raises
+    ------
+    BdamperError
+        If no set is complete, or a value is not a finite number; the message names the line.
+    """
     require(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             content = list(enumerate(file, 1))
     except UnicodeDecodeError as error:
         raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
-    lines = [(i, line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
+    lines = [(f"{path}, line {i}", line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
     require(bool(lines), str(path), "a header and rows of numbers", "nothing")
-    return lines, [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
-
-
-def _rows(path: str | PathLike[str], lines: list[tuple[int, str]], head: list[str]) -> Iterator[tuple[int, list[str]]]:
-    """Numbers of lines and values of the rows after the header."""
-    for number, line in lines[1:]:
+    names = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+    head: dict[str, tuple[int, str]] = {}
+    for k, text in enumerate(names):
+        if found := re.fullmatch(r"(\w+)\s*(?:[(\[](.*)[)\]])?", text):
+            head.setdefault(found[1], (k, (found[2] or "").strip()))
+    there = next((each for each in sets if set(each) <= head.keys()), None)
+    if there is None:
+        raise mismatch(lines[0][0], f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
+    rows = []
+    for where, line in lines[1:]:
         row = next(csv.reader([line]))
-        expected = f"{len(head)} values separated by commas, as the header has, with points in numbers"
-        require(len(row) <= len(head), f"{path}, line {number}", expected, f"{len(row)}: '{line.strip()[:60]}'")
-        yield number, row
-    require(len(lines) > 1, str(path), "rows of numbers after the header", "none")
+        expected = f"{len(names)} values separated by commas, as the header has, with points in numbers"
+        require(len(row) <= len(names), where, expected, f"{len(row)}: '{line.strip()[:60]}'")
+        row += [""] * (len(names) - len(row))
+        rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in there])
+    require(bool(rows), str(path), "rows of numbers after the header", "none")
+    return {name: (column, head[name][1]) for name, column in zip(there, np.array(rows).T)}
+
+
+def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> float:
+    if blank and text.lower() in ("", "nan"):
+        return np.nan
+    with parsing(where, f"a finite number{'' if signed else ' of at least 0'} in column '{column}'", text):
+        value = float(text)
+        if not np.isfinite(value) or (value < 0.0 and not signed):
+            raise ValueError
+    return value
 
 
 ANGLES = {"": 1.0, "rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
@@ -248,43 +274,22 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
     BdamperError
         If a column is missing, or a value is not a finite number; the message names the line.
     """
-    lines, head = _lines(path)
-    units: dict[str, tuple[int, str]] = {}
-    for k, text in enumerate(head):
-        found = re.fullmatch(r"(\w+)\s*(?:[(\[](.*)[)\]])?", text)
-        if found:
-            units.setdefault(found[1], (k, (found[2] or "").strip()))
-    first = "real" if {"real", "imag"} <= units.keys() else "amplitude"
-    where = f"{path}, line {lines[0][0]}"
-    if not {"frequency", first} <= units.keys():
-        raise mismatch(where, "the columns frequency and amplitude, or frequency, real and imag", head)
-    second = "imag" if first == "real" else "phase"
-    columns = ["frequency", first, *([second] if second in units else [])]
+    sets = ("frequency", "real", "imag"), ("frequency", "amplitude", "phase"), ("frequency", "amplitude")
+    found = read_columns(path, *sets)
     for column, known in (("frequency", ("", "hz")), ("phase", tuple(ANGLES))):
-        if column in columns and units[column][1] not in known:
-            raise mismatch(where, f"the {column} in one of {[u for u in known if u]}", f"'{units[column][1]}'")
-    if second == "imag" and units["real"][1] != units["imag"][1]:
-        raise mismatch(where, "real and imag in the same unit", f"'{units['real'][1]}' and '{units['imag'][1]}'")
-    values = []
-    for number, row in _rows(path, lines, head):
-        texts = [row[units[column][0]] if units[column][0] < len(row) else "" for column in columns]
-        values.append([_finite(text, f"{path}, line {number}", column) for text, column in zip(texts, columns)])
-    frequency, size, *rest = np.array(values).T
+        if column in found and found[column][1] not in known:
+            raise mismatch(str(path), f"the {column} in one of {[u for u in known if u]}", f"'{found[column][1]}'")
+    frequency, size, *rest = (values for values, _ in found.values())
+    _, own, *others = (text for _, text in found.values())
+    if "imag" in found:
+        require(others == [own], str(path), "real and imag in the same unit", f"'{own}' and '{others[0]}'")
     response = size.astype(complex)
-    if rest and second == "phase":
-        response = size * np.exp(1j * ANGLES[units["phase"][1]] * rest[0])
-    elif rest:
+    if "imag" in found:
         response = size + 1j * rest[0]
-    own = unit if unit is not None else units[first][1]
+    elif rest:
+        response = size * np.exp(1j * ANGLES[others[0]] * rest[0])
+    own = own if unit is None else unit
     return Measurement(name or Path(path).stem, frequency, response, unit=own, source=str(path))
-
-
-def _finite(text: str, where: str, column: str) -> float:
-    with parsing(where, f"a finite number in column '{column}'", text):
-        value = float(text)
-        if not np.isfinite(value):
-            raise ValueError
-    return value
 
 
 def goodness_of_fit(load: NDArray, predicted: NDArray, measured_load: NDArray, measured: NDArray) -> Fit:

@@ -1,9 +1,9 @@
 """The model file: a :class:`~bdamper.model.model.Model` in HDF5.
 
-The layout follows the classes one to one and is described in ``docs/model-file.md``, with an example of how to write such
-a file with h5py alone.  The reader checks the container: which groups and datasets there must be, of which type, in which
-units.  The numbers are checked by ``bdamper.model.validation.check_model``, for files and for models built in memory
-alike.
+The layout follows the classes one to one, by their annotated types (:class:`bdamper.model.checks.Data`), and is described
+in ``docs/model-file.md``, with an example of how to write such a file with h5py alone.  The reader checks the container:
+which groups and datasets there must be, of which type, in which units.  The numbers are checked by
+``bdamper.model.validation.check_model``, for files and for models built in memory alike.
 
 A file holds all its data: links to other files, external storage and virtual datasets are refused, and so is every name
 that is not part of the format, since a misspelt optional dataset would otherwise go unnoticed.  Additional attributes are
@@ -13,6 +13,7 @@ ignored.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,22 +27,23 @@ from bdamper.io.model_groups import (
     new_group,
     place,
     read_integer,
-    read_part,
+    read_ports,
+    read_record,
     read_text,
     subgroup,
     subgroups,
-    write_part,
+    write_record,
     write_text,
 )
-from bdamper.io.model_parts import PARTS, read_body, read_mesh, read_stress, write_body, write_mesh, write_stress
-from bdamper.model.checks import require
-from bdamper.model.model import Model
+from bdamper.model.checks import layout, require
+from bdamper.model.model import Body, Model
 from bdamper.model.validation import as_checked, check_model
 from bdamper.util.errors import ModelError
 from bdamper.util.hdf5 import check_folder, enter_reader, opened, written
 
 FORMAT = "bdamper-model"
 VERSION = 1
+RECORDS = [group for group in layout(Model) if group.is_record]
 AXIS = (0.0, 0.0, 1.0)
 TIME_CONVENTION = "exp(+i omega t)"
 PHASE_CONVENTION = "u(k+1) = Rz(-2 pi/N) u(k) exp(+i 2 pi d/N), k toward +X"
@@ -93,20 +95,12 @@ def write_model(file: h5py.Group, model: Model) -> None:
     file.attrs["axis"] = np.array(AXIS)
     write_text(file, "time_convention", TIME_CONVENTION)
     write_text(file, "phase_convention", PHASE_CONVENTION)
-    bodies = new_group(file, "bodies")
-    for name, body in model.bodies.items():
-        write_body(new_group(bodies, name), model, body)
-    for key, part in PARTS.items():
-        parent = new_group(file, key)
-        for name, record in getattr(model, key).items():
-            write_part(new_group(parent, name), part, record)
-    meshes = new_group(file, "mesh")
-    for name, mesh in model.meshes.items():
-        write_mesh(new_group(meshes, name), mesh)
-    if model.stress:
-        sets = new_group(file, "stress")
-        for name, stress in model.stress.items():
-            write_stress(new_group(sets, name), stress)
+    for group in RECORDS:
+        members = new_group(file, group.place())
+        for name, record in getattr(model, group.name).items():
+            ports = record.ports if isinstance(record, Body) else ()
+            rows = {".".join(port): model.port_slice(name, port) for port in ports}
+            write_record(new_group(members, name), record, rows)
     provenance = file.create_group("provenance")
     for key, value in model.provenance.items():
         write_text(provenance, key, value)
@@ -151,18 +145,22 @@ enter_reader(FORMAT, load_model)
 def read_model(file: h5py.Group) -> Model:
     """A model, not checked yet, from a file or a group of one."""
     _check_root(file)
-    n_blades = read_integer(file, "n_blades")
-    parts: dict[str, Any] = {
-        key: {name: read_part(group, part) for name, group in subgroups(file, key).items()} for key, part in PARTS.items()
-    }
-    return Model(
-        n_blades=n_blades,
-        bodies={n: read_body(g, parts["interfaces"]) for n, g in subgroups(file, "bodies").items()},
-        **parts,
-        meshes={n: read_mesh(g) for n, g in subgroups(file, "mesh").items()},
-        provenance=_read_provenance(file),
-        stress={n: read_stress(g) for n, g in subgroups(file, "stress").items()},
-    )
+    parts: dict[str, Any] = {}
+    for own in sorted(RECORDS, key=lambda own: own.kind is Body):  # the modes of a body are at points of interfaces
+        members = subgroups(file, own.place())
+        parts[own.name] = {name: _read_member(group, own.kind, parts) for name, group in members.items()}
+    return Model(n_blades=read_integer(file, "n_blades"), provenance=_read_provenance(file), **parts)
+
+
+def _read_member(group: h5py.Group, kind: Any, parts: Mapping[str, Any]) -> Any:
+    if kind is not Body:
+        return read_record(group, kind)
+    ports, interfaces = read_ports(group, "ports") if "ports" in group.attrs else (), parts["interfaces"]
+    for name, _ in ports:
+        require(name in interfaces, place(group, "@ports"), f"an interface of {list(interfaces)}", f"'{name}'")
+    points = {".".join(port): interfaces[port[0]].n_points for port in ports}
+    n = sum(points.values())
+    return read_record(group, Body, {"n_points": n, "n_forces": 3 * n}, points)
 
 
 def _check_root(file: h5py.Group) -> None:
@@ -177,7 +175,8 @@ def _check_root(file: h5py.Group) -> None:
     axis = np.asarray(attribute(file, "axis"))
     good = axis.dtype.kind in "fiu" and np.array_equal(axis, AXIS)
     require(good, place(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
-    check_members(file, ["bodies", "interfaces"], ["locations", "contact", "static", "mesh", "stress", "provenance"])
+    needed = [group.place() for group in RECORDS if group.required]
+    check_members(file, needed, [*(group.place() for group in RECORDS), "provenance"])
 
 
 def _read_provenance(file: h5py.Group) -> dict[str, str]:

@@ -1,131 +1,89 @@
-"""Groups, datasets and attributes of a model file, written and read with their units and checked as they are read."""
+"""Records of a model in groups of an HDF5 file, written and read by the annotated types of their classes.
+
+Where each field stands, in which units and of which shape, says :class:`bdamper.model.checks.Data`; units, types and what
+there must be are checked as a file is read.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Literal, cast
+from dataclasses import replace
+from typing import Any, get_origin
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.reading import MOST_EXPANDED
-from bdamper.model.checks import fits, require, shape_text
-
-_TYPES = {
-    "real": ("f", "real numbers"),
-    "field": ("fc", "real or complex numbers"),
-    "integer": ("iu", "integers"),
-    "bool": ("b", "booleans"),
-}
-
-
-@dataclass(frozen=True)
-class Data:
-    """What a dataset holds: its units, the type of its numbers, and its shape where the format fixes it."""
-
-    units: str
-    kind: Literal["real", "field", "integer", "bool"] = "real"
-    shape: tuple[int | None, ...] | None = None
-
-
-DATASETS = {
-    "omega2": Data("rad2/s2", shape=(None,)),
-    "damping_ratio": Data("1"),
-    "drag": Data("1/s"),
-    "modes": Data("kg^-1/2", "field"),
-    "locations": Data("kg^-1/2", "field"),
-    "flexibility": Data("m/N", "field"),
-    "mass": Data("kg", shape=()),
-    "centre": Data("m"),
-    "inertia": Data("kg m2"),
-    "constant_force": Data("N kg^-1/2"),
-    "direction": Data("1"),
-    "generalised": Data("kg^-1/2"),
-    "displacement": Data("m/N"),
-    "points": Data("m"),
-    "area": Data("m2", shape=(None,)),
-    "frame": Data("1"),
-    "gap": Data("m"),
-    "position": Data("m"),
-    "stiffness": Data("N/m"),
-    "fallback": Data("1", "bool"),
-    "force": Data("N"),
-    "displacement_a": Data("m"),
-    "displacement_b": Data("m"),
-    "quads": Data("1", "integer"),
-    "stiffness0": Data("rad2/s2", "field"),
-    "stiffness2": Data("1", "field"),
-    "coriolis": Data("1", "field"),
-    "residual0": Data("m/N", "field"),
-    "residual2": Data("m s2/N", "field"),
-    "spin": Data("m s2"),
-    "blade_stiffness": Data("rad2/s2"),
-    "blade_mass": Data("1"),
-    "disk_stiffness": Data("rad2/s2", "field"),
-    "disk_mass": Data("1", "field"),
-    "mode_stress": Data("Pa m^-1 kg^-1/2", "field"),
-    "contact_stress": Data("Pa/N", "field"),
-    "static_stress": Data("Pa s2"),
-    "spread": Data("1"),
-    "near_contact": Data("1", "bool"),
-}
-"""Every dataset by its name (by the name of its group for modes, locations, spin)."""
+from bdamper.model.checks import (
+    TYPES,
+    Data,
+    Item,
+    Kind,
+    Sizes,
+    by_rank,
+    fits,
+    known_shape,
+    layout,
+    learn,
+    member,
+    require,
+    shape_text,
+)
+from bdamper.model.local import LocalBasis
+from bdamper.model.model import ModalBasis
+from bdamper.model.spin import SpeedBasis
+from bdamper.util.marks import declarations
 
 COMPRESS_FROM = 4096  # bytes; below this a dataset is stored plainly
-
-
-@dataclass(frozen=True)
-class Part:
-    """What a group holds, by the names of the fields of its class.
-
-    Parameters
-    ----------
-    kind : dataclass
-    texts, integers, numbers : tuple of str
-        Attributes; a number that is None is left out.
-    arrays, optional : tuple of str
-        Datasets that must, and that may be there.
-    """
-
-    kind: Callable[..., Any]
-    texts: tuple[str, ...] = ()
-    integers: tuple[str, ...] = ()
-    numbers: tuple[str, ...] = ()
-    arrays: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
+LOCAL_SIZES = ("n_cantilever", "n_attachment", "n_interface")
+_SINGLE = {"f": np.float32, "c": np.complex64}
+_NATIVE = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
 
 
 # -----------------------------------------------------------------------------------------------------------
 # Writing
 
 
-def write_part(group: h5py.Group, part: Part, record: Any) -> None:
-    """Attributes and datasets of a record, in the order in which the part names them."""
-    for key in part.texts:
-        write_text(group, key, getattr(record, key))
-    for key in part.integers:
-        group.attrs[key] = int(getattr(record, key))
-    for key in part.numbers:
-        if getattr(record, key) is not None:
-            group.attrs[key] = float(getattr(record, key))
-    for key in (*part.arrays, *part.optional):
-        if getattr(record, key) is not None:
-            write_array(group, key, getattr(record, key))
+def write_record(group: h5py.Group, record: object, ports: Mapping[str, slice] | None = None) -> None:
+    """Write the fields of a record into a group.
+
+    Parameters
+    ----------
+    group : h5py.Group
+    record : dataclass
+    ports : mapping of name to slice, optional
+        Rows of the contact points of each port of the body.
+    """
+    if isinstance(record, ModalBasis) and record.speed is not None:
+        record = replace(record, speed=_without_derived(record, record.speed))
+    if isinstance(record, LocalBasis):
+        group.attrs.update({name: getattr(record, name) for name in LOCAL_SIZES})
+    kind: Kind = type(record)
+    for item in layout(kind):
+        value = getattr(record, item.name)
+        if value is None:
+            continue
+        if item.is_attribute:
+            _write_attribute(group, item, value)
+            continue
+        head, star, tail = item.file.rpartition("*") if "*" in item.file else ("", "", item.file)
+        own = new_group(group, head[:-1]) if head else group
+        parts = value if item.keys else {name: value[rows] for name, rows in (ports or {}).items()} if star else {"": value}
+        for key, part in parts.items():
+            name = member(key) + tail
+            if item.is_record:
+                write_record(new_group(own, name), part, ports)
+            else:
+                write_array(own, name, np.asarray(part), item.data)
 
 
-def write_rows(
-    group: h5py.Group, name: str, ports: Mapping[str, slice], contact: NDArray, locations: Mapping[str, NDArray],
-    key: str = "",
-) -> None:  # fmt: skip
-    """Values at contact points, a dataset for each port (name and rows), and at locations; ``key`` as in `write_array`."""
-    points, places = new_group(group, name), new_group(group, "locations")
-    for port, rows in ports.items():
-        write_array(points, port, contact[rows], key or name)
-    for place_, values in locations.items():
-        write_array(places, place_, values, key or "locations")
+def _without_derived(basis: ModalBasis, speed: SpeedBasis) -> SpeedBasis:
+    """Data over speed without the matrices of standstill that follow from the basis."""
+    follows: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
+    known = [key for key in ("stiffness0", "residual0") if np.array_equal(getattr(speed, key), getattr(follows, key))]
+    return replace(speed, **dict.fromkeys(known))  # type: ignore[arg-type]
 
 
 def new_group(parent: h5py.Group, name: str) -> h5py.Group:
@@ -133,13 +91,23 @@ def new_group(parent: h5py.Group, name: str) -> h5py.Group:
     return parent.create_group(name, track_order=True)
 
 
-def write_array(group: h5py.Group, name: str, array: NDArray, key: str = "") -> None:
-    """A dataset with its units, those of ``key`` if its name is free."""
-    options: dict[str, Any] = {}
-    if array.nbytes > COMPRESS_FROM:
-        options = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
-    dataset = group.create_dataset(name, data=array, **options)
-    write_text(dataset, "units", DATASETS[key or name].units)
+def write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> None:
+    """A dataset with its units."""
+    array = array.astype(_SINGLE[array.dtype.kind]) if data.kind == "picture" else array
+    large = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
+    dataset = group.create_dataset(name, data=array, **large if array.nbytes > COMPRESS_FROM else {})
+    write_text(dataset, "units", data.units)
+
+
+def _write_attribute(group: h5py.Group, item: Item, value: Any) -> None:
+    """A text or a number; the ports of a body are texts."""
+    if get_origin(item.kind) is tuple:
+        ports = np.array([".".join(port).encode() for port in value], dtype="S")
+        group.attrs.create(item.file, ports, dtype=h5py.string_dtype(length=max(ports.dtype.itemsize, 1)))
+    elif item.kind in (int, float):
+        group.attrs[item.file] = item.kind(value)
+    else:
+        write_text(group, item.file, value)
 
 
 def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
@@ -162,34 +130,84 @@ def place(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
     return f"{parent.file.filename}: {path}"
 
 
-def read_part(group: h5py.Group, part: Part) -> Any:
-    """The record that :func:`write_part` has written."""
-    check_members(group, part.arrays, part.optional)
-    return part.kind(**read_fields(group, part))
+def read_record(group: h5py.Group, kind: Kind, sizes: Sizes | None = None, ports: Mapping[str, int] | None = None) -> Any:
+    """The record that :func:`write_record` has written.
+
+    Parameters
+    ----------
+    group : h5py.Group
+    kind : dataclass
+    sizes : dict of str to int, optional
+        Sizes that are known.
+    ports : mapping of name to int, optional
+        Contact points of each port of the body.
+    """
+    sizes = dict(sizes or {})
+    if kind is LocalBasis:
+        counts = {name: read_integer(group, name) for name in LOCAL_SIZES}
+        require(min(counts.values()) >= 0, place(group), "numbers of shapes >= 0", counts)
+        sizes |= {**counts, "n": sum(counts.values()), "n_diameters": None}
+    _check_names(group, layout(kind))
+    values: dict[str, Any] = {"name": group.name.rsplit("/", 1)[-1]} if "name" in declarations(kind) else {}
+    for item in by_rank(kind):
+        if item.is_attribute:
+            if item.required or item.file in group.attrs:
+                values[item.name] = read_attribute(group, item)
+        elif (found := _read_item(group, item, sizes, ports or {})) is not None:
+            values[item.name] = found
+    if kind is SpeedBasis:
+        return values
+    speed = values.pop("speed", None)
+    return kind(**values) if speed is None else _with_speed(group, kind(**values), speed)
 
 
-def read_fields(group: h5py.Group, part: Part) -> dict[str, Any]:
-    """The values of the fields of a part that are there."""
-    named = any(field.name == "name" for field in fields(cast(Any, part.kind)))
-    values: dict[str, Any] = {"name": group.name.rsplit("/", 1)[-1]} if named else {}
-    values |= {key: read_text(group, key) for key in part.texts}
-    values |= {key: read_integer(group, key) for key in part.integers}
-    values |= {key: read_number(group, key) for key in part.numbers if key in group.attrs}
-    return values | {key: read_array(group, key) for key in (*part.arrays, *part.optional) if key in group}
+def _check_names(group: h5py.Group, items: Iterable[Item]) -> None:
+    """Everything that must be in a group of a record is there, and nothing else."""
+    diameters = diameter_groups(group).values()
+    stored = [(item.required, *item.file.partition("/")[::2]) for item in items if not item.is_attribute]
+    names = [name for _, head, _ in stored for name in (diameters if head == "*" else [head])]
+    check_members(group, [head for needed, head, _ in stored if needed and head != "*"], names)
+    rows = {tail: needed for needed, head, tail in stored if head == "*" and tail}
+    require(diameters or not rows, place(group), "a group nd000, nd001, ... for each nodal diameter", "none")
+    for name in diameters if rows else ():
+        check_members(subgroup(group, name), [tail for tail, needed in rows.items() if needed], rows)
 
 
-def read_rows(
-    group: h5py.Group, name: str, ports: Mapping[str, int], rest: tuple[int, ...] = (), key: str = ""
-) -> tuple[NDArray, dict[str, NDArray]]:
-    """What :func:`write_rows` has written, of ports with so many contact points: (n_points, 3, ...), (3, ...) by name."""
-    points = subgroup(group, name)
-    check_members(points, ports, [])
-    parts = [read_array(points, port, key or name, (n, 3, *rest)) for port, n in ports.items()]
-    contact = np.concatenate(parts) if parts else np.zeros((0, 3, *rest))
-    if "locations" not in group:
-        return contact, {}
-    places = subgroup(group, "locations")
-    return contact, {place_: read_array(places, place_, key or "locations", (3, *rest)) for place_ in places}
+def _read_item(group: h5py.Group, item: Item, sizes: Sizes, ports: Mapping[str, int]) -> Any:
+    """The value of a field; None if the file has none."""
+    if "*" not in item.file:
+        return _read_value(group, item.file, item, sizes, ports) if item.file in group else None
+    head, _, tail = item.file.partition("*")
+    if head and head[:-1] not in group:
+        return None
+    own = subgroup(group, head[:-1]) if head else group
+    if item.keys is None:
+        check_members(own, ports, [])
+        shape = known_shape(item.data.shape[1:], sizes)
+        parts = [_read_value(own, name, item, sizes | {"n_points": n}, ports) for name, n in ports.items()]
+        return np.concatenate([np.zeros((0, *(n or 0 for n in shape))), *parts])
+    names = diameter_groups(own) if item.keys is int else {name: name for name in own}
+    if head:
+        check_members(own, [], names.values())
+    return {key: _read_value(own, n + tail, item, sizes, ports) for key, n in names.items() if n + tail in own}
+
+
+def _read_value(group: h5py.Group, name: str, item: Item, sizes: Sizes, ports: Mapping[str, int]) -> Any:
+    if item.is_record:
+        return read_record(subgroup(group, name), item.kind, sizes, ports)
+    head, _, leaf = name.rpartition("/")
+    array = read_array(subgroup(group, head) if head else group, leaf, item.data, sizes)
+    return array if item.kind is np.ndarray else item.kind(array)
+
+
+def _with_speed(group: h5py.Group, basis: ModalBasis, speed: dict[str, Any]) -> ModalBasis:
+    """The basis with its data over speed; those of standstill follow from it."""
+    one, other = place(group, "speed/residual2"), place(group, "speed/residual0")
+    require("residual2" in speed or "residual0" not in speed, one, "this dataset beside residual0", "nothing")
+    follows = "residual2" not in speed or "residual0" in speed or basis.flexibility is not None
+    require(follows, other, "this dataset where the basis has no flexibility", "nothing")
+    made: Any = basis.with_speed(speed["stiffness2"], speed.get("residual2"), speed["omega_ref"])
+    return replace(basis, speed=replace(made.speed, **speed))
 
 
 def diameter_groups(group: h5py.Group) -> dict[int, str]:
@@ -200,7 +218,7 @@ def diameter_groups(group: h5py.Group) -> dict[int, str]:
 def check_members(group: h5py.Group, required: Iterable[str], optional: Iterable[str]) -> None:
     """Everything required is there, nothing unknown is, and nothing points elsewhere."""
     required = list(required)
-    known = [*required, *optional]
+    known = list(dict.fromkeys([*required, *optional]))
     for name in required:
         require(name in group, place(group, name), "this group or dataset", "nothing")
     for name in group:
@@ -229,23 +247,37 @@ def subgroups(file: h5py.Group, name: str) -> dict[str, h5py.Group]:
     return {key: subgroup(parent, key) for key in parent}
 
 
-def read_array(group: h5py.Group, name: str, key: str = "", shape: tuple[int | None, ...] | None = None) -> NDArray:
-    """A dataset as an array of native double precision (or int64, bool), of the type and units of ``key`` or its name."""
+def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArray:
+    """A dataset as an array of native double precision (or int64, bool)."""
     check_link(group, name)
     dataset = group[name]
     item = place(group, name)
     require(isinstance(dataset, h5py.Dataset), item, "a dataset", f"a {type(dataset).__name__.lower()}")
     check_storage(dataset, item)
-    data = DATASETS[key or name]
-    letters, words = _TYPES[data.kind]
+    letters, words = TYPES[data.kind]
     require(dataset.dtype.kind in letters, item, words, f"data of type {dataset.dtype}")
     check_text(dataset, "units", data.units)
-    shape = data.shape if shape is None else shape
-    if shape is not None:
-        require(fits(dataset.shape, shape), item, f"shape {shape_text(shape)}", f"{dataset.shape}")
+    shape = known_shape(data.shape, sizes)
+    require(fits(dataset.shape, shape), item, f"shape {shape_text(shape)}", f"{dataset.shape}")
+    learn(data.shape, dataset.shape, sizes)
     array = np.asarray(dataset[()])
-    native = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
-    return array.astype(native[array.dtype.kind], copy=False)
+    return array.astype(_NATIVE[array.dtype.kind], copy=False)
+
+
+def read_attribute(group: h5py.Group, item: Item) -> Any:
+    """A text or a number; the ports of a body as pairs of texts."""
+    readers: dict[Any, Callable[[h5py.Group, str], Any]] = {int: read_integer, float: read_number, tuple: read_ports}
+    read: Callable[[h5py.Group, str], Any] = readers.get(get_origin(item.kind) or item.kind, read_text)
+    return read(group, item.file)
+
+
+def read_ports(group: h5py.Group, name: str) -> tuple[tuple[str, ...], ...]:
+    item = place(group, f"@{name}")
+    ports = [as_text(text, item).rpartition(".") for text in np.atleast_1d(attribute(group, name)).ravel()]
+    for interface, dot, side in ports:
+        good = bool(dot) and side in ("a", "b")
+        require(good, item, "texts like 'interface.a' or 'interface.b'", f"'{interface}{dot}{side}'")
+    return tuple((interface, side) for interface, _, side in ports)
 
 
 def check_storage(dataset: h5py.Dataset, item: str) -> None:
@@ -283,18 +315,15 @@ def as_text(value: Any, item: str) -> str:
     return str(value)
 
 
+def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] = float) -> float:
+    """One finite number, or one integer."""
+    letters, expected = ("iu", "one integer") if kind is int else ("fiu", "one finite number")
+    given = attribute(owner, name)
+    value = np.asarray(given)
+    good = value.dtype.kind in letters and value.size == 1 and np.isfinite(value).all()
+    require(good, place(owner, f"@{name}"), expected, repr(given))
+    return kind(value.item())
+
+
 def read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
-    return int(_single(owner, name, "iu", "one integer"))
-
-
-def read_number(owner: h5py.Group | h5py.Dataset, name: str) -> float:
-    value = float(_single(owner, name, "fiu", "one finite number"))
-    require(np.isfinite(value), place(owner, f"@{name}"), "one finite number", repr(attribute(owner, name)))
-    return value
-
-
-def _single(owner: h5py.Group | h5py.Dataset, name: str, letters: str, expected: str) -> Any:
-    value = np.asarray(attribute(owner, name))
-    good = value.dtype.kind in letters and value.size == 1
-    require(good, place(owner, f"@{name}"), expected, repr(attribute(owner, name)))
-    return value.reshape(-1)[0]
+    return int(read_number(owner, name, int))

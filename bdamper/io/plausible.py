@@ -10,6 +10,7 @@ from bdamper.io.fe_body import UNITS
 from bdamper.io.prepare import PreparedBody
 from bdamper.model.checks import require
 from bdamper.model.model import Body
+from bdamper.reduction.facets import N_CORNER, twisted
 from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.structure import Structure
 from bdamper.util.errors import mismatch
@@ -56,7 +57,7 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
     """Check that the stiffness matrix of a free body resists no rigid motion of its nodes.
 
     Energies are compared with those of three stretches about the same centre, so the measure is a strain: positions that
-    are one percent too long show as 0.01, positions rounded to six digits as some 1e-4.
+    are one per cent too long show as 0.01, positions rounded to six digits as some 1e-4.
     """
     centre = 0.5 * (structure.nodes.min(axis=0) + structure.nodes.max(axis=0))
     arm = structure.nodes - centre
@@ -77,6 +78,53 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
         found = f"a strain of {strain[worst]:.2g} of its size under a {kind} {'XYZ'[worst % 3]}: {hint}"
         raise body.error("stiffness matrix", "a free body, which no rigid motion strains", found)
     body.checks.append(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
+
+
+def check_table(body: PreparedBody) -> None:
+    """Refuse a sector whose matrices do not belong to its nodes in the order of the table of nodes and components.
+
+    A rigid motion of all nodes costs no force at a node that neither is held nor has a held neighbour: the rows of its
+    three components sum to nothing over all components that they couple.  With rows in another order (all x, then all y,
+    then all z, instead of node by node) there are forces of the size of the stiffness itself at nearly every node.
+    """
+    structure, away = body.structure, np.zeros(len(body.nodes), bool)
+    away[body.used] = True
+    held = np.asarray(body.fixed(None).any(axis=1))
+    away &= ~held
+    for elements in body.elements:
+        away[elements[held[elements].any(axis=1)]] = False
+    if not away.any():
+        body.checks.append(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
+        return
+    motion = rigid_motions(structure.nodes, 0.5 * (structure.nodes.min(axis=0) + structure.nodes.max(axis=0)), np.eye(3))
+    motion[:, :3] *= body.size
+    pairs = (structure.stiffness, motion), (abs(structure.stiffness), np.abs(motion))
+    force, parts = (np.linalg.norm((k @ u).reshape(-1, 3, 6), axis=1)[away] for k, u in pairs)
+    share = float((force > BOUNDS.rigid_force * parts).any(axis=1).mean())
+    if share > BOUNDS.odd_ones:
+        where = f"forces on {100 * share:.3g} % of the nodes away from held ones when the body moves as a rigid one"
+        hint = "rows in another order than the table (or than x, y, z of node after node), or positions of other nodes"
+        expected = "rows in the order of the table of nodes and components"
+        raise body.error("stiffness matrix", expected, f"{where}: {hint}")
+    where = "no force on any node" if share == 0.0 else f"a force on {100 * share:.2g} % of the nodes only"
+    body.checks.append(f"{body.name}: away from held nodes rigid motions cost {where}, so rows are those of the table")
+
+
+def check_corners(body: PreparedBody) -> None:
+    """Refuse elements whose corners stand in another order than that from which faces are read."""
+    n_checked = 0
+    for elements, given in zip(body.elements, body.given.elements):
+        n = N_CORNER.get(elements.shape[1], 0)
+        if n not in (6, 8):
+            continue
+        wrong = np.flatnonzero(twisted(elements[:, :n], body.nodes))
+        n_checked += len(elements)
+        if len(wrong) > BOUNDS.odd_ones * len(elements):
+            item = f"elements, that of nodes {np.asarray(given)[wrong[0], :n].tolist()}"
+            expected = f"{n // 2} corners in turn around one face, then the {n // 2} opposite ones in the same turn"
+            raise body.error(item, expected, f"another order in {len(wrong)} of {len(elements)}")
+    if n_checked:
+        body.checks.append(f"{body.name}: corners of {n_checked} hexahedra and wedges stand in the agreed order")
 
 
 def check_one_scale(blade: PreparedBody, damper: PreparedBody) -> None:

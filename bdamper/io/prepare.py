@@ -22,6 +22,7 @@ from bdamper.io.fe_body import UNITS, FEBody, Units
 from bdamper.io.matrices import square_matrix
 from bdamper.model.checks import require
 from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
+from bdamper.reduction.sector_faces import SectorFaces
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
@@ -79,20 +80,20 @@ class Ring:
 
     Parameters
     ----------
-    n_blades : int
-    left, right : (k,) int
-        Matching nodes of the face toward -X and of the one toward +X; none for an acyclic structure.
+    faces : SectorFaces
     diameters : tuple of int
         Nodal diameters.
     pictured : tuple of int
         Those whose shapes are kept for pictures: shapes of the surface make up most of a file.
     """
 
-    n_blades: int
-    left: NDArray
-    right: NDArray
+    faces: SectorFaces
     diameters: tuple[int, ...]
     pictured: tuple[int, ...]
+
+    @property
+    def n_blades(self) -> int:
+        return self.faces.n_sectors
 
 
 @dataclass
@@ -161,7 +162,7 @@ class PreparedBody:
         return mismatch(f"{self.where}: {item}", expected, found)
 
     def require(self, good: object, item: str, expected: str, found: object) -> None:
-        """Raise that error unless something is good."""
+        """Raise ModelError unless ``good``."""
         require(good, f"{self.where}: {item}", expected, found)
 
     @contextmanager

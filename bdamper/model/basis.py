@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.checks import DAMPING, Data
 from bdamper.model.spin import SpeedBasis
 from bdamper.util.repr import brief
+from bdamper.util.validate import Limits
 
 
 @brief
@@ -37,22 +39,32 @@ class ModalBasis:
         Viscous damping besides that of the damping ratios: of modes without stiffness, or beyond critical damping.
     speed : SpeedBasis, optional
         How stiffness and flexibility change with rotor speed.
+    static_shapes : int, optional
+        How many of the last modes are none, but static shapes of forces at the locations, orthogonal to all modes and to
+        each other: the flexibility of the locations beside the modes (:mod:`bdamper.model.completion`).
     """
 
-    omega2: NDArray
-    damping_ratio: NDArray
-    contact_modes: NDArray
-    locations: Mapping[str, NDArray] = field(default_factory=dict)
-    flexibility: NDArray | None = None
-    drag: NDArray | None = None
+    omega2: Annotated[NDArray, Data("rad2/s2", ("n_modes",))]
+    damping_ratio: Annotated[NDArray, Data("1", ("n_modes",), limits=DAMPING)]
+    contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n_modes"), "field", "modes/*")]
+    locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n_modes"), "field")] = field(default_factory=dict)
+    flexibility: Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), "field", matrix="Hermitian")] | None = None
+    drag: Annotated[NDArray, Data("1/s", ("n_modes",), limits=Limits(least=0.0))] | None = None
     speed: SpeedBasis | None = None
+    static_shapes: Annotated[int, Data(limits=Limits(least=0))] | None = None
 
     @property
     def n_modes(self) -> int:
+        """Modes and static shapes."""
         return len(self.omega2)
 
+    @property
+    def n_natural(self) -> int:
+        """Modes without the static shapes behind them."""
+        return len(self.omega2) - (self.static_shapes or 0)
+
     def conjugate(self) -> ModalBasis:
-        """The basis of the wave ``N - d``, if this is that of ``d``."""
+        """Conjugate basis (nodal diameter ``N - d``)."""
         return replace(
             self,
             contact_modes=self.contact_modes.conj(),
@@ -96,4 +108,6 @@ class ModalBasis:
             flexibility = 0.5 * (flexibility + flexibility.conj().T)
         locations = {name: modes @ shapes for name, modes in self.locations.items()}
         damping, turned = self.damping_ratio, speed.turned(omega, shapes)
-        return ModalBasis(omega2, damping, contact, locations, flexibility, speed=turned), shapes
+        static = self.static_shapes
+        made = ModalBasis(omega2, damping, contact, locations, flexibility, speed=turned, static_shapes=static)
+        return made, shapes

@@ -135,6 +135,6 @@ def united_stiffness(face: Interface, n_points: int, stiffness: NDArray) -> NDAr
     return _Groups(face, n_points).sum @ np.broadcast_to(stiffness, (face.n_points, 3))
 
 
-def united_gap(face: Interface, n_points: int, gap: NDArray) -> NDArray:
-    """(n_groups,) mean distance of the surfaces over the groups of a face from that at its patches, (n_points,)."""
-    return _Groups(face, n_points).mean @ gap
+def united_mean(face: Interface, n_points: int | None, values: NDArray) -> NDArray:
+    """(n_groups,) mean over the groups of a face, by area, of values at its patches, (n_points,): gaps, coefficients."""
+    return values if n_points is None else _Groups(face, n_points).mean @ values

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,8 @@ from bdamper.util.warn import say
 
 RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
 """Rigid-body modes of a free body, along and about its own axes: Y along its load, Z along the axis of rotation."""
+STATIC = "static shape"
+"""First words of the names of coordinates that are none of a mode, but of the static shape of a force or response."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,11 @@ class Coordinate:
     body: str
     index: int
     name: str
+
+    @property
+    def is_mode(self) -> bool:
+        """Whether it is that of a mode, and of no static shape."""
+        return not self.name.startswith(STATIC)
 
 
 @brief
@@ -174,6 +182,11 @@ class Coupling:
         return sum(self.model.interfaces[name].n_points for name in self.interfaces)
 
     @cached_property
+    def interface_of(self) -> tuple[str, ...]:
+        """(n_points,) name of the interface of each contact point."""
+        return tuple(name for name in self.interfaces for _ in range(self.model.interfaces[name].n_points))
+
+    @cached_property
     def _rows(self) -> dict[str, slice]:
         n = [self.model.interfaces[name].n_points for name in self.interfaces]
         return {name: slice(sum(n[:i]), sum(n[: i + 1])) for i, name in enumerate(self.interfaces)}
@@ -283,12 +296,18 @@ class Coupling:
         )
 
     def no_basis(self) -> HarmonicBasis:
-        """Of a harmonic that is left out: no modes."""
+        """Basis without modes, for a harmonic that is left out."""
         empty = np.zeros(0)
         return HarmonicBasis((), empty, empty, np.zeros((self.n_points, 3, 0), complex), 0, empty)
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
-        """(3, n_modes) motion along X, Y, Z of a named location by the modal coordinates of one harmonic."""
+        """(3, n_modes) motion along X, Y, Z of a named location by the modal coordinates of one harmonic.
+
+        Of a field of forces its rows; of "mode 1" the coordinate of that mode of the constrained body, in the first row.
+        """
+        if location not in self.model.locations:
+            wanted = [(b.kind, f"mode {i + 1}") for b, _, keep in self._moving(harmonic) for i in keep]
+            return np.outer([1.0, 0.0, 0.0], [own == ("constrained", location) for own in wanted])
         place = self.model.locations[location]
         columns = [
             basis.locations[location][:, keep] if body.name == place.body else np.zeros((3, len(keep)))
@@ -349,56 +368,72 @@ class Coupling:
         ]
         return np.concatenate(forces)
 
-    def load(self, *, spinning: bool = False) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,) and displacement (n_points, 3) of (u1, u2, v), per newton of static load.
+    def load(self, shares: Mapping[str, float] | None = None) -> tuple[NDArray, NDArray]:
+        """Modal force (n_modes,) and displacement (n_points, 3) of (u1, u2, v) that the retained elastic modes leave out.
 
-        The displacement is what the retained elastic modes leave out; ``spinning``, where the load is the centrifugal one
-        of the free bodies, with that of the faces by rotation (``bdamper.model.spin.SpinStatic``).  Both grow with the
-        squared speed, so that one is in proportion to the other.
+        Parameters
+        ----------
+        shares : mapping of body name to float, N
+            Static load of bodies, none on those without a name here; 1 N on all that carry one by default.
         """
         force = []
         displacement = np.zeros((self.n_points, 3))
         for body, _, keep in self._moving(0):
-            if body.load is None:
+            share = 1.0 if shares is None else shares.get(body.name, 0.0)
+            if body.load is None or share == 0.0:
                 force.append(np.zeros(len(keep)))
                 continue
-            force.append(body.load.generalised[keep])
+            force.append(share * body.load.generalised[keep])
             basis = body.bases[0]
             elastic = keep[basis.omega2[keep] > 0.0]
             rest = body.load.displacement - (
                 basis.contact_modes[..., elastic].real @ (body.load.generalised[elastic] / basis.omega2[elastic])
             )
-            displacement += self._placed(body, rest[..., None], 0)[..., 0].real
-        for body in self.model.bodies.values() if spinning else ():
-            if body.spin is not None:
-                at_faces = self._placed(body, body.spin.contact[..., None], 0)[..., 0].real
-                displacement += at_faces / centrifugal_load(self.model)
+            displacement += share * self._placed(body, rest[..., None], 0)[..., 0].real
         return np.concatenate(force), displacement
 
+    def closing_by_rotation(self) -> NDArray:
+        """(n_points, 3) displacement of (u1, u2, v) by rotation (``bdamper.model.spin.SpinStatic``), per squared speed."""
+        displacement = np.zeros((self.n_points, 3))
+        for body in self.model.bodies.values():
+            if body.spin is not None:
+                displacement += self._placed(body, body.spin.contact[..., None], 0)[..., 0].real
+        return displacement
 
-def centrifugal_load(model: Model) -> float:
-    """Newtons of centrifugal load per squared rotor speed: mass times radius of the centre of mass (kg m).
+
+def centrifugal_arms(model: Model) -> dict[str, float]:
+    """Newtons of centrifugal load on each loaded free body per squared rotor speed: mass times radius (kg m).
 
     Raises
     ------
     SettingError
-        If no free body carries a load, or those that do differ by more than rounding: all loads scale with one preload.
+        If one of them lies on the axis.
     """
     loaded = {b.name: b for b in model.bodies.values() if b.kind == "free" and b.load is not None}
     arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[index]
-    if not arms or min(arms.values()) < (1.0 - 1e-6) * max(arms.values()) or not min(arms.values()) > 0.0:
-        found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items()) or "none"
-        raise SettingError(
-            "rotor speed: expected a free body off the axis that carries a load (several of the same mass times radius), "
-            f"found {found}"
-        )
+    found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items())
+    validate.require(min(arms.values(), default=1.0) > 0.0, "rotor speed", "loaded free bodies off the axis", found)
+    return arms
+
+
+def centrifugal_load(model: Model) -> float:
+    """Newtons on the first loaded free body per squared rotor speed (kg m), which the preload stands for at a speed.
+
+    Raises
+    ------
+    SettingError
+        If no free body carries a load, or one lies on the axis.
+    """
+    arms = centrifugal_arms(model)
+    validate.require(arms, "rotor speed", "a free body off the axis that carries a load", "none")
     return next(iter(arms.values()))
 
 
 def _mode_name(body: Body, index: int) -> str:
     if body.kind == "free":
         return RIGID_NAMES[index] if index < 6 else f"elastic {index - 5}"
-    return f"mode {index + 1}"
+    natural = body.bases[0].n_natural
+    return f"mode {index + 1}" if index < natural else f"{STATIC} {index - natural + 1}"
 
 
 def retained_modes(
@@ -420,7 +455,7 @@ def retained_modes(
     out = {}
     for body in model.bodies.values():
         if body.kind == "constrained":
-            have = min(basis.n_modes for basis in body.bases.values())
+            have = min(basis.n_natural for basis in body.bases.values())
             validate.require(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
             out[body.name] = np.arange(blade_modes)
         elif body.kind == "free":
@@ -464,3 +499,31 @@ def damper_drag(model: Model, basis: HarmonicBasis, springs: NDArray, ratio: flo
             "drags every motion of the damper against the rotor"
         )
     return rates
+
+
+def in_flow(basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wave: int) -> HarmonicBasis:
+    """Modes of constrained bodies in a flow: stiffness ``2 Re z omega^2`` and damping ``2 Im z omega`` besides their own.
+
+    Parameters
+    ----------
+    basis : HarmonicBasis
+    model : Model
+    flow : mapping of wave (0 to n_blades - 1) to complex
+        Relative shift of the frequency and damping ratio.
+    wave : int
+        Nodal diameters of the harmonic, any multiple of the engine order.
+
+    Raises
+    ------
+    SettingError
+        If a mode is left without damping, or without stiffness.
+    """
+    z: Any = flow.get(wave % model.n_blades, 0.0)
+    held = [name for name, body in model.bodies.items() if body.kind == "constrained"]
+    z = z * np.array([coordinate.body in held for coordinate in basis.coordinates])
+    drag = basis.damping + 2.0 * np.imag(z) * np.sqrt(basis.omega2)
+    expected = "modes with damping and stiffness left; study.flutter finds the limit cycles of others"
+    good = (drag >= 0.0).all() and (np.real(z) > -0.5).all()
+    validate.require(good, f"aerodynamic_damping at nodal diameter {wave % model.n_blades}", expected, "some without")
+    none = np.zeros_like(basis.damping_ratio)
+    return replace(basis, omega2=basis.omega2 * (1.0 + 2.0 * np.real(z)), damping_ratio=none, drag=drag)

@@ -1,4 +1,4 @@
-r"""Coordinates of one blade on its disk in which a wheel of unequal blades is local.
+r"""Coordinates of one blade on its disk in which a mistuned wheel is local.
 
 Every sector has its own coordinates, in the axes of its own blade: amplitudes of the modes of the blade clamped at its root
 (cantilever modes), of static shapes of forces at its contact points (attachments), and of shapes of the root, the interface
@@ -19,26 +19,18 @@ which couples neighbours, though little; it is meant to stay that of the tuned w
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from bdamper.model.basis import ModalBasis
-from bdamper.model.checks import (
-    ROUNDING,
-    check_all,
-    check_array,
-    check_hermitian,
-    check_type,
-    is_positive_definite,
-    require,
-    shape_text,
-)
-from bdamper.util.errors import mismatch
+from bdamper.model.checks import DAMPING, Data
 from bdamper.util.repr import brief
+from bdamper.util.validate import Limits
 
 
 @brief
@@ -68,15 +60,15 @@ class LocalBasis:
     """
 
     region: str
-    omega2: NDArray
-    damping_ratio: NDArray
-    blade_stiffness: NDArray
-    blade_mass: NDArray
-    disk_stiffness: NDArray
-    disk_mass: NDArray
-    contact_modes: NDArray
-    locations: Mapping[str, NDArray] = field(default_factory=dict)
-    flexibility: NDArray | None = None
+    omega2: Annotated[NDArray, Data("rad2/s2", ("n_cantilever",), limits=Limits(above=0.0))]
+    damping_ratio: Annotated[NDArray, Data("1", ("n",), limits=DAMPING)]
+    blade_stiffness: Annotated[NDArray, Data("rad2/s2", ("n", "n"), matrix="symmetric")]
+    blade_mass: Annotated[NDArray, Data("1", ("n", "n"), matrix="symmetric")]
+    disk_stiffness: Annotated[NDArray, Data("rad2/s2", ("n_diameters", "n_interface", "n_interface"), "field")]
+    disk_mass: Annotated[NDArray, Data("1", ("n_diameters", "n_interface", "n_interface"), "field")]
+    contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n"), file="modes/*")]
+    locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n"))] = field(default_factory=dict)
+    flexibility: Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), matrix="symmetric")] | None = None
 
     @property
     def n(self) -> int:
@@ -141,89 +133,3 @@ class LocalBasis:
             rest = rest + (flat / omega2) @ flat.conj().T
         places = {name: shapes @ phi for name, shapes in self.locations.items()}
         return ModalBasis(omega2, self.damping_ratio.copy(), contact, places, rest)
-
-
-def check_local(local: LocalBasis, n_blades: int, n_points: int, locations: Collection[str], item: str) -> None:
-    """Check a local basis by itself.
-
-    Parameters
-    ----------
-    local : LocalBasis
-    n_blades, n_points : int
-        Of the model, and of all ports of the body.
-    locations : collection of str
-        On the body.
-    item : str
-        What messages call it.
-
-    Raises
-    ------
-    ModelError
-        At the first thing that is wrong.
-    """
-    check_type(local.region, str, f"{item}/@region")
-    check_array(local.omega2, (None,), f"{item}/omega2")
-    check_array(local.blade_stiffness, (None, None), f"{item}/blade_stiffness")
-    n = len(local.blade_stiffness)
-    for key in ("blade_stiffness", "blade_mass"):
-        check_array(getattr(local, key), (n, n), f"{item}/{key}")
-        check_hermitian(getattr(local, key), f"{item}/{key}", "symmetric")
-    check_array(local.disk_stiffness, (n_blades // 2 + 1, None, None), f"{item}/disk_stiffness", "field")
-    r, m = local.n_interface, local.n_cantilever
-    enough = local.n_attachment >= 0 and r > 0 and m > 0
-    require(enough, item, "cantilever modes and shapes of the interface, at most n in all", f"{m} and {r} of n = {n}")
-    for key in ("disk_stiffness", "disk_mass"):
-        check_array(getattr(local, key), (n_blades // 2 + 1, r, r), f"{item}/{key}", "field")
-        _check_disk(getattr(local, key), n_blades, f"{item}/{key}")
-    check_array(local.damping_ratio, (n,), f"{item}/damping_ratio")
-    damped = (local.damping_ratio >= 0) & (local.damping_ratio < 1)
-    check_all(damped, local.damping_ratio, "numbers >= 0 and < 1", f"{item}/damping_ratio")
-    check_array(local.contact_modes, (n_points, 3, n), f"{item}/modes")
-    found = local.locations
-    require(set(found) == set(locations), f"{item}/locations", f"{sorted(locations)}", f"{sorted(found)}")
-    for name, shapes in found.items():
-        check_array(shapes, (3, n), f"{item}/locations/{name}")
-    _check_cantilever(local, item)
-    for d in range(n_blades // 2 + 1):
-        for key in ("stiffness", "mass"):
-            matrix = getattr(local, key)(d)
-            definite = is_positive_definite(matrix)
-            require(definite, f"{item}/disk_{key}", "blade and disk positive definite", f"not at nodal diameter {d}")
-    if local.flexibility is not None:
-        _check_flexibility(local, 3 * n_points, f"{item}/flexibility")
-
-
-def _check_disk(disk: NDArray, n_blades: int, item: str) -> None:
-    for d, matrix in enumerate(disk):
-        check_hermitian(matrix, f"{item} at nodal diameter {d}")
-        if 2 * d % n_blades == 0 and np.any(matrix.imag):
-            found = f"imaginary parts up to {np.abs(matrix.imag).max():.3g}"
-            raise mismatch(f"{item} at nodal diameter {d}", "real numbers", found)
-
-
-def _check_cantilever(local: LocalBasis, item: str) -> None:
-    """Cantilever modes have their own stiffness and none with others; deformation of the root has no negative energy."""
-    m = local.n_cantilever
-    check_all(local.omega2 > 0, local.omega2, "numbers > 0", f"{item}/omega2")
-    expected = np.zeros((m, local.n))
-    expected[:, :m] = np.diag(local.omega2)
-    size = np.sqrt(np.maximum(np.abs(np.diag(local.blade_stiffness)), local.omega2.min()))
-    error = np.abs(local.blade_stiffness[:m] - expected) / np.outer(size[:m], size)
-    if not error.max() <= ROUNDING:
-        i, j = (int(k) for k in np.unravel_index(error.argmax(), error.shape))
-        found = f"{local.blade_stiffness[i, j]:.9g} instead of {expected[i, j]:.9g} at ({i}, {j})"
-        raise mismatch(f"{item}/blade_stiffness", "omega2 on the diagonal of cantilever modes, 0 beside", found)
-    smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
-    require(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
-
-
-def _check_flexibility(local: LocalBasis, n: int, item: str) -> None:
-    flexibility = local.flexibility
-    check_array(flexibility, (n, n), item)
-    assert flexibility is not None
-    check_hermitian(flexibility, item, "symmetric")
-    rest, size = local.residual_flexibility(), np.linalg.norm(flexibility)
-    assert rest is not None
-    smallest = np.linalg.eigvalsh(0.5 * (rest + rest.T))[0] if n else 0.0
-    allowed = 1e-6 * size
-    require(smallest >= -allowed, item, f"shape {shape_text((n, n))} and no less than that of the coordinates", smallest)

@@ -26,12 +26,13 @@ import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from os import PathLike
-from typing import Any, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.basis import ModalBasis as ModalBasis
+from bdamper.model.checks import Data
 from bdamper.model.local import LocalBasis
 from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.stress import StressSet
@@ -64,9 +65,9 @@ class BodyLoad:
         Elastic displacement of the contact points per newton (inertia relief, no contact), t1, t2, n.
     """
 
-    direction: NDArray
-    generalised: NDArray
-    displacement: NDArray
+    direction: Annotated[NDArray, Data("1", (3,))]
+    generalised: Annotated[NDArray, Data("kg^-1/2", ("n_static",))]
+    displacement: Annotated[NDArray, Data("m/N", ("n_points", 3))]
 
 
 @brief
@@ -95,14 +96,14 @@ class Body:
 
     name: str
     kind: Literal["constrained", "free", "lumped", "ground"]
-    ports: tuple[Port, ...] = ()
-    bases: Mapping[int, ModalBasis] = field(default_factory=dict)
-    mass: float | None = None
-    centre: NDArray | None = None
-    inertia: NDArray | None = None
+    ports: Annotated[tuple[Port, ...], Data(derived=True)] = ()
+    bases: Annotated[Mapping[int, ModalBasis], Data(file="*")] = field(default_factory=dict)
+    mass: Annotated[float, Data("kg", limits=validate.Limits(above=0.0))] | None = None
+    centre: Annotated[NDArray, Data("m", (3,))] | None = None
+    inertia: Annotated[NDArray, Data("kg m2", (3, 3), matrix="symmetric")] | None = None
     load: BodyLoad | None = None
-    constant_force: NDArray | None = None
-    local: LocalBasis | None = None
+    constant_force: Annotated[NDArray, Data("N kg^-1/2", ("n_static",))] | None = None
+    local: Annotated[LocalBasis, Data(file="wheel")] | None = None
     spin: SpinStatic | None = None
 
 
@@ -135,10 +136,10 @@ class Interface:
     sector_a: int
     body_b: str
     sector_b: int
-    points: NDArray
-    area: NDArray
-    frame: NDArray
-    gap: NDArray
+    points: Annotated[NDArray, Data("m", ("n_points", 3))]
+    area: Annotated[NDArray, Data("m2", ("n_points",), limits=validate.Limits(above=0.0))]
+    frame: Annotated[NDArray, Data("1", ("n_points", 3, 3))]
+    gap: Annotated[NDArray, Data("m", ("n_points",))]
 
     @property
     def n_points(self) -> int:
@@ -153,11 +154,15 @@ class Location:
     ----------
     name, body : str
     position : (3,) float, m
+    kind : {"forces"}, optional
+        A field of nodal forces: the rows of its real and of its imaginary part stand in place of motions along X and Y,
+        zeros in place of that along Z, and the position is the mean of the nodes, each with the size of its force.
     """
 
     name: str
     body: str
-    position: NDArray
+    position: Annotated[NDArray, Data("m", (3,))]
+    kind: Literal["forces"] | None = None
 
 
 @brief
@@ -175,9 +180,9 @@ class ContactStiffness:
         Where the method could not be applied and its stated substitute was used.
     """
 
-    stiffness: NDArray
-    source: str
-    fallback: NDArray | None = None
+    stiffness: Annotated[NDArray, Data("N/m", ("n_points", 3), limits=validate.Limits(least=0.0))]
+    source: Literal["eq4", "unit_traction", "residual_modes", "user"]
+    fallback: Annotated[NDArray, Data("1", ("n_points", 3), "bool")] | None = None
 
 
 @brief
@@ -192,9 +197,9 @@ class StaticContact:
     displacement_a, displacement_b : (n_points, 3) float, m
     """
 
-    force: NDArray
-    displacement_a: NDArray
-    displacement_b: NDArray
+    force: Annotated[NDArray, Data("N", ("n_points", 3))]
+    displacement_a: Annotated[NDArray, Data("m", ("n_points", 3))]
+    displacement_b: Annotated[NDArray, Data("m", ("n_points", 3))]
 
 
 @brief
@@ -210,9 +215,9 @@ class SurfaceMesh:
         The first modes of the body at these nodes, components along X, Y, Z.
     """
 
-    points: NDArray
-    quads: NDArray
-    modes: Mapping[int, NDArray] = field(default_factory=dict)
+    points: Annotated[NDArray, Data("m", ("n_nodes", 3))]
+    quads: Annotated[NDArray, Data("1", (None, 4), "integer")]
+    modes: Annotated[Mapping[int, NDArray], Data("kg^-1/2", ("n_nodes", 3, None), "picture")] = field(default_factory=dict)
 
 
 @brief
@@ -242,7 +247,7 @@ class Model(Plottable):
     locations: Mapping[str, Location] = field(default_factory=dict)
     contact: Mapping[str, ContactStiffness] = field(default_factory=dict)
     static: Mapping[str, StaticContact] = field(default_factory=dict)
-    meshes: Mapping[str, SurfaceMesh] = field(default_factory=dict)
+    meshes: Annotated[Mapping[str, SurfaceMesh], Data(file="mesh/*")] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
     stress: Mapping[str, StressSet] = field(default_factory=dict)
 
@@ -250,7 +255,7 @@ class Model(Plottable):
         sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
         lines = [f"model {self.hash}: {sectors}, locations {', '.join(self.locations) or 'none'}"]
         for body in self.bodies.values():
-            modes = f", {min(b.n_modes for b in body.bases.values())} modes" if body.bases else ""
+            modes = f", {min(b.n_natural for b in body.bases.values())} modes" if body.bases else ""
             at = f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}" if body.kind == "constrained" else ""
             mass = "" if body.mass is None else f", {body.mass:.4g} kg"
             lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}")
@@ -313,7 +318,7 @@ class Model(Plottable):
         return replace(self, bodies=bodies, stress=stress, provenance=provenance)
 
     def neglected_over_speed(self, diameters: Collection[int] | None = None) -> tuple[str, ...]:
-        """What the model leaves out where the rotor speed changes, one sentence for each body; empty if nothing.
+        """Effects of rotor speed that the model lacks, one sentence for each body; empty if none.
 
         Free bodies count as complete: of their rigid-body modes nothing changes.
 
@@ -365,7 +370,8 @@ def feed_digest(digest: Digest, key: str, value: object) -> None:
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
             part = getattr(value, item.name)
-            later = ("constant_force", "drag", "local", "speed", "spin")  # earlier versions did not know them
+            # earlier versions did not know them
+            later = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
             if isinstance(value, ModalBasis) and isinstance(part, SpeedBasis) and value.flexibility is not None:
                 part = replace(part, residual0=None)
             if not (part is None and item.name in later):

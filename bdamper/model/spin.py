@@ -13,25 +13,30 @@ modes leave out of the static receptance changes with speed too,
 and the sum is positive semidefinite beside the modes, as it is at one speed.  The total receptance of one speed beside the
 frequencies of another would leave too much in it, and make contacts too soft.
 
-At a speed the small problem :math:`K(\Omega) v = \omega^2 v` gives the modes :math:`\Phi v`.  Each takes the place of the
-mode of which it has most, not the place of its frequency, and the phase that makes its part of that mode real and positive:
-so damping ratios and mode numbers stay with their shapes where frequencies cross.
+At a speed the small problem :math:`K(\Omega) v = \omega^2 v` gives the modes :math:`\Phi v`.  Each replaces the
+mode that it resembles most, not the one with its rank in frequency, with the phase that makes its part of that mode real
+and positive: so damping ratios and mode numbers stay with their shapes where frequencies cross.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+from bdamper.model.checks import Data
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
+
+MODAL: Any = ("n_modes", "n_modes"), "field"
+FLEXIBLE: Any = ("n_forces", "n_forces"), "field"
+NotNegative = Annotated[float, Data(limits=validate.Limits(least=0.0))]
 
 
 @brief
@@ -57,14 +62,14 @@ class SpeedBasis:
     source : str
     """
 
-    omega_ref: float
-    stiffness0: NDArray
-    stiffness2: NDArray
-    residual0: NDArray | None = None
-    residual2: NDArray | None = None
-    coriolis: NDArray | None = None
-    checked_at: float | None = None
-    error: float | None = None
+    omega_ref: NotNegative
+    stiffness0: Annotated[NDArray, Data("rad2/s2", *MODAL, matrix="Hermitian", derived=True)]
+    stiffness2: Annotated[NDArray, Data("1", *MODAL, matrix="Hermitian")]
+    residual0: Annotated[NDArray, Data("m/N", *FLEXIBLE, matrix="Hermitian")] | None = None
+    residual2: Annotated[NDArray, Data("m s2/N", *FLEXIBLE, matrix="Hermitian")] | None = None
+    coriolis: Annotated[NDArray, Data("1", *MODAL, matrix="skew-Hermitian")] | None = None
+    checked_at: NotNegative | None = None
+    error: NotNegative | None = None
     source: str = ""
 
     def stiffness(self, omega: float) -> NDArray:
@@ -102,7 +107,7 @@ class SpeedBasis:
         return omega2, shapes * np.where(along == 0.0, 1.0, along.conj() / np.maximum(np.abs(along), np.finfo(float).tiny))
 
     def conjugate(self) -> SpeedBasis:
-        """Of the wave ``N - d``, if this is that of ``d``."""
+        """Conjugate basis (nodal diameter ``N - d``)."""
         return self._mapped(np.conj, np.conj)
 
     def united(self, average: NDArray) -> SpeedBasis:
@@ -125,7 +130,7 @@ class SpeedBasis:
         )
 
     def coriolis_size(self, omega: float, omega2: NDArray) -> tuple[NDArray, NDArray]:
-        """What Coriolis forces, which are left out, would do to the modes at a speed (rad/s).
+        """Estimated effect of the neglected Coriolis forces on the modes at a speed (rad/s).
 
         Parameters
         ----------
@@ -169,7 +174,7 @@ class SpinStatic:
     omega : float
     """
 
-    contact: NDArray
-    locations: Mapping[str, NDArray] = field(default_factory=dict)
+    contact: Annotated[NDArray, Data("m s2", ("n_points", 3), file="contact/*")]
+    locations: Annotated[Mapping[str, NDArray], Data("m s2", (3,))] = field(default_factory=dict)
     theory: Literal["linear", "stiffened"] = "linear"
-    omega: float = 0.0
+    omega: NotNegative = 0.0

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.checks import check_array, require
-from bdamper.util.errors import mismatch
+from bdamper.model.checks import Data
 from bdamper.util.repr import brief
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
@@ -51,12 +51,14 @@ class StressSet:
 
     name: str
     body: str
-    points: NDArray
-    modes: Mapping[int, NDArray]
-    contact: Mapping[int, NDArray] = field(default_factory=dict)
-    static: NDArray | None = None
-    spread: NDArray | None = None
-    near_contact: NDArray | None = None
+    points: Annotated[NDArray, Data("m", ("n", 3))]
+    modes: Annotated[Mapping[int, NDArray], Data("Pa m^-1 kg^-1/2", ("n", 6, None), "field", "*/mode_stress")]
+    contact: Annotated[Mapping[int, NDArray], Data("Pa/N", ("n", 6, "n_forces"), "field", "*/contact_stress")] = field(
+        default_factory=dict
+    )
+    static: Annotated[NDArray, Data("Pa s2", ("n", 6), file="static_stress")] | None = None
+    spread: Annotated[NDArray, Data("1", ("n",))] | None = None
+    near_contact: Annotated[NDArray, Data("1", ("n",), "bool")] | None = None
     source: str = ""
 
     def __len__(self) -> int:
@@ -66,36 +68,3 @@ class StressSet:
     def counted(self) -> NDArray:
         """(n,) bool: points that margins count."""
         return np.ones(len(self), bool) if self.near_contact is None else ~self.near_contact
-
-
-def check_stress(stress: StressSet, n_modes: Mapping[int, int], n_points: int, item: str) -> None:
-    """Rows for every mode and every contact force of a body, at nodal diameter 0 and others that it has.
-
-    Parameters
-    ----------
-    stress : StressSet
-    n_modes : mapping of nodal diameter to int
-        Modes of the body.
-    n_points : int
-        Contact points of all its ports.
-    item : str
-        What messages call it.
-    """
-    check_array(stress.points, (None, 3), f"{item}/points")
-    n = len(stress)
-    require(n > 0, f"{item}/points", "at least one point", "none")
-    if 0 not in stress.modes or not set(stress.modes) <= set(n_modes):
-        expected = f"nodal diameter 0 and others of {sorted(n_modes)}"
-        raise mismatch(f"{item} (nodal diameters)", expected, sorted(stress.modes))
-    if stress.contact and set(stress.contact) != set(stress.modes):
-        raise mismatch(f"{item} (nodal diameters of contact)", f"{sorted(stress.modes)}", sorted(stress.contact))
-    for d, rows in stress.modes.items():
-        check_array(rows, (n, 6, n_modes[d]), f"{item}/nd{d:03d}/mode_stress", "field")
-    for d, rows in stress.contact.items():
-        check_array(rows, (n, 6, 3 * n_points), f"{item}/nd{d:03d}/contact_stress", "field")
-    if stress.static is not None:
-        check_array(stress.static, (n, 6), f"{item}/static_stress")
-    if stress.spread is not None:
-        check_array(stress.spread, (n,), f"{item}/spread")
-    if stress.near_contact is not None:
-        check_array(stress.near_contact, (n,), f"{item}/near_contact", "bool")

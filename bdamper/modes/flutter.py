@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.harmonic_balance.system import OK
+from bdamper.harmonic_balance.equations import OK
 from bdamper.modes.mode import mode_system, nonlinear_mode
 from bdamper.modes.result import NonlinearMode
 from bdamper.peaks.optimal import preload_values
@@ -27,7 +27,7 @@ from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, Statuses, because
-from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Tabular
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
 from bdamper.util.text import amount
 
 
@@ -64,7 +64,7 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
     stable: Numbers
     highest: float
     aerodynamic_damping: dict[str, list[float]]
-    statuses: Statuses
+    statuses: Annotated[Statuses, Quantity(name="status")]
 
     @property
     def safe(self) -> NDArray:
@@ -90,15 +90,6 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         if np.isinf(safe[k]):
             return f"Every start below {amount(self.highest, 'm')} stays bounded: {cycles}."
         return f"Starts below {amount(safe[k], 'm')} stay bounded, the least at {where}: {cycles}."
-
-    def details(self) -> str:
-        rows = zip(self.preload, self.nodal_diameter, self.amplitude, self.frequency, self.stable, self.statuses)
-        lines = [
-            f"  {p:.6g} N, nodal diameter {d}: {amount(a, 'm') if a else 'rest'} at {f:.6g} Hz, "
-            f"{'stable' if s else 'unstable'}{'' if status == COMPLETE else f', {status}'}"
-            for p, d, a, f, s, status in rows
-        ]
-        return "\n".join([f"limit cycles up to {self.highest:.6g} m", *lines])
 
 
 @one_thread
@@ -185,11 +176,13 @@ def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[fl
     system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
     g, out = mode.damping_ratio + zeta, []
     for i in np.flatnonzero((g[:-1] * g[1:] <= 0.0) & (g[1:] != 0.0) & (mode.branch[:-1] == mode.branch[1:])):
-        a, b = (system.point(mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1))
+        a, b = (
+            system.structure.point(mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1)
+        )
         guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
         scale = system.units(guess, system.vibration(guess), 1.0)
         c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
         y, status = (c.y, COMPLETE) if c.status == OK else (guess, because(INCOMPLETE, "between two points of the mode"))
         stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)
-        out.append((float(system.reference * np.exp(y[-1])), float(y[-3]) / TWO_PI, stable, status))
+        out.append((float(system.structure.reference * np.exp(y[-1])), float(y[-3]) / TWO_PI, stable, status))
     return out

@@ -17,8 +17,8 @@ from bdamper.continuation.coverage import Piece, evaluation_budget, in_order
 from bdamper.continuation.events import point_of
 from bdamper.continuation.follower import TWO_PI, follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
-from bdamper.harmonic_balance.modes import ModeSystem
-from bdamper.harmonic_balance.system import OK, Correction
+from bdamper.harmonic_balance.equations import OK, Correction, Equations
+from bdamper.harmonic_balance.modes import Mode, mode_equations
 from bdamper.modes.result import NonlinearMode
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
@@ -27,18 +27,10 @@ from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND
 
-FAMILIAR = 0.5
-"""Correlation with the stuck mode below which a motion counts as that of another one."""
 RIGID = 1e-6
 """Of the highest frequency without contact: those below it are rigid motions."""
-OVERDAMPED = 0.5
-"""Damping ratio beyond which a periodic motion says little about one that decays."""
-DESCENT = 1e-4
-"""Of the lowest amplitude: how small a motion the first point is looked for at, where contacts slip already."""
 FLAT = 1e-6
 """By how much a maximum of the damping exceeds its neighbours at least, relative."""
-STUCK_PART = 0.9
-"""Of the amplitude at which something begins to slip: where steps begin."""
 
 
 @one_thread
@@ -87,15 +79,15 @@ def nonlinear_mode(
     meter.count(sum(p.path.iterations for p in branch.pieces), sum(p.path.failed_steps for p in branch.pieces))
     points = in_order(branch.pieces)
     y = np.array([p.y for p, _ in points]).reshape(len(points), system.n_unknowns + 1)
-    u, correlation = system.motion(y), _correlation(system, y)
+    u, correlation = system.structure.motion(y), _correlation(system, y)
     status, reason = _ending(branch, y, correlation, mode)
     a = system.amplitudes(u, 1)
     return NonlinearMode(
         frequency=y[:, -3] / TWO_PI,
         damping_ratio=y[:, -2],
-        harmonics=system.driven.response(u),
+        harmonics=system.structure.driven.response(u),
         unknowns=u,
-        modal_amplitude=np.sqrt(np.abs(a) ** 2 @ system.bases[1].mass),
+        modal_amplitude=np.sqrt(np.abs(a) ** 2 @ system.structure.basis.mass),
         correlation=correlation,
         shares=np.array([p.shares for p, _ in points]).reshape(-1, 3),
         residual=np.array([p.residual for p, _ in points]),
@@ -112,28 +104,30 @@ def nonlinear_mode(
     )
 
 
-def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tuple[ModeSystem, float]:
+def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tuple[Equations[Mode], float]:
     """Equations of a mode for amplitudes of the response from ``low`` (m) on, and its stuck frequency (rad/s)."""
     state, driven = problem.equilibrium(preload), problem.system(preload)
-    free, alone = driven.linear_modes(None)
+    free, alone = driven.structure.linear.modes(None)
     elastic = np.flatnonzero(free > RIGID * free[-1])
     mode = validate.whole("mode", mode, least=1, most=len(elastic))
-    frequencies, shapes = driven.linear_modes(stuck_springs(problem, state))
-    across = np.abs((driven.bases[1].mass * alone[:, elastic[mode - 1]].conj()) @ shapes)
+    frequencies, shapes = driven.structure.linear.modes(stuck_springs(problem, state))
+    across = np.abs((driven.structure.bases[1].mass * alone[:, elastic[mode - 1]].conj()) @ shapes)
     k = int(np.argmax(across))
     row, shape = driven.response_rows[1], shapes[:, k]
     if not abs(row @ shape) > 1e-6 * float(np.linalg.norm(row) * np.linalg.norm(shape)):
         raise SettingError(f"response: expected a place and direction that mode {mode} moves, found one that it does not")
-    return ModeSystem(driven, float(frequencies[k]), shape, DESCENT * low), float(frequencies[k])
+    # of the lowest amplitude: how small a motion the first point is looked for at, where contacts slip already
+    descent = 1e-4
+    return mode_equations(driven, float(frequencies[k]), shape, descent * low), float(frequencies[k])
 
 
 class _Branch:
     """The branch through the stuck mode, between two amplitudes (m)."""
 
-    def __init__(self, system: ModeSystem, amplitude: tuple[float, float], options: ContinuationOptions) -> None:
+    def __init__(self, system: Equations[Mode], amplitude: tuple[float, float], options: ContinuationOptions) -> None:
         self.system = system.within(options.budget or evaluation_budget(system))
         self.options = options
-        self.low, self.high = (float(np.log(a / system.reference)) for a in amplitude)
+        self.low, self.high = (float(np.log(a / system.structure.reference)) for a in amplitude)
         self.pieces: list[Piece] = []
         self.linear_to = np.nan
 
@@ -168,7 +162,7 @@ class _Branch:
 
     def _start(self, state: PreloadState, omega: float) -> Correction | None:
         """The motion of the lowest amplitude; where there is none near the linear mode, that of a smaller one."""
-        guess = self.system.start(state.q, omega, self.system.reference * float(np.exp(self.low)))
+        guess = self.system.structure.start(state.q, omega, self.system.structure.reference * float(np.exp(self.low)))
         for lower in np.log([1.0, 0.1, 0.01, 0.002]):
             found = self._at(guess, self.low + float(lower))
             if found.status == OK:
@@ -191,8 +185,9 @@ class _Branch:
             while most - least > 1e-12:
                 middle = 0.5 * (least + most)
                 least, most = (middle, most) if holds(middle) else (least, middle)
-        self.linear_to = float(self.system.reference * np.exp(most))
-        begin = most if most == self.high else most + float(np.log(STUCK_PART))
+        self.linear_to = float(self.system.structure.reference * np.exp(most))
+        stuck_part = 0.9  # of the amplitude at which something begins to slip: where steps begin
+        begin = most if most == self.high else most + float(np.log(stuck_part))
         return self._at(start.y, begin) if begin > start.y[-1] else start
 
     def _from_above(self, last: NDArray) -> None:
@@ -203,20 +198,20 @@ class _Branch:
             self.pieces.append(Piece(path, False, 1))
 
 
-def _correlation(system: ModeSystem, y: NDArray) -> NDArray:
+def _correlation(system: Equations[Mode], y: NDArray) -> NDArray:
     """(n,) square of the cosine between the first harmonic and the stuck mode, in the norm of the mass."""
-    a, mass = system.amplitudes(y, 1), system.bases[1].mass
-    across = np.abs(a @ (mass * system.stuck.conj())) ** 2
-    return np.asarray(across / ((np.abs(a) ** 2 @ mass) * (np.abs(system.stuck) ** 2 @ mass)))
+    a, mass = system.amplitudes(y, 1), system.structure.basis.mass
+    across = np.abs(a @ (mass * system.structure.stuck.conj())) ** 2
+    return np.asarray(across / ((np.abs(a) ** 2 @ mass) * (np.abs(system.structure.stuck) ** 2 @ mass)))
 
 
-def _scales_to(problem: Problem, system: ModeSystem, u: NDArray, preload: float) -> float:
+def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: float) -> float:
     """Highest preload (N) up to which motions u grow in proportion to it; 0 where they do not at all.
 
     Without interference, cubic springs and constant forces the contact is homogeneous as long as no gap closes in a cycle.
     """
     static = problem.static_system
-    if preload == 0.0 or problem.slip_offset or static.cubic is not None:
+    if preload == 0.0 or problem.settings.slip_offset or static.cubic is not None:
         return 0.0
     if np.any(static.n0 > 0.0) or np.any(static.constant_force):
         return 0.0
@@ -224,7 +219,7 @@ def _scales_to(problem: Problem, system: ModeSystem, u: NDArray, preload: float)
     gap, harmonics = -static.n0[gapped] / static.kn[gapped], np.arange(1, system.n_harmonics + 1)
     angles = np.outer(harmonics, np.linspace(0.0, 2.0 * np.pi, 64 * system.n_harmonics, endpoint=False))
     wave = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(2 * system.n_harmonics, -1)
-    closing = (system.driven.contact(one)[0][gapped, 2] for one in u)
+    closing = (system.structure.driven.contact(one)[0][gapped, 2] for one in u)
     used = [((v[:, :1] + v[:, 1:] @ wave).max(axis=1) / gap).max(initial=0.0) for v in closing]
     most = max(used, default=1.0)
     return 0.0 if most >= 1.0 else preload / most if most > 0.0 else float("inf")
@@ -245,12 +240,14 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     reason = f"{path.status}: {path.reason}" if path.status != COMPLETE else path.reason
     apart = len(branch.pieces) > 1
     reason += f"; another branch from {system.place(branch.high)} down" if apart else ""
-    foreign, over = correlation < FAMILIAR, y[:, -2] > OVERDAMPED
+    familiar = 0.5  # correlation with the stuck mode below which a motion counts as that of another one
+    overdamped = 0.5  # damping ratio beyond which a periodic motion says little about one that decays
+    foreign, over = correlation < familiar, y[:, -2] > overdamped
     if foreign.any():
         at = y[int(np.argmax(foreign))]
         reason += f"; beyond {system.place(at[-1])} the motion is no longer that of mode {mode}: it meets another one"
     if over.any():
         at = y[int(np.argmax(over))]
-        reason += f"; damping is above {OVERDAMPED:g} from {system.place(at[-1])} on, where no motion decays so"
+        reason += f"; damping is above {overdamped:g} from {system.place(at[-1])} on, where no motion decays so"
     whole = path.status == COMPLETE and not foreign.any() and not over.any()
     return COMPLETE if whole else INCOMPLETE, reason

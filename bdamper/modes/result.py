@@ -69,6 +69,7 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     status: Status
     reason: str
     cost: Cost
+    _told = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
 
     @property
     def largest(self) -> Metres:
@@ -125,18 +126,3 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
             f"{amount(self.frequency.min(), 'Hz')} and {amount(self.frequency.max(), 'Hz')}."
             + ("" if self.complete else f" The mode is {self.status}: {self.reason}.")
         )
-
-    def details(self) -> str:
-        apart = "motions on no branch through the stuck mode are not looked for"
-        lines = [f"nonlinear mode {self.mode} at {self.preload:g} N: {self.status} ({self.reason}); {apart}"]
-        if len(self):
-            lines += [
-                f"  {len(self)} points, {len(self.folds)} folds; amplitudes from {amount(self.amplitude.min(), 'm')} to "
-                f"{amount(self.amplitude.max(), 'm')}",
-                f"  correlation with the stuck mode at least {self.correlation.min():.3f}, largest residual "
-                f"{self.residual.max():.1e}",
-                f"  linear up to {self.linear_to:.6g} m" if np.isfinite(self.linear_to) else "  not linear anywhere",
-            ]
-        if self.scales_to:
-            lines.append(f"  one curve for all preloads up to {self.scales_to:.6g} N: at_preload() scales it")
-        return "\n".join([*lines, f"  {self.cost}"])

@@ -80,7 +80,7 @@ class AtPreload:
 
     @staticmethod
     def of(record: Mapping[str, Any]) -> AtPreload:
-        """What was recorded, as read from JSON, in which arrays of a curve without points have no shape."""
+        """Restore a record read from JSON, in which arrays of a curve without points have no shape."""
         made: AtPreload = typed(AtPreload, record)
         curve, n = made.curve, len(made.curve)
         harmonics, shares = curve.harmonics.reshape(n, 2), curve.shares.reshape(n, 3)

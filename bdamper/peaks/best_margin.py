@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from bdamper.continuation import track as tracking
-from bdamper.fatigue.cycle import of
-from bdamper.fatigue.margin import LeastMargin, MarginCurve, margin
+from bdamper.fatigue.margin import LeastMargin, MarginCurve
 from bdamper.fatigue.material import Material
 from bdamper.peaks.least import Place, least
 from bdamper.peaks.newton import Peak, find_peak
@@ -38,14 +37,10 @@ WHERE = {"end": "at the end of the preloads with a value", "unknown": "next to p
 @one_thread
 def best_margin(
     problem: Problem,
+    /,
     curve: OptimalCurve,
     material: Material,
-    *,
-    criterion: str = "von_mises",
-    line: str = "goodman",
-    on: str = "amplitude",
-    sets: str | Sequence[str] | None = None,
-    speed: float | None = None,
+    **judged: Any,
 ) -> MarginCurve:
     """Margins along an optimal curve, and the preload of the largest, refined between those of the curve.
 
@@ -53,9 +48,10 @@ def best_margin(
     ----------
     problem : Problem
     curve : OptimalCurve
-        Of this problem.  Where it has what a blade keeps of that peak, ``in_time`` has the margin of that.
-    material, criterion, line, on, sets, speed
-        As for :func:`bdamper.fatigue.margin.margin`.
+        Of this problem.  Where it has the amplitude in time, ``in_time`` has the margin at that amplitude.
+    material : Material
+    **judged
+        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, as :class:`bdamper.fatigue.margin.LeastMargin` has them.
 
     Returns
     -------
@@ -64,11 +60,8 @@ def best_margin(
         preload of the curve.
     """
     validate.instance("curve", curve, OptimalCurve)
-    found = margin(problem, curve, material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
-    assert isinstance(found, MarginCurve)
-    problem = of(problem, curve)
-    named = sets if sets is None or isinstance(sets, str) else tuple(sets)
-    judge = LeastMargin(material, criterion, line, on, named, speed)
+    judge = LeastMargin(material, **judged)
+    found = judge.along(problem, curve)
     low, high = curve.settings["frequency"]
 
     def place(peak: Peak, p: float) -> Place:
@@ -99,7 +92,7 @@ def best_margin(
     where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, preload, value)
     status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
-    in_time = tuple(judge.margins(problem, y[:-1], float(y[-1]), p, kept[p]) for p, y in tops)
+    in_time = tuple(judge.margins(problem, y, p, kept[p]) for p, y in tops)
     return replace(found, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
 
 

@@ -3,7 +3,7 @@
 It is the greatest maximum of the response over the branches that are *connected* with an end of the interval: at smooth
 maxima, at corners, at folds, and where the mean position drifts.  An end of the interval is no maximum, it may be a flank
 of the next resonance: it counts only where there is no maximum at all, and is told where it is higher.  Closed branches do
-not count; the highest point of each is named in ``detached``.  A branch within the interval that does not close fills what
+not count; ``Curve.detached`` names the highest point of each.  A branch within the interval that does not close fills what
 the paths from the ends have left, and counts.
 
 Points of a curve are converged, but may be coarse.  So the highest ones are refined: smooth maxima by their own equations
@@ -13,8 +13,9 @@ Points of a curve are converged, but may be coarse.  So the highest ones are ref
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.harmonic_balance.system import OK, HarmonicSystem
+from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import (
     LOOSEST,
@@ -46,7 +47,8 @@ from bdamper.util.status import COMPLETE, INCOMPLETE, because
 NEAR = 3e-3
 """Relative, by which a point may lie below the highest and its maximum above: a curve followed coarsely is off by less."""
 LEVEL = 1e-6
-"""Relative change of the amplitude up to which points of a curve count as one: the mean position alone moves there."""
+"""Relative change of the amplitude up to which points of a curve count as one, the mean position alone moves there; and of
+the frequency, at an end of the interval."""
 REACH = 0.3
 """Distance, relative to the vibration, within which the maximum of a point is looked for: twice a step of a curve."""
 AT_END = "highest at an end of the interval, without a maximum in it"
@@ -67,8 +69,6 @@ class Highest:
         Of the point of the curve.
     exact : bool
         Whether the place is known to the tolerance of the options: not that of a corner that no search has ended at.
-    detached : tuple of Peak
-        Highest points of closed branches, which do not count.
     note : str
         Where an end of the interval is higher than the highest maximum.
     """
@@ -77,57 +77,31 @@ class Highest:
     kind: str
     index: int
     exact: bool = True
-    detached: tuple[Peak, ...] = ()
     note: str = ""
 
 
-def highest(
-    system: HarmonicSystem,
-    y: NDArray,
-    kinds: Sequence[str],
-    branch: Sequence[int] | NDArray,
-    *,
-    closed: Collection[int] = (),
-    options: PeakOptions | None = None,
-    parameter: float = np.nan,
-    ends: bool = True,
-) -> Highest:
+def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | None = None) -> Highest:
     """The highest point of a curve, as the head of this module defines it.
 
     Parameters
     ----------
-    system : HarmonicSystem
-        Equations that the curve solves, or what behaves as such along another line than that of frequency.
-    y : (n, n_unknowns + 1) float
-        Points of the curve, in the order of their paths: unknowns and frequency in rad/s.
-    kinds : sequence of str
-        Of the points, as ``Curve.point_kind`` has them.
-    branch : (n,) int
-        Points of one branch follow each other.
-    closed : collection of int
-        Branches that close on themselves.
+    system : Equations
+        Equations that the curve solves.
+    curve : Curve
     options : PeakOptions
         How exactly maxima are refined.
-    parameter : float
-        Noted in the peaks.
-    ends : bool
-        Whether an end of the interval counts where there is no maximum.
 
     Raises
     ------
     BdamperError
         If there is no point on a branch that counts.
     """
-    options, branch = options or PeakOptions(), np.asarray(branch)
-    amplitude = np.abs(system.first_harmonic(y))
-    search = _Refined(system, y, kinds, branch, amplitude, options, parameter)
-    tops = _tops(amplitude, kinds, branch)
-    counted = [i for i in tops if branch[i] not in closed]
+    search = _Refined(system, curve, options or PeakOptions())
+    amplitude, tops = curve.amplitude, _tops(curve.amplitude, curve.point_kind, curve.branch)
+    counted = [i for i in tops if curve.branch[i] not in curve.closed]
     if not counted:
         raise BdamperError("the response curve has no point that is connected with an end of the interval")
     within = [i for i in counted if not search.at_end(i)]
-    if not within and not ends:
-        raise BdamperError("the response curve has no highest point but its ends")
     best: Highest | None = None
     for i in within or counted[:1]:
         if best is not None and amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
@@ -138,25 +112,13 @@ def highest(
     assert best is not None
     note, top = "", counted[0]
     if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
-        note = f"higher at an end of the interval: {amplitude[top]:.4g} m at {y[top, -1] / (2.0 * np.pi):.6g} Hz"
-    apart = [next(i for i in tops if branch[i] == number) for number in sorted(closed)]
-    return replace(best, detached=tuple(search.at(i).peak for i in apart), note=note)
+        note = f"higher at an end of the interval: {amplitude[top]:.4g} m at {curve.frequency[top]:.6g} Hz"
+    return replace(best, note=note)
 
 
-def highest_of_curve(system: HarmonicSystem, curve: Curve, *, options: PeakOptions | None = None) -> Highest:
-    """The highest point of a tracking curve with its system; see :func:`highest`."""
-    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    return highest(
-        system, y, curve.point_kind, curve.branch, closed=curve.closed, options=options, parameter=curve.preload
-    )  # fmt: skip
-
-
-def maxima(
-    system: HarmonicSystem, curve: Curve, share: float = 0.0, *, options: PeakOptions | None = None
-) -> tuple[Peak, ...]:
+def maxima(system: Equations, curve: Curve, share: float = 0.0, *, options: PeakOptions | None = None) -> tuple[Peak, ...]:
     """All maxima of a tracking curve within its interval from a share of the highest on, each once, the highest first."""
-    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    search = _Refined(system, y, curve.point_kind, curve.branch, curve.amplitude, options or PeakOptions(), curve.preload)
+    search = _Refined(system, curve, options or PeakOptions())
     found: list[Peak] = []
     for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
         if curve.amplitude[i] < share * curve.amplitude.max():
@@ -184,23 +146,27 @@ def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int
 
 @dataclass(frozen=True)
 class _Refined:
-    """Refines points of one curve; parameters are those of :func:`highest`."""
+    """Refines points of one curve; parameters are those of :func:`highest_of_curve`."""
 
-    system: HarmonicSystem
-    y: NDArray
-    kinds: Sequence[str]
-    branch: NDArray
-    amplitude: NDArray
+    system: Equations
+    curve: Curve
     options: PeakOptions
-    parameter: float
+
+    @cached_property
+    def y(self) -> NDArray:
+        """(n, n_unknowns + 1) points of the curve."""
+        return np.column_stack([self.curve.unknowns, 2.0 * np.pi * self.curve.frequency])
 
     def at_end(self, i: int) -> bool:
-        """Whether a point is where its branch leaves the interval."""
-        return any(self._outermost(i)) and self.y[i, -1] in (self.y[:, -1].min(), self.y[:, -1].max())
+        """Whether a point is where its branch leaves the interval, or where the mean position drifts there."""
+        omega, branch = self.y[:, -1], self.curve.branch
+        on = np.flatnonzero(branch == branch[i])[[0, -1]]
+        leaves = [j for j in on if omega[j] - omega.min() <= LEVEL * omega[j] or omega.max() - omega[j] <= LEVEL * omega[j]]
+        return any(abs(omega[j] - omega[i]) <= LEVEL * omega[i] for j in leaves)
 
     def _outermost(self, i: int) -> tuple[bool, bool]:
         """Whether a point is the first, and the last of its branch."""
-        branch = self.branch
+        branch = self.curve.branch
         return i == 0 or branch[i - 1] != branch[i], i == len(branch) - 1 or branch[i + 1] != branch[i]
 
     def at(self, i: int) -> Highest:
@@ -210,16 +176,16 @@ class _Refined:
         low, high = self.y[:, -1].min(), self.y[:, -1].max()
         if self.at_end(i):
             return Highest(self._point(y, np.eye(len(y))[-1], scale), "end", i)
-        if self.kinds[i] == "drift":
+        if self.curve.point_kind[i] == "drift":
             return Highest(self._point(y, tangent, scale), "drift", i)
         for options in (self.options, replace(self.options, tolerance=max(self.options.tolerance, LOOSEST))):
             found = find_peak(
-                self.system, y, tangent=tangent, scale=scale, options=options, parameter=self.parameter, reach=REACH
+                self.system, y, tangent=tangent, scale=scale, options=options, parameter=self.curve.preload, reach=REACH
             )  # fmt: skip
-            good = found.converged and found.amplitude >= (1.0 - LEVEL) * self.amplitude[i]
+            good = found.converged and found.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
             if good and low <= found.y[-1] <= high:
                 return Highest(found, "corner" if found.corner else "peak", i)
-        kind = "fold" if self.kinds[i] == "fold" else "corner"
+        kind = "fold" if self.curve.point_kind[i] == "fold" else "corner"
         return Highest(self._point(y, tangent, scale), kind, i, exact=False)
 
     def _direction(self, before: int, after: int, y: NDArray) -> tuple[NDArray, NDArray]:
@@ -237,9 +203,9 @@ class _Refined:
         c = self.system.solve(y, Plane(normal), scale, max(self.options.tolerance, LOOSEST), self.options.max_iterations)
         good = c.status == OK and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
         at = c.y if good else y
-        nothing = np.zeros(len(y))
+        nothing, frequency = np.zeros(len(y)), float(at[-1] / (2.0 * np.pi))
         return Peak(
-            self.parameter, float(at[-1] / (2.0 * np.pi)), amplitude_at(self.system, at), at, nothing, scale, 0.0, -np.inf,
+            self.curve.preload, frequency, amplitude_at(self.system, at), at, nothing, scale, 0.0, -np.inf,
             np.array(c.shares), c.residual, c.iterations, 1, c.rank_deficiency, True,
         )  # fmt: skip
 
@@ -290,15 +256,15 @@ def found_at(
         On Ctrl-C.
     """
     meter = CostMeter(time.perf_counter())
-    system, top = None, None
+    top, system = None, None
+    if problem.static(preload).converged:
+        system = problem.system(preload)
+        meter.watch(system)  # which the curves use as well
     for continuation in (coarse_options(), ContinuationOptions()):
         continuation = continuation if budget is None else replace(continuation, budget=budget)
         curve = uninterrupted(track(problem, preload, frequency, options=continuation))
-        meter.add(curve.cost)
-        if len(curve):
-            if system is None:
-                system = problem.system(preload)
-                meter.watch(system)
+        meter.count(curve.cost.iterations, curve.cost.failed_steps)
+        if len(curve) and system is not None:
             top = highest_of_curve(system, curve, options=options)
             meter.count(top.peak.iterations)
         if curve.complete and top is not None and top.exact:
@@ -317,7 +283,8 @@ def highest_peak(
 ) -> Peak:
     """The highest point of the response at one preload (:mod:`bdamper.peaks.highest`).
 
-    ``corner`` says that it is no smooth maximum, ``scan`` whether it is an end of the interval, or one is higher.
+    ``corner`` says that it is no smooth maximum, ``scan`` whether an end of the interval is higher.  Where the interval
+    holds no maximum, the peak is "incomplete": its amplitude is the highest response, at an end, and no resonance.
 
     Raises
     ------
@@ -333,8 +300,11 @@ def highest_peak(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
             f"ended as: {found.ending}"
         )
-    settings = problem.record() | {"frequency": frequency}
-    return replace(found.top.peak, cost=found.cost, scan=found.ending, settings=settings, model_hash=problem.model.hash)
+    settings = problem.record() | {"frequency": list(frequency)}
+    status = because(INCOMPLETE, AT_END) if found.top.kind == "end" else found.top.peak.status
+    return replace(
+        found.top.peak, cost=found.cost, scan=found.ending, status=status, settings=settings, model_hash=problem.model.hash
+    )  # fmt: skip
 
 
 def check_options(options: PeakOptions | None) -> None:

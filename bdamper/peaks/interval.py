@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.preload import PreloadState
-from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
+from bdamper.harmonic_balance.linear import around
 from bdamper.peaks.optimal_curve import Limit
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
@@ -22,14 +22,15 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
     SettingError
         If there are not so many modes.
     """
-    system = problem.system(0.0)
-    basis = system.bases[1]
-    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
-    if np.any(system.springs):
-        elastic = system.linear_modes(None)[0] ** 2
+    sector = problem.sector(0.0)
+    basis = sector.bases[1]
+    modes_alone = np.array([c.is_mode for c in basis.coordinates], bool)
+    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0) & modes_alone])
+    if np.any(sector.springs):
+        elastic = sector.linear.modes(None)[0] ** 2
     validate.require(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
     free = np.sqrt(elastic[:modes])
-    poles = list(system.linear_modes(stuck_springs(problem, state))[0])
+    poles = list(sector.linear.modes(stuck_springs(problem, state, touching=True))[0])
     stuck = []
     for w in free:
         poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
@@ -69,11 +70,11 @@ def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float
     """
     if stuck and not problem.static(preload).converged:
         return Limit(np.nan, np.nan)
-    system = problem.system(preload if stuck else 0.0)
-    springs = stuck_springs(problem, problem.static(preload)) if stuck else None
+    sector = problem.sector(preload if stuck else 0.0)
+    springs = stuck_springs(problem, problem.static(preload), touching=True) if stuck else None
     low, high = (2.0 * np.pi * f for f in frequency)
-    poles = linear_resonances(system, (springs,), *around(low, high))
-    tops = [linear_maximum(system, springs, w, width) for w, width, _ in poles]
+    poles = sector.linear.resonances((springs,), *around(low, high))
+    tops = [sector.linear.maximum(sector.response_rows[1], springs, w, width) for w, width, _ in poles]
     within = [top for top in tops if low <= top[0] <= high]
     omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
     return Limit(omega / (2.0 * np.pi), amplitude)

@@ -17,8 +17,6 @@ import numpy as np
 
 GAIN = 2e-3
 """By which the function may be lower for the search to go on: in ln(amplitude) a fifth of what an optimum may be off by."""
-NARROW = 1e-3
-"""Distance of two places below which nothing is looked for between them: at a slope of one half of GAIN."""
 LEVEL = 1e-4
 """Slope at most at a minimum that was settled: where it is larger another branch is the highest there."""
 AGREE = 0.2
@@ -31,8 +29,6 @@ CORNER = 0.02
 those with a value, where the function falls toward it: without that one of 15 random optima is 4 % too high."""
 MOST = 12
 """Places that are asked at most, besides those known."""
-AT_ONCE = 2
-"""Places that are asked side by side, so that two cores are busy and the answer does not depend on how many there are."""
 
 
 class Place(NamedTuple):
@@ -80,14 +76,15 @@ def agree(a: Place, b: Place) -> bool:
 
 
 def promise(a: Place, b: Place) -> Promise | None:
-    """What the tangents of two neighbouring places promise; None where the function is nowhere lower than at them."""
+    """Lower bound of the function between two neighbours, from their tangents; None if it is not lower than both."""
     h = b.x - a.x
     fall, rise = -min(a.slope, 0.0), max(b.slope, 0.0)
     if np.isfinite(a.value) != np.isfinite(b.value):  # the branch at the one that is known may fall on toward the other
         drop = h * (fall if np.isfinite(a.value) else rise)
         drop = drop if np.isfinite(drop) else 2.0 * GAIN
         return Promise(min(a.value, b.value) - drop, a.x + 0.5 * h, False) if drop > 0.0 and h > CORNER else None
-    if not (np.isfinite(a.value + b.value) and h > NARROW):
+    narrow = 1e-3  # distance of two places below which nothing is looked for between them: at a slope of one half of GAIN
+    if not (np.isfinite(a.value + b.value) and h > narrow):
         return None
     if not np.isfinite(fall + rise):
         return Promise(min(a.value, b.value) - 2.0 * GAIN, a.x + 0.5 * h, False) if h > CORNER else None
@@ -107,22 +104,22 @@ def promise(a: Place, b: Place) -> Promise | None:
 
 
 def _least_of_cubic(first: float, last: float, rise: float) -> float:
-    """Where the cubic on (0, 1) with these slopes at its ends, which falls at 0 and rises at 1, is least."""
+    """Abscissa of the minimum of the Hermite cubic on (0, 1) that decreases at 0 and increases at 1."""
     b, c = 6.0 * rise - 4.0 * first - 2.0 * last, 3.0 * (first + last) - 6.0 * rise
     root = np.sqrt(max(b * b - 4.0 * c * first, 0.0))
     return float(np.clip(-2.0 * first / (b + root) if b + root > 0.0 else 0.5, 0.01, 0.99))
 
 
 Open = tuple[tuple[Place, Place], Promise]
-"""Two neighbouring places, and what they promise."""
+"""Two neighbouring places and the lower bound between them."""
 Ask = Callable[[Sequence[float]], Sequence[Place]]
-"""The function at some places."""
+"""Evaluates the function at several abscissae."""
 Settle = Callable[[Place, Place, float], float | None]
-"""The minimum of the smooth branch between two places from a guess, None where it is not found."""
+"""Minimum of the smooth branch between two places, from a guess; None if not found."""
 
 
 def least(known: Sequence[Place], ask: Ask, settle: Settle) -> tuple[list[Place], Least]:
-    """The least value, from places that are known; more are asked where it may be lower.
+    """The least value, from known places and further evaluations where it may be lower.
 
     Parameters
     ----------
@@ -135,9 +132,12 @@ def least(known: Sequence[Place], ask: Ask, settle: Settle) -> tuple[list[Place]
     list of Place, in order, and Least
     """
     places, settled, tried = sorted(known), set[float](), set[tuple[float, float]]()
+    # places that are asked side by side, so that two cores are busy and the answer does not depend on how many there
+    # are
+    at_once = 2
     while len(places) < len(known) + MOST and (open_ := _open(places, tried)):
         wanted, lowest = [], min(p.value for p in places)
-        for (a, b), there in open_[:AT_ONCE]:
+        for (a, b), there in open_[:at_once]:
             found = None
             if a.slope < 0.0 < b.slope and (a.x, b.x) not in tried:
                 tried.add((a.x, b.x))
@@ -156,9 +156,9 @@ def least(known: Sequence[Place], ask: Ask, settle: Settle) -> tuple[list[Place]
 
 
 def _open(places: Sequence[Place], tried: set[tuple[float, float]]) -> list[Open]:
-    """Neighbours between which the function may be lower by GAIN than anywhere known, the lowest promise first.
+    """Neighbours between which the function may be lower by GAIN than anywhere known, the lowest bound first.
 
-    Beside the least place the smallest promise counts, until its slope is LEVEL or the minimum was settled (``tried``):
+    Beside the least place the smallest bound counts, until its slope is LEVEL or the minimum was refined (``tried``):
     from neighbours a third apart the search for it may fail, and succeed from nearer ones.
     """
     least_ = min(places, key=lambda p: p.value)

@@ -49,8 +49,6 @@ FLAT = 1e-6
 """Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
 IN_A_ROW = 2
 """Neighbouring preloads whose curves show that the damper rattles, below which no more are followed."""
-OPTIMUM_TOLERANCE = 1e-7
-"""Relative, on the preload of a smooth optimum."""
 
 
 @one_thread
@@ -81,7 +79,7 @@ def optimal_curve(
     options : PeakOptions
     progress : bool
     resume : path, optional
-        File that keeps every curve: work that was interrupted goes on from there and ends with the same result.
+        File for all finished curves: interrupted work continues from there and ends with the same result.
     executor : concurrent.futures.Executor, optional
         On which the curves are followed; threads, as many as there are cores, by default.
 
@@ -222,7 +220,7 @@ class Curves:
             self.file.append(there.record())
 
     def cost(self, start: float) -> Any:
-        """Of all curves, on whatever threads."""
+        """Cost of all curves, on all threads."""
         meter = CostMeter(start)
         for there in self.known.values():
             meter.add(there.cost)
@@ -294,8 +292,9 @@ def smooth_minimum(
         near[x] = found
         return amplitude_sensitivity(found, family, p, options) * p / found.amplitude
 
+    optimum_tolerance = 1e-7  # relative, on the preload of a smooth optimum
     try:
-        root = find_root(slope, (a.x, a.slope), (b.x, b.slope), OPTIMUM_TOLERANCE)
+        root = find_root(slope, (a.x, a.slope), (b.x, b.slope), optimum_tolerance)
     except (*LOST, BdamperError):
         return None
     return float(root.at)
@@ -351,7 +350,6 @@ def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unkn
     places = [Place(np.log(p), np.inf if row is None else row.value, np.nan if row is None else row.slope)
               for p, row in zip(values, rows)]  # fmt: skip
     onward = [bool(np.isfinite(a.value + b.value)) and agree(a, b) for a, b in zip(places, places[1:])]
-    detached = [(p, q) for p, row in zip(values, rows) if row is not None and row.top for q in row.top.detached]
     return {
         "preload": values,
         "amplitude": column("amplitude", np.nan),
@@ -359,12 +357,10 @@ def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unkn
         "frequency": column("frequency", np.nan),
         "shares": np.array([np.full(3, np.nan) if top is None else top.peak.shares for top in tops]),
         "residual": column("residual", np.nan),
-        "rank_deficiency": column("rank_deficiency", 0),
         "unknowns": np.array([np.full(n_unknowns, np.nan) if top is None else top.peak.y[:-1] for top in tops]),
         "kind": tuple("" if top is None else top.kind for top in tops),
         "status": tuple(_status(row, p, edge, why) for row, p in zip(rows, values)),
         "goes_on": np.array([False, *onward]),
-        "detached": tuple(f"{p:.6g} N: {q.amplitude:.6g} m at {q.frequency:.6g} Hz" for p, q in detached),
     }  # fmt: skip
 
 

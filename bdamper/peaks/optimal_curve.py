@@ -3,33 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.fatigue.margin import MarginCurve
+from bdamper.problem.asked import Asking
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
+from bdamper.util.convergence import Convergence
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.estimates import ErrorEstimates, error_line
-from bdamper.util.experience import richer
-from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.kept import Kept
-from bdamper.util.ladder import Ladder
-from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.hdf5 import FilePath, Recorded, Storable
+from bdamper.util.kept import Marched
+from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, Statuses, Translated, because, word
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, Quantity, Resonance, Shares, Tabular
-from bdamper.util.text import amount, height
+from bdamper.util.text import amount, height, percent, shares_of, span
+from bdamper.util.warn import say
 
 ENDS = {
     "end": "end of the range, the optimum may lie beyond",
     "edge": "lowest preload with a steady response",
 }
-COARSE = 1e-5
-"""Relative uncertainty of the preload of an optimum from which on it is told."""
+SAFE = (1.2, 1.5)
+"""Preloads to build, over the optimum: the amplitude rises steeply below it and slowly above."""
 NEAR_BEST = 1.2
 """Amplitude over that of the optimum up to which a range of preloads is printed: what a designer may give away."""
 
@@ -53,31 +55,6 @@ class Limit:
 
     frequency: float
     amplitude: float
-
-
-class Swept(NamedTuple):
-    """Highest amplitudes that slow sweeps of frequency meet at one preload, by its tracking curve.
-
-    Parameters
-    ----------
-    preload : float, N
-    up, down : float, m
-        Of the sweep to higher and to lower frequencies; NaN where no stable solution is known at its start.
-    up_frequency, down_frequency : float, Hz
-    status : str
-        Of the tracking curve.
-    """
-
-    preload: float
-    up: float
-    up_frequency: float
-    down: float
-    down_frequency: float
-    status: str
-
-    def __str__(self) -> str:
-        up, down = f"{self.up:.4g} m at {self.up_frequency:.6g} Hz", f"{self.down:.4g} m at {self.down_frequency:.6g} Hz"
-        return f"{self.preload:.6g} N: up {up}, down {down}" + (f", {self.status}" if self.status != "complete" else "")
 
 
 @dataclass(frozen=True)
@@ -120,17 +97,6 @@ class OptimumPoint:
         """Whether the search was interrupted; files of versions before 0.6 say so in the reason."""
         return INTERRUPTED in self.status
 
-    def __str__(self) -> str:
-        if self.kind == "flat":
-            return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
-        if self.kind == "none":
-            return f"no optimum, {self.status}"
-        what = ENDS.get(self.kind, "so far" if self.interrupted else self.kind)
-        name = "optimum" if self.verified and self.kind not in ENDS else "least"
-        known = f"; preload known to a relative {self.uncertainty:.2g}" if self.uncertainty > COARSE else ""
-        place = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
-        return f"{name} {place} ({what}), {self.status}{known}"
-
 
 @brief
 @dataclass(frozen=True)
@@ -150,7 +116,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     shares : (n, 3) float
         Stick, slip and open at the peak, mean over the friction points and the cycle.
     residual : (n,) float
-    rank_deficiency : (n,) int
     unknowns : (n, n_unknowns) float
     status : tuple of str
         "complete", with a colon where an end of the interval is higher than all maxima; "incomplete: ..." with what was not
@@ -158,12 +123,13 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     free, stuck : Limit
     optimum : OptimumPoint
     cost : Cost
+        Of the whole answer: the curves, the marches in time and the peaks with more harmonics.
     settings : mapping
     model_hash : str
     error_estimates : ErrorEstimates or None
         Of the peak at the optimum, by source, where they were asked for.
-    ladder : Ladder or None
-        What more harmonics would change of the optimum, and of the amplitude at some other preloads.
+    convergence : Convergence or None
+        The peak at the optimum with more harmonics.
     lower_bound : (n,) float, m
         Highest response found at a preload without a value, NaN where there is a value or nothing was found (everywhere in
         files of versions before 0.3).
@@ -174,17 +140,13 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     curves : tuple of Curve
         The whole curves that the values are from, and those between them that the search for the optimum took, by rising
         preload; followed coarsely, and without their unknowns.
-    detached : tuple of str
-        Highest points on closed branches, which do not count.
     no_steady_below : float, N
         No steady periodic response is expected up to this preload, by the sign of :mod:`bdamper.continuation.rattle`: the
         damper rattles.  There are no values there and nothing was searched below; 0 where nothing shows it.
-    swept : tuple of Swept
-        What :meth:`bdamper.Study.with_sweeps` has found at some preloads.
     margins : tuple of MarginCurve
         Margins against fatigue along the curve, where they were asked for.
-    kept : tuple of Kept
-        What a blade keeps by a march in time at the optimum, and wherever :meth:`bdamper.Study.with_kept` was asked.
+    kept : tuple of Marched
+        Marches in time at the optimum, and wherever :meth:`bdamper.Study.with_kept` was asked.
     """
 
     preload: Newtons
@@ -192,7 +154,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     frequency: Hertz
     shares: Shares
     residual: Numbers
-    rank_deficiency: NDArray
     unknowns: NDArray
     status: Annotated[Statuses, Quantity()]
     free: Limit
@@ -200,16 +161,18 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     optimum: OptimumPoint
     cost: Cost
     error_estimates: ErrorEstimates | None = None
-    ladder: Ladder | None = None
+    convergence: Convergence | None = None
     lower_bound: Metres = field(default_factory=lambda: np.empty(0))
     goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
     kind: Kinds = ()
     curves: tuple[Curve, ...] = ()
-    detached: tuple[str, ...] = ()
     no_steady_below: float = 0.0
-    swept: tuple[Swept, ...] = ()
     margins: tuple[MarginCurve, ...] = ()
-    kept: tuple[Kept, ...] = ()
+    kept: tuple[Marched, ...] = ()
+    _told = (
+        "optimum", "kept", "least_in_time", "convergence", "error", "free", "stuck", "ratio", "stuck_shift_percent",
+        "margins", "detached",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         if not self.goes_on.size:
@@ -234,7 +197,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the curve and its optimum leave open: preloads without a value, an optimum that is not verified."""
+        """Warnings: preloads without a value, an optimum that is not verified."""
         low = self.status[0] if self.no_steady_below else ""
         gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("complete", low)]
         out = [low] * bool(low) + [f"{p:.6g} N: {s}" for p, s in gone]
@@ -242,7 +205,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         if o.kind in ENDS:
             out.append(f"optimum: least value at the {ENDS[o.kind]}")
         if o.kind != "flat" and not o.verified:
-            known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > COARSE else ""
+            known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > 1e-5 else ""
             out.append(f"optimum {o.status}{known}")
         return tuple(out)
 
@@ -257,7 +220,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:
-        """(n,) float: frequency relative to that of the free resonance, in percent."""
+        """(n,) float: frequency relative to that of the free resonance, in per cent."""
         return 100.0 * (self.frequency / self.free.frequency - 1.0)
 
     @property
@@ -301,101 +264,93 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return tuple((c.preload, float(a)) for c, marked in kinds for a in c.amplitude[marked])
 
     @property
-    def least_kept(self) -> Kept | None:
-        """Of the preloads whose march in time is complete that at which a blade keeps least; None of fewer than two."""
+    def least_in_time(self) -> Marched | None:
+        """The least amplitude in time among complete marches at several preloads; None of fewer than two."""
         return min(self._known, key=lambda k: k.mean) if len(self._known) > 1 else None
 
     @property
-    def _known(self) -> list[Kept]:
-        """What a blade keeps where nothing is left open about it."""
+    def least_kept(self) -> Marched | None:
+        """Former name of ``least_in_time``."""
+        say("least_kept is least_in_time now; the former name goes with the next version")
+        return self.least_in_time
+
+    @property
+    def _known(self) -> list[Marched]:
+        """Marches that leave nothing open."""
         return [k for k in self.kept if np.isfinite(k.mean) and word(k.status) == COMPLETE]
 
-    def facts(self) -> tuple[Fact, ...]:
-        """The optimum and how far it is verified, and the limits without contact and with all closed points stuck."""
-        o, bad = self.optimum, int(np.count_nonzero(~np.isfinite(self.amplitude)))
-        gone = f", {bad} without a value" if bad else ""
-        best = [
-            Fact("optimum preload" if o.verified else "preload of the least value", o.preload, "N"),
-            Fact("amplitude there", o.amplitude, "m"),
-            Fact("frequency there", o.frequency, "Hz"),
-        ]  # fmt: skip
-        return (
-            Fact("optimal curve", f"{self.preload[0]:g} to {self.preload[-1]:g} N, {len(self)} points{gone}"),
-            *(best if np.isfinite(o.preload) else []),
-            Fact("optimum is", f"{o.kind}, {o.status}"),
-            *(Fact("a blade keeps", k.text) for k in self.kept if k.preload == o.preload),
-            *(Fact("least is kept", f"at {amount(k.preload, 'N')}, {k.text}") for k in (self.least_kept,) if k),
-            *(Fact("by experience", line) for line in richer(self.settings)[:1]),
-            *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
-            *([] if self.error_estimates is None else [Fact("error", error_line(self.error_estimates))]),
-            Fact("free amplitude", self.free.amplitude, "m"),
-            Fact("free frequency", self.free.frequency, "Hz"),
-            Fact("stuck amplitude", self.stuck.amplitude, "m"),
-            Fact("stuck frequency", self.stuck.frequency, "Hz"),
-        )
+    @property
+    def detached(self) -> tuple[str, ...]:
+        """Highest points on closed branches of the curves, with their preloads; they do not count."""
+        return tuple(f"at {curve.preload:.6g} N {fold}" for curve in self.curves for fold in curve.detached)
+
+    @property
+    def error(self) -> str:
+        """Estimated error in one line."""
+        return error_line(self.error_estimates)
+
+    def report(self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None) -> None:
+        """Write one HTML file for a design review: pictures inside, no links, the same bytes for the same results.
+
+        Parameters
+        ----------
+        path : path-like
+        study : Study, optional
+            Of this curve: with it the response at the optimum is followed and its contact states, loops and sensitivities
+            are computed.
+        fit : bdamper.design.fit.Fitted, optional
+            Where friction and contact stiffness come from.
+
+        Raises
+        ------
+        BdamperError
+            If the curve has no optimum, is not of this study, the extra ``bdamper[report]`` is missing, or the file cannot
+            be written.
+        """
+        draw(self, "report", path, study, fit)
 
     def bottom_line(self) -> str:
-        o, at = self.optimum, height(self.optimum.amplitude, self.optimum.frequency)
+        o = self.optimum
         if not np.isfinite(o.preload):
+            at = height(o.amplitude, o.frequency)
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}."
-        gain = f", {self.free.amplitude / o.amplitude:.3g} times less than without contact"
-        gain = f"{gain} ({amount(self.free.amplitude, 'm')})" if np.isfinite(self.free.amplitude) else ""
-        where = f"a preload of {amount(o.preload, 'N')}" + (f", the {ENDS[o.kind]}" if o.kind in ENDS else "")
-        out = [f"Least resonance at {where}: {at}{gain}."]
+        free = self.free.amplitude
+        gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
+        force, shares = self.settings.get("excitation", {}).get("amplitude", 0.0), shares_of(self.settings.get("loads"))
+        per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
+        per = f" ({shares}){per}" if shares else per
+        where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")
+        out = [f"Optimum: {where}. Peak {height(o.amplitude, o.frequency)}{gain}."]
         out += [self._said_of(kept) for kept in self.kept]
-        if least := self.least_kept:
-            beyond = ", the last on its side: less may be kept beyond" if least in (self._known[0], self._known[-1]) else ""
-            out.append(f"Of the preloads where it is known a blade keeps least at {amount(least.preload, 'N')}{beyond}.")
-        low, high = self.preloads_within(NEAR_BEST * o.amplitude)
-        limit = amount(NEAR_BEST * o.amplitude, "m")
-        out.append(f"From {amount(low, 'N')} to {amount(high, 'N')} it stays below {limit}.")
-        if not o.verified:
-            out.append(f"The search for the optimum is {o.status}.")
-        if self.ladder is not None and not self.ladder.converged:
-            out.append(f"Harmonics: {self.ladder.note}.")
+        if least := self.least_in_time:
+            last = least in (self._known[0], self._known[-1])
+            beyond = ", the last preload on that side: it may be lower beyond" if last else ""
+            out.append(f"In time the amplitude is lowest at {amount(least.preload, 'N')}{beyond}.")
+        near = span(*self.preloads_within(NEAR_BEST * o.amplitude), "N")
+        out.append(f"Within {percent(NEAR_BEST - 1.0)} of the minimum from {near}.")
+        out.append(self._recommended() if o.verified else f"The search for the optimum is {o.status}.")
+        if self.convergence is not None:
+            out.append(f"More harmonics: {self.convergence.verdict}.")
         unknown = () if self.error_estimates is None else self.error_estimates.unknown
-        return " ".join([*out, *([f"Not checked: {', '.join(unknown)}."] if unknown else [])])
+        return " ".join([*filter(None, out), *([f"Not checked: {', '.join(unknown)}."] if unknown else [])])
 
-    def _said_of(self, kept: Kept) -> str:
-        """What a blade keeps, beside the amplitude of the balance."""
-        numbers = self.settings.get("harmonics", ())
-        of = f"{amount(kept.balance, 'm')} with {len(numbers)} harmonic{'s' if len(numbers) != 1 else ''}"
-        at = "" if kept.preload == self.optimum.preload else f"At {amount(kept.preload, 'N')} "
-        doubt = f", {kept.status}" if word(kept.status) != COMPLETE else ""
-        return f"{at}{of}; a blade keeps {kept.text}{doubt}." if np.isfinite(kept.mean) else kept.bottom_line()
+    def _said_of(self, kept: Marched) -> str:
+        """The steady-state amplitude in time, beside that of the harmonic balance."""
+        at = "" if kept.preload == self.optimum.preload else f" at {amount(kept.preload, 'N')}"
+        if not np.isfinite(kept.mean):
+            return kept.bottom_line()
+        if word(kept.status) != COMPLETE:
+            return f"Time integration{at} gives {kept.text}, {kept.status}."
+        more = 100.0 * (kept.mean / kept.balance - 1.0)
+        change = f"{abs(more):.0f} % {'more' if more > 0.0 else 'less'}"
+        alike = f" Blades do not vibrate alike: {span(*kept.spread, 'm')}." if kept.parted else ""
+        return f"Time integration{at} gives {amount(kept.mean, 'm')} ({change}).{alike}"
 
-    def details(self) -> str:
-        bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))
-        jumps = int(np.count_nonzero(~self.goes_on[1:] & np.isfinite(self.amplitude[1:] + self.amplitude[:-1])))
-        lines = [
-            f"optimal curve, {self.preload[0]:g} to {self.preload[-1]:g} N: {len(self)} points"
-            + (f", {bad} without a value" if bad else ""),
-            f"  {self.optimum}",
-            f"  {error_line(self.error_estimates)}",
-            f"  free {self.free.amplitude:.6g} m at {self.free.frequency:.6g} Hz, stuck {self.stuck.amplitude:.6g} m at "
-            f"{self.stuck.frequency:.6g} Hz: ratio {self.ratio:.3g}, shift {self.stuck_shift_percent:.3g} %",
-            f"  {len(self.curves) or len(self)} curves, {jumps} jumps; {self.cost.seconds:.3f} s, "
-            f"{self.cost.iterations} iterations",
-            *(f"  detached at {item}" for item in self.detached),
-        ]
-        if self.ladder is not None:
-            note, *table = self.ladder.details().split("\n")
-            high = self.ladder.range[1]
-            if high > self.optimum.amplitude:
-                below, above = self.preloads_within(high)
-                note += f"\n  from {below:.4g} to {above:.4g} N the amplitude is at most {high:.4g} m"
-            lines += [f"  {line}" for line in (note, *table)]
-        if self.no_steady_below:
-            lines.append(f"  {self.status[0]}")
-        lines += [f"  {line}" for line in richer(self.settings)]
-        lines += [f"  slow sweeps at {item}" for item in self.swept]
-        lines += [f"  {line}" for item in self.kept for line in item.details().split("\n")]
-        for item in self.margins:
-            best = f"largest {item.best_margin:.4g} at {item.best_value:.6g} N, {item.best_status}"
-            lines.append(f"  margin against fatigue ({item.rule}): {best}")
-            lines += [f"    {line}" for line in item.kept_lines]
-        told = self.status[0] if self.no_steady_below else None
-        open_ = [w for w in self.warnings if w != told and not w.startswith("optimum")]
-        if open_:
-            lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
-        return "\n".join(lines)
+    def _recommended(self) -> str:
+        """The preloads to build, and the rise of the amplitude to the preloads on either side of half the optimum."""
+        best, text = float(f"{self.optimum.preload:.3g}"), ""
+        k = int(np.searchsorted(self.preload, 0.5 * best))
+        rise = self.amplitude[k - 1 : k + 1] / self.optimum.amplitude if k else np.full(1, np.nan)
+        if rise.min() > 1.0:
+            text = f"; at half the optimum the amplitude is {rise.min():.2g} to {rise.max():.2g} times higher"
+        return f"Recommended: {span(SAFE[0] * best, SAFE[1] * best, 'N')}{text}." if self.optimum.kind != "end" else ""

@@ -3,41 +3,39 @@
 In: results, models and problems.  Out: matplotlib axes and figures, pictures and animations in files; motions and contact
 states of solutions in plain arrays (:mod:`bdamper.plot.motion`), files for ParaView (:mod:`bdamper.plot.vtu`).  A
 function that draws a type of result enters itself for it in :mod:`bdamper.util.plotting`, where ``result.plot()`` finds
-it.  `new_axes` and `save_figure` begin and end a picture of several results.
+it; every one takes axes ``ax`` to draw into, new ones where none are given, and a ``title``.  `new_axes` and `save_figure`
+begin and end a picture of several results, `draw_table` draws any column of a result over another one.
 """
 
 from bdamper.plot.axes import colours as colours
 from bdamper.plot.axes import new_axes as new_axes
 from bdamper.plot.axes import save_figure as save_figure
-from bdamper.plot.contact import animate_damper as animate_damper
-from bdamper.plot.contact import damper_picture as damper_picture
 from bdamper.plot.contact import plot_contact_map as plot_contact_map
 from bdamper.plot.contact import plot_peak as plot_peak
 from bdamper.plot.contact import plot_static as plot_static
 from bdamper.plot.contact import plot_status_bars as plot_status_bars
 from bdamper.plot.contact import plot_status_map as plot_status_map
-from bdamper.plot.contact import plot_stiffness as plot_stiffness
 from bdamper.plot.curves import mark_kept as mark_kept
-from bdamper.plot.curves import mark_settled as mark_settled
+from bdamper.plot.curves import plot_band as plot_band
 from bdamper.plot.curves import plot_curve as plot_curve
 from bdamper.plot.curves import plot_curves as plot_curves
-from bdamper.plot.curves import plot_laws as plot_laws
 from bdamper.plot.curves import plot_measurement as plot_measurement
 from bdamper.plot.curves import plot_microslip as plot_microslip
 from bdamper.plot.curves import plot_optimal as plot_optimal
 from bdamper.plot.curves import plot_over_measurement as plot_over_measurement
-from bdamper.plot.curves import plot_settled as plot_settled
 from bdamper.plot.curves import plot_time_sweep as plot_time_sweep
-from bdamper.plot.curves import plot_verification as plot_verification
 from bdamper.plot.design import plot_accuracy as plot_accuracy
 from bdamper.plot.design import plot_advice as plot_advice
-from bdamper.plot.design import plot_ladder as plot_ladder
+from bdamper.plot.design import plot_convergence as plot_convergence
 from bdamper.plot.design import plot_sweep as plot_sweep
 from bdamper.plot.design import plot_uncertain as plot_uncertain
 from bdamper.plot.fatigue import plot_critical as plot_critical
 from bdamper.plot.fatigue import plot_haigh as plot_haigh
 from bdamper.plot.fatigue import plot_margin as plot_margin
 from bdamper.plot.fatigue import plot_stress as plot_stress
+from bdamper.plot.fit import plot_fit as plot_fit
+from bdamper.plot.fit import plot_information as plot_information
+from bdamper.plot.fit import plot_loop as plot_loop
 from bdamper.plot.hysteresis import plot_dissipation as plot_dissipation
 from bdamper.plot.hysteresis import plot_energy as plot_energy
 from bdamper.plot.hysteresis import plot_history as plot_history
@@ -48,20 +46,23 @@ from bdamper.plot.model3d import plot_model as plot_model
 from bdamper.plot.model3d import plot_surfaces as plot_surfaces
 from bdamper.plot.modes import plot_flutter as plot_flutter
 from bdamper.plot.modes import plot_nonlinear_mode as plot_nonlinear_mode
+from bdamper.plot.report import write_report as write_report
 from bdamper.plot.response_map import plot_response_map as plot_response_map
 from bdamper.plot.speed import plot_campbell as plot_campbell
 from bdamper.plot.speed import plot_crossings as plot_crossings
 from bdamper.plot.speed import plot_run_up as plot_run_up
 from bdamper.plot.speed import plot_safe as plot_safe
-from bdamper.plot.together import plot_designs as plot_designs
+from bdamper.plot.table import draw_table as draw_table
+from bdamper.plot.together import plot_comparison as plot_comparison
 from bdamper.plot.together import plot_together as plot_together
+from bdamper.plot.wheel import plot_blades as plot_blades
 from bdamper.plot.wheel import plot_mistuning as plot_mistuning
 from bdamper.plot.wheel import plot_sample as plot_sample
+from bdamper.plot.wheel import plot_sample_mistuning as plot_sample_mistuning
 from bdamper.plot.wheel import plot_sample_preload as plot_sample_preload
 from bdamper.plot.wheel import plot_sample_tail as plot_sample_tail
 from bdamper.plot.wheel import plot_wheel as plot_wheel
 from bdamper.plot.wheel import plot_wheel_curve as plot_wheel_curve
-from bdamper.plot.wheel import plot_wheel_kept as plot_wheel_kept
 from bdamper.plot.wheel import plot_wheel_map as plot_wheel_map
 from bdamper.plot.wheel import plot_wheel_optimal as plot_wheel_optimal
 from bdamper.plot.wheel import plot_wheel_peak as plot_wheel_peak

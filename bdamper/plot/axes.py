@@ -1,16 +1,19 @@
 """Axes, colours and files: what all pictures share.
 
 The style stands in ``style.mplstyle``.  A line is solid where the response is stable, dashed where it is unstable, dotted
-where it jumps; the limits without contact and with all contacts stuck are thin grey lines that bear their names.  Colours
+where it jumps; the limits without contact and with all contacts stuck are thin grey lines that bear their names; a red
+star is the optimum, a green diamond with a bar the mean and range of an amplitude in time.  Colours
 go from dark to light with rising preload, so that they stay apart in grey and for the colour-blind.  What is drawn is in
 metres and newtons; the numbers on the axes are in the unit that fits (:func:`fit_units`).
 """
 
 from __future__ import annotations
 
+import inspect
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,11 +24,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.plotting import Plottable, draw, draws
-from bdamper.util.tables import label
 from bdamper.util.text import FITTING, PREFIXES, fitting
 
 MARKERS = "osD^v<>pP*hX"
@@ -33,12 +36,16 @@ MINUS = "\N{MINUS SIGN}"
 SHEET = Path(__file__).with_name("style.mplstyle")
 PAPER: dict[Any, Any] = matplotlib.rc_params_from_file(SHEET, use_default_template=False)
 """The style of this room, for ``plt.rc_context``."""
-FIXED: dict[Any, Any] = {**PAPER, "figure.constrained_layout.use": False}
-"""The same for a figure whose axes have their places given."""
+OPTIMUM = "#c0392b"
+"""Colour of the optimum and of what is least or highest among several."""
+IN_TIME = "#1a7a3e"
+"""Colour of amplitudes in time, which are diamonds with bars."""
 STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
 """Lines that are told apart in grey; dashes and dots alone have their meaning."""
 DASHED = (0, (3, 1.5))
 """Line of what is unstable."""
+NEW: Any = None
+"""The axes of a picture that is drawn into new ones."""
 LIMITS: dict[str, dict[str, Any]] = {
     "free": {"color": "0.6", "linewidth": 1.0},
     "stuck": {"color": "0.45", "linewidth": 1.0},
@@ -46,53 +53,81 @@ LIMITS: dict[str, dict[str, Any]] = {
 """Lines of the limits without contact and with all contacts stuck; that of the tuned wheel is like the latter."""
 
 
-def new_axes(width: float = 5.6, height: float = 3.6) -> Axes:
-    """Empty axes in the style of this room (size in inches)."""
+def new_axes(width: float = 5.6, height: float = 3.6, rows: int = 1, **options: Any) -> Any:
+    """Empty axes in the style of this room (size in inches), or several below each other over the same quantity."""
     with plt.rc_context(PAPER):
-        return plt.subplots(figsize=(width, height))[1]
+        return plt.subplots(rows, 1, figsize=(width, height), sharex=True, **options)[1]
 
 
 @contextmanager
 def drawing(
-    ax: Axes | None = None, *, size: tuple[float, float] = (5.6, 3.6), title: str = "", legend: float | None = None
-) -> Iterator[Axes]:
+    ax: Axes | Sequence[Axes] | NDArray | None = None, *, size: tuple[float, float] = (5.6, 3.6), title: str = "",
+    legend: float | None = None, rows: int = 1,
+) -> Iterator[Any]:  # fmt: skip
     """Axes to draw into in the style of this room, which get their title, units and legend in the end.
 
     Parameters
     ----------
-    ax : matplotlib axes, optional
+    ax : matplotlib axes, or as many as there are rows, optional
         New ones of the given ``size`` in inches otherwise.
     title : str
     legend : float, optional
         Size of its letters; no legend otherwise.
+    rows : int
+        Axes below each other.
     """
     with plt.rc_context(PAPER):
-        axes = new_axes(*size) if ax is None else ax
-        yield axes
+        axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
+        if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
+            raise validate.unfit("ax", f"{('one', 'two')[rows - 1]} axes", [type(each).__name__ for each in axes])
+        try:
+            yield axes if rows > 1 else axes[0]
+        except BaseException:
+            if ax is None:
+                plt.close(axes[0].figure)
+            raise
         if title:
-            axes.set_title(title)
+            axes[0].set_title(title)
         if legend is not None:
-            legend_beside(axes, legend)
-        for each in axes.figure.axes:
+            for each in axes:
+                legend_beside(each, legend)
+        for each in axes[0].figure.axes:
             fit_units(each)
 
 
-def stacked(height: float = 4.8, ratios: tuple[float, float] = (1.0, 1.0)) -> NDArray:
-    """Two axes, one below the other, over the same quantity, in the style of this room."""
-    with plt.rc_context(PAPER):
-        return np.asarray(plt.subplots(2, 1, sharex=True, figsize=(5.6, height), height_ratios=ratios)[1])
+def picture(
+    shown: type = object, kind: str = "plot", *, size: tuple[float, float] = (5.6, 3.6), legend: float | None = 7.0,
+    rows: int = 1,
+) -> Callable[[Callable[..., None]], Callable[..., Any]]:  # fmt: skip
+    """Decorator: a function that draws into axes ``ax`` draws a type of result, into new axes where none are given.
 
+    The function takes ``title`` as well, and returns the axes.  Parameters of the decorator are those of
+    :func:`bdamper.util.plotting.draws` and of :func:`drawing`.
+    """
 
-def given_axes(ax: Any, count: int, of: str) -> list[Any]:
-    """The axes that were given for a picture, or the error where they are not as many as it has."""
-    found = np.ravel(np.asarray(ax, object)).tolist()
-    if len(found) != count or not all(isinstance(each, Axes) for each in found):
-        raise validate.unfit("ax", f"{('one', 'two')[count - 1]} axes for {of}", [type(each).__name__ for each in found])
-    return found
+    def enter(function: Callable[..., None]) -> Callable[..., Any]:
+        own = inspect.signature(function)
+        title = inspect.Parameter("title", inspect.Parameter.KEYWORD_ONLY, default="", annotation=str)
+        parameters = sorted([*own.parameters.values(), title], key=lambda parameter: parameter.kind)
+        own = own.replace(parameters=parameters, return_annotation=Axes if rows == 1 else NDArray)
+
+        @wraps(function)
+        def drawn(*arguments: Any, **options: Any) -> Any:
+            bound = own.bind(*arguments, **options)
+            asked = bound.arguments.pop("title", "")
+            with drawing(bound.arguments.get("ax"), size=size, title=asked, legend=legend, rows=rows) as axes:
+                bound.arguments["ax"] = axes
+                function(*bound.args, **bound.kwargs)
+            return axes
+
+        drawn.__signature__ = own  # type: ignore[attr-defined]
+        return drawn if shown is object else draws(shown, kind)(drawn)
+
+    return enter
 
 
 def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> None:
-    """A legend where no curve is: to the right of the axes, below those with a second axis at the right.
+    """A legend where no curve is: below the axes, in as many columns as fit.
 
     Parameters
     ----------
@@ -102,12 +137,15 @@ def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> N
     handles : sequence of matplotlib artists
         By default all that are labelled.
     """
-    twins = [other for other in ax.figure.axes if other is not ax and other.bbox.bounds == ax.bbox.bounds]
     given = (handles, [h.get_label() for h in handles]) if handles else ax.get_legend_handles_labels()
     if not given[0]:
         return
-    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 3}
-    ax.legend(*given, fontsize=size, **below if twins else {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)})
+    longest = max(len(line) for name in given[1] for line in str(name).split("\n"))
+    wide = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
+    columns = max(1, min(len(given[0]), int(ax.bbox.width / wide)))
+    room = 0.45 if ax.get_xlabel() else 0.25  # inches for the numbers and the label of the axis
+    below = ax.transAxes + ScaledTranslation(0.0, -room, ax.figure.dpi_scale_trans)
+    ax.legend(*given, fontsize=size, ncols=columns, loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=below)
 
 
 def fit_units(ax: Axes) -> None:
@@ -161,19 +199,22 @@ def colours(n: int) -> NDArray:
     return plt.get_cmap("viridis")(np.linspace(0.0, 0.7, max(n, 1)))
 
 
+def looks(n: int) -> list[dict[str, Any]]:
+    """Colour, line and marker of each of n curves, told apart in grey."""
+    return [
+        {"color": colour, "linestyle": STYLES[i % len(STYLES)], "marker": MARKERS[i % len(MARKERS)], "markersize": 3.5}
+        for i, colour in enumerate(colours(n))
+    ]
+
+
 def runs(values: NDArray) -> list[tuple[int, int]]:
     """Stretches (first, last) of equal value."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(values.astype(int))) + 1, [len(values)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
 
 
-def over_preload(ax: Axes, result: type) -> None:
-    """Labels and logarithmic scales of a resonance amplitude over the preload, which are columns of a type of result."""
-    ax.set(xscale="log", yscale="log", xlabel=label(result, "preload"), ylabel=label(result, "amplitude"))
-
-
 def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArray) -> None:
-    """What lies between two lines, where both are known."""
+    """Fill the area between two lines where both are known."""
     known = np.isfinite(low) & np.isfinite(high)
     ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
 
@@ -190,9 +231,13 @@ def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[fl
                     color=look["color"])  # fmt: skip
 
 
-def lost(
-    ax: Axes, places: Sequence[float | str] | NDArray, colour: str | NDArray, name: str | None = None, size: float = 5.0
-) -> None:
+def once(ax: Axes, name: str) -> str | None:
+    """A name for the legend, unless it is there."""
+    return None if name in ax.get_legend_handles_labels()[1] else name
+
+
+def lost(ax: Axes, places: Sequence[float | str] | NDArray, colour: str | NDArray, name: str, size: float = 5.0) -> None:
     """Crosses at the lower edge, where there is no value."""
-    across = ax.get_xaxis_transform()
-    ax.plot(places, np.full(np.shape(places), 0.03), "x", color=colour, markersize=size, transform=across, label=name)
+    if len(places):
+        height, across = np.full(np.shape(places), 0.03), ax.get_xaxis_transform()
+        ax.plot(places, height, "x", color=colour, markersize=size, transform=across, label=once(ax, name))

@@ -1,31 +1,26 @@
-"""Contact faces: what their points do over a period, what they carry, and how stiff they are."""
+"""Contact faces: what their points do over a period and what they carry."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
+from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from bdamper.contact.preload import PreloadState
-from bdamper.contact.stiffness import StiffnessComparison
 from bdamper.contact.wedge import ContactMap
 from bdamper.model.model import Model
 from bdamper.peaks.newton import Peak
-from bdamper.plot.axes import FIXED, PAPER, drawing
-from bdamper.plot.motion import STATES, ContactStatus, contact_status, relative_motion, rigid_displacement, rigid_motion
-from bdamper.problem.problem import Problem
+from bdamper.plot.axes import NEW, PAPER, drawing, fit_units, legend_beside, picture
+from bdamper.plot.motion import STATES, ContactStatus
 from bdamper.util import validate
 from bdamper.util.plotting import draws
+from bdamper.util.tables import label as label_of
 from bdamper.util.text import amount
 
 STATUS_COLOURS = ("#262626", "#e6862a", "#cfe3ee")
@@ -69,7 +64,7 @@ def plot_status_bars(
 
 def _status_legend(ax: Axes) -> None:
     handles = [Patch(facecolor=c, label=n, **EDGE) for c, n in zip(STATUS_COLOURS, STATES)]
-    ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.0)
+    legend_beside(ax, handles=handles)
 
 
 def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray, float, float]:
@@ -92,16 +87,10 @@ def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
     ax.grid(False)
 
 
+@picture(size=(5.2, 2.4), legend=None)
 def plot_status_map(
-    status: ContactStatus,
-    model: Model,
-    interface: str,
-    ax: Axes | None = None,
-    *,
-    instant: int | None = None,
-    direction: int = 0,
-    title: str = "",
-) -> Axes:
+    status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, instant: int | None = None, direction: int = 0
+) -> None:
     """Map of a contact face: what every point does over the period (bars by share), or at one instant.
 
     Parameters
@@ -109,83 +98,71 @@ def plot_status_map(
     status : ContactStatus
     model : Model
     interface : str
-    ax : matplotlib axes, optional
     instant : int, optional
         Index into ``status.theta``; without it each point is divided by the shares of the period that it sticks, slips
         and is open.
     direction : {0, 1}
-    title : str
     """
     validate.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
     direction = validate.whole("direction", direction, 0, 1)
     if instant is not None:
         instant = validate.whole("instant", instant, -len(status.theta), len(status.theta) - 1)
-    with drawing(ax, size=(5.2, 2.4), title=title) as ax:
-        face, rows = model.interfaces[interface], status.rows(interface)
-        x, y, dx, dy = face_coordinates(face.points, face.frame[0])
-        share = status.share
-        for i, row in enumerate(rows):
-            left, bottom, width, height = y[i] - 0.45 * dy, x[i] - 0.45 * dx, 0.9 * dy, 0.9 * dx
-            if instant is not None:
-                colour = STATUS_COLOURS[status.state[row, direction, instant]]
-                ax.add_patch(Rectangle((left, bottom), width, height, facecolor=colour, **EDGE))
-                continue
-            for part, colour in zip(width * share[row, direction], STATUS_COLOURS):
-                ax.add_patch(Rectangle((left, bottom), part, height, facecolor=colour, linewidth=0.0))
-                left += part
-            ax.add_patch(Rectangle((y[i] - 0.45 * dy, bottom), width, height, fill=False, **EDGE))
-        _face_axes(ax, x, y, dx, dy)
-        _status_legend(ax)
-    return ax
+    face, rows = model.interfaces[interface], status.rows(interface)
+    x, y, dx, dy = face_coordinates(face.points, face.frame[0])
+    share = status.share[rows, direction] if instant is None else np.eye(3)[status.state[rows, direction, instant]]
+    for left, bottom, shares in zip(y - 0.45 * dy, x - 0.45 * dx, share):
+        for start, part, colour in zip(np.cumsum(shares) - shares, shares, STATUS_COLOURS):
+            if part > 0.0:
+                place = left + 0.9 * dy * start, bottom
+                ax.add_patch(Rectangle(place, 0.9 * dy * part, 0.9 * dx, facecolor=colour, linewidth=0.0))
+        ax.add_patch(Rectangle((left, bottom), 0.9 * dy, 0.9 * dx, fill=False, **EDGE))
+    _face_axes(ax, x, y, dx, dy)
+    _status_legend(ax)
 
 
 def plot_faces(
-    places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], titles: list[str], label: str, unit: float
+    places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
 ) -> NDArray:
-    """Values over several faces as coloured patches, one row for each kind, one column for each face."""
-    n_rows, n_faces = len(values) // len(places), len(places)
+    """Values over several faces as coloured patches, one row for each title, one column for each face."""
+    n = len(places)
     with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(n_rows, n_faces, figsize=(3.4 * n_faces, 1.7 * n_rows + 0.3), squeeze=False)
-        for row in range(n_rows):
-            block = values[row * n_faces : (row + 1) * n_faces]
-            low, high = (float(f(np.concatenate(block) / unit)) for f in (np.nanmin, np.nanmax))
-            norm = Normalize(low, high if high > low else low + 1.0)
+        figure, axes = plt.subplots(len(titles), n, figsize=(3.4 * n, 1.7 * len(titles) + 0.3), squeeze=False)
+        for row, title in enumerate(titles):
+            block = values[row * n : (row + 1) * n]
+            low, high = (float(f(np.concatenate(block))) for f in (np.nanmin, np.nanmax))
+            high = high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)  # rounding is no difference
             for ax, (name, points, frame), value in zip(axes[row], places, block):
                 x, y, dx, dy = face_coordinates(points, frame[0])
-                for i, v in enumerate(value / unit):
-                    colour = plt.get_cmap("viridis")(norm(v)) if np.isfinite(v) else (1.0, 1.0, 1.0, 1.0)
-                    corner = (y[i] - 0.48 * dy, x[i] - 0.48 * dx)
-                    ax.add_patch(Rectangle(corner, 0.96 * dy, 0.96 * dx, facecolor=colour, edgecolor="0.4", linewidth=0.3))
+                corners = np.stack([y, x], axis=1)[:, None] + 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
+                shown = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
+                shown.set(array=np.ma.masked_invalid(value), clim=(low, high))
+                ax.add_collection(shown)
                 _face_axes(ax, x, y, dx, dy)
-                if row < n_rows - 1:
-                    ax.set_xlabel("")
-                if ax is not axes[row, 0]:
-                    ax.set_ylabel("")
-                ax.set_title(f"{name}, {titles[row]}" if titles[row] else name, fontsize=8.0)
-            figure.colorbar(plt.cm.ScalarMappable(norm, "viridis"), ax=axes[row].tolist(), label=label, shrink=0.9)
+                ax.set_title(f"{name}, {title}" if title else name, fontsize=8.0)
+            figure.colorbar(shown, ax=axes[row].tolist(), label=label, shrink=0.9)
+        plt.setp(axes[:-1], xlabel="")
+        plt.setp(axes[:, 1:], ylabel="")
+        for each in figure.axes:
+            fit_units(each)
     return axes.ravel()
 
 
-@draws(PreloadState)
-def plot_static(state: PreloadState, ax: Axes | None = None) -> Axes:
+@picture(PreloadState, legend=None)
+def plot_static(state: PreloadState, ax: Axes = NEW) -> None:
     """Normal force of every contact point in the static state, in the colour of what it does."""
-    with drawing(ax, title=f"preload {amount(state.load, 'N')}") as ax:
-        shades = [STATUS_COLOURS[("stick", "slip", "open").index(name)] for name in state.state]
-        ax.bar(np.arange(1, len(shades) + 1), state.force[:, 2], color=shades, **EDGE)
-        ax.set(xlabel="Contact point", ylabel="Normal force (N)")
-        _status_legend(ax)
-    return ax
+    shades = [STATUS_COLOURS[STATES.index(name)] for name in state.state]
+    ax.bar(np.arange(1, len(shades) + 1), state.force[:, 2], color=shades, **EDGE)
+    ax.set(xlabel="Contact point", ylabel="Normal force (N)", title=f"preload {amount(state.load, 'N')}")
+    _status_legend(ax)
 
 
-@draws(Peak)
-def plot_peak(peak: Peak, ax: Axes | None = None) -> Axes:
+@picture(Peak, size=(5.6, 1.5), legend=None)
+def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
     """Shares of the cycle that contacts stick, slip and are open at the peak."""
-    with drawing(ax, size=(5.6, 1.5), title=peak.bottom_line()) as ax:
-        ax.barh(["contacts"] * 3, 100.0 * peak.shares, left=100.0 * (np.cumsum(peak.shares) - peak.shares),
-                color=STATUS_COLOURS, **EDGE)  # fmt: skip
-        ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0))
-        _status_legend(ax)
-    return ax
+    shares = 100.0 * peak.shares
+    ax.barh(["contacts"] * 3, shares, left=np.cumsum(shares) - shares, color=STATUS_COLOURS, **EDGE)
+    ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0), title=peak.bottom_line())
+    _status_legend(ax)
 
 
 @draws(ContactMap)
@@ -199,233 +176,13 @@ def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> NDArray
     """
     closed = contact.force[:, 2] > 0.0
     choices = {
-        "pressure": (np.where(closed, contact.pressure, np.nan), "Pressure (MPa)", 1e6),
-        "gap": (contact.distance, "Gap (µm)", 1e-6),
-        "friction": (np.where(closed, contact.utilisation.max(axis=1), np.nan), "Friction force / limit", 1.0),
+        "pressure": (np.where(closed, contact.pressure, np.nan), label_of(ContactMap, "pressure")),
+        "gap": (contact.distance, label_of(ContactMap, "distance")),
+        "friction": (np.where(closed, contact.utilisation.max(axis=1), np.nan), "Friction force / limit"),
     }
-    validate.choice("quantity", quantity, choices)
-    value, label, unit = choices[quantity]
-    faces = [i for i in range(len(contact.interfaces)) if contact.friction[contact.owner == i].any()]
-    faces = faces or list(range(len(contact.interfaces)))
-    places = [(contact.interfaces[i], contact.points[contact.owner == i], contact.frame[contact.owner == i]) for i in faces]
-    values = [value[contact.owner == i] for i in faces]
-    if not np.isfinite(np.concatenate(values)).any():
-        values = [np.zeros(len(v)) for v in values]
-    return plot_faces(places, values, [""], label, unit)
-
-
-@draws(StiffnessComparison)
-def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> NDArray:
-    """Contact stiffness per area over the faces, for t1, t2 and n; points of the fallback rule stay white."""
-    validate.choice("method", method, comparison.stiffness)
-    places = [(name, comparison.points[name], comparison.frame[name]) for name in comparison.interfaces]
-    values = []
-    for axis in range(3):
-        for name in comparison.interfaces:
-            contact = comparison.stiffness[method][name]
-            value = contact.stiffness[:, axis] / comparison.area[name]
-            if contact.fallback is not None and not contact.fallback[:, axis].all():
-                value = np.where(contact.fallback[:, axis], np.nan, value)
-            values.append(value)
-    return plot_faces(places, values, ["t1", "t2", "n"], "Stiffness (N/mm$^3$)", 1e9)
-
-
-# ---- the damper between its platforms ----
-
-
-def animate_damper(
-    problem: Problem,
-    unknowns: NDArray,
-    preload: float,
-    path: Any,
-    *,
-    body: str | None = None,
-    frames: int = 36,
-    scale: float | None = None,
-) -> float:
-    """Write an animation (GIF) of the cross-section of a damper between its platforms, with the state of its contacts.
-
-    The damper moves with its vibration; its mean displacement is left out.  Each contact point has a dot on the damper and
-    one on the platform, which is drawn as a line through its dots.  They move against each other as the bodies do: along
-    the face with the vibration, away from it by the gap where the point is open, all magnified alike.  Points in contact
-    stay on the face, the little by which contact springs are pressed together is not drawn.
-
-    Parameters
-    ----------
-    problem : Problem
-    unknowns : (n_unknowns,) float
-        Solution, for example ``curve.unknowns[curve.peak.index]``.
-    preload : float, N
-    path : path-like
-        Ends with ``.gif``.
-    body : str, optional
-        The only free body by default.
-    frames : int
-        Pictures of one period.
-    scale : float, optional
-        Magnification of displacements; by default such that the largest is a tenth of the damper's height.
-
-    Returns
-    -------
-    float
-        The magnification.
-    """
-    figure, draw, scale = damper_picture(problem, unknowns, preload, body=body, frames=frames, scale=scale)
-    with plt.rc_context(FIXED):
-        writer = PillowWriter(fps=12)
-        with writer.saving(figure, path, dpi=90):
-            for k in range(frames):
-                draw(k)
-                writer.grab_frame()
-        plt.close(figure)
-    return scale
-
-
-@dataclass(frozen=True)
-class _DamperMotion:
-    """A damper and the points of its friction faces over one period, in the plane of the picture.
-
-    Parameters
-    ----------
-    status : ContactStatus
-    outline : (n, 2) float, mm
-        Of the front, at rest.
-    body : (n_theta, n, 2) float, mm
-        Its displacement.
-    points : dict of interface to (n_points, 2) float, mm
-    damper, platform : dict of interface to (n_theta, n_points, 2) float, mm
-        Displacement of the points on either side.
-    height, largest : float, mm
-        Of the damper, and of the displacements in space.
-    """
-
-    status: ContactStatus
-    outline: NDArray
-    body: NDArray
-    points: dict[str, NDArray]
-    damper: dict[str, NDArray]
-    platform: dict[str, NDArray]
-    height: float
-    largest: float
-
-
-def _damper_motion(problem: Problem, unknowns: NDArray, preload: float, body: str | None, frames: int) -> _DamperMotion:
-    model = problem.coupling.model  # with united contact points, if the study asks for that
-    name = rigid_motion(problem, unknowns, body).body
-    have = list(problem.model.meshes)
-    validate.require(name in problem.model.meshes, "animation", f"a mesh of '{name}' in the model", f"meshes of {have}")
-    part, mesh = problem.model.bodies[name], problem.model.meshes[name]
-    status = contact_status(problem, unknowns, preload, frames)
-    along, distance = relative_motion(problem, unknowns, preload, status.theta)
-    up = np.array([0.0, 1.0, 0.0]) if part.load is None else part.load.direction
-    plane = 1e3 * np.stack([np.cross(up, [0.0, 0.0, 1.0]), up], axis=1)
-    wave = np.exp(1j * status.theta)
-
-    def flat(place: NDArray) -> NDArray:
-        return (place - part.centre) @ plane
-
-    def moving(points: NDArray) -> NDArray:
-        """(n_theta, n, 3) displacement of points of the damper."""
-        return (rigid_displacement(problem, unknowns, name, points)[1] * wave[:, None, None]).real
-
-    front = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 1e-9)
-    outline = mesh.points[front[ConvexHull(flat(mesh.points[front])).vertices]]
-    sides = {port: 1.0 if side == "a" else -1.0 for port, side in part.ports if model.interfaces[port].kind == "friction"}
-    own = {port: moving(model.interfaces[port].points) for port in sides}
-    other = {}
-    for port, sign in sides.items():
-        rows, frame = status.rows(port), model.interfaces[port].frame
-        gap = np.maximum(distance[rows], 0.0)
-        off = np.concatenate([along[rows], gap[:, None]], axis=1)  # (n, 3, n_theta) along t1, t2, n
-        other[port] = own[port] + sign * np.einsum("pit,pix->tpx", off, frame)
-    whole = moving(outline)
-    return _DamperMotion(
-        status=status,
-        outline=flat(outline),
-        body=whole @ plane,
-        points={port: flat(model.interfaces[port].points) for port in sides},
-        damper={port: move @ plane for port, move in own.items()},
-        platform={port: move @ plane for port, move in other.items()},
-        height=float(np.ptp(flat(mesh.points)[:, 1])),
-        largest=1e3 * max(float(np.abs(d).max()) for d in (whole, *own.values(), *other.values())),
-    )
-
-
-def damper_picture(
-    problem: Problem,
-    unknowns: NDArray,
-    preload: float,
-    *,
-    body: str | None = None,
-    frames: int = 36,
-    scale: float | None = None,
-) -> tuple[Figure, Callable[[int], dict[str, tuple[NDArray, NDArray]]], float]:
-    """The picture that :func:`animate_damper` animates.
-
-    Parameters
-    ----------
-    As for :func:`animate_damper`.
-
-    Returns
-    -------
-    Figure
-    callable
-        Draws the instant ``k`` out of ``frames``; returns the places (n, 2) in mm of the dots on damper and platform, by
-        interface.
-    float
-        The magnification.
-    """
-    frames = validate.whole("frames", frames, least=1)
-    if scale is not None:
-        scale = validate.number("scale", scale, above=0.0)
-    motion = _damper_motion(problem, unknowns, preload, body, frames)
-    factor = 0.1 * motion.height / max(motion.largest, 1e-300) if scale is None else float(scale)
-    with plt.rc_context(FIXED):
-        figure, (ax, *maps) = plt.subplots(
-            1, 1 + len(motion.points), figsize=(3.0 + 1.7 * len(motion.points), 3.2),
-            width_ratios=[2.4] + [1.0] * len(motion.points),
-        )  # fmt: skip
-        figure.subplots_adjust(left=0.08, right=0.99, bottom=0.16, top=0.84, wspace=0.35)
-        head = "contact points: dark stick, orange slip, light open; lines: platforms"
-        figure.text(0.5, 0.965, head, ha="center", va="top", fontsize=8.0)
-        ax.fill(*motion.outline.T, facecolor="none", edgecolor="0.6", linewidth=0.8, linestyle=":")
-        (shape,) = ax.fill(*motion.outline.T, facecolor="0.85", edgecolor="0.2", linewidth=0.9)
-        look = {"s": 14, "edgecolors": "0.2", "linewidths": 0.4, "zorder": 3}
-        dots, lines = {}, {}
-        for port, places in motion.points.items():
-            (lines[port],) = ax.plot([], [], color="0.2", linewidth=1.6)
-            dots[port] = ax.scatter(*places.T, **look), ax.scatter(*places.T, marker="s", **look)
-        margin = 0.12 * motion.height + factor * motion.largest
-        every = np.concatenate([motion.outline, *motion.points.values()])
-        (left, bottom), (right, top) = every.min(axis=0) - margin, every.max(axis=0) + margin
-        ax.set(aspect="equal", xlim=(left, right), ylim=(bottom, top), xlabel="X (mm)", ylabel="Y (mm)")
-        for panel, port in zip(maps, motion.points):
-            plot_status_map(motion.status, problem.coupling.model, port, panel, instant=0, title=port)
-            panel.get_legend().remove()
-            panel.set(aspect="auto", xlabel="Axis (mm)", ylabel="Outward (mm)" if panel is maps[0] else "")
-
-    def draw(k: int) -> dict[str, tuple[NDArray, NDArray]]:
-        shape.set_xy(motion.outline + factor * motion.body[k])
-        ax.set_title(f"vibration x {factor:.0f}, phase {360 * k // frames} deg", fontsize=8.0)
-        shown = {}
-        for panel, (port, points) in zip(maps, motion.points.items()):
-            here, there = points + factor * motion.damper[port][k], points + factor * motion.platform[port][k]
-            colour = [STATUS_COLOURS[s] for s in motion.status.state[motion.status.rows(port), 0, k]]
-            for dot, places in zip(dots[port], (here, there)):
-                dot.set_offsets(places)
-                dot.set_facecolor(colour)
-            lines[port].set_data(*_line_through(there).T)
-            for patch, one in zip(panel.patches, colour):
-                patch.set_facecolor(one)
-            shown[port] = here, there
-        return shown
-
-    return figure, draw, factor
-
-
-def _line_through(places: NDArray) -> NDArray:
-    """(2, 2) ends of the straight line nearest to points of a plane, a fifth longer than they are on either side."""
-    centre = places.mean(axis=0)
-    direction = np.linalg.svd(places - centre)[2][0]
-    reach = 0.7 * float(np.ptp((places - centre) @ direction))
-    return centre + np.outer([-reach, reach], direction)
+    value, label = choices[validate.choice("quantity", quantity, choices)]
+    value = value if np.isfinite(value).any() else np.zeros(len(value))
+    own = [contact.owner == i for i in range(len(contact.interfaces))]
+    faces = [i for i, rows in enumerate(own) if contact.friction[rows].any()] or range(len(own))
+    places = [(contact.interfaces[i], contact.points[own[i]], contact.frame[own[i]]) for i in faces]
+    return plot_faces(places, [value[own[i]] for i in faces], label)

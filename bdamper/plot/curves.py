@@ -13,38 +13,42 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.rattle import NO_STEADY
-from bdamper.effects.compare_laws import LawComparison
+from bdamper.design.sensitivity import band
 from bdamper.effects.hysteresis import Dissipation
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
-from bdamper.plot.axes import DASHED, LIMITS, STYLES, colours, drawing, legend_beside, limit_line, runs, stacked
-from bdamper.stability.steady_state import SettledResponse
+from bdamper.peaks.sensitivity import CurveSensitivity
+from bdamper.plot.axes import (
+    DASHED,
+    IN_TIME,
+    LIMITS,
+    NEW,
+    OPTIMUM,
+    STYLES,
+    colours,
+    drawing,
+    limit_line,
+    new_axes,
+    picture,
+    runs,
+)
+from bdamper.plot.speed import plot_run_up
+from bdamper.plot.table import draw_table
 from bdamper.stability.time_sweep import TimeSweep
-from bdamper.stability.verification import Verification
 from bdamper.util import validate
-from bdamper.util.kept import Kept
+from bdamper.util.kept import Marched
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
-from bdamper.util.text import amount, percent
+from bdamper.util.text import amount, percent, spaced
 
-AT_EDGE = 1e-6
-"""Relative distance in frequency within which a point lies at the edge of a part."""
-MOST_NAMED = 5
-"""Curves that a legend names; more have a colour bar."""
-SWEEPS: dict[str, dict[str, Any]] = {
-    "up": {"color": "tab:red", "linewidth": 3.0, "alpha": 0.35},
-    "down": {"color": "tab:blue", "linewidth": 3.0, "alpha": 0.35},
-}
-"""Lines of slow sweeps, laid over their curve."""
-KEPT: dict[str, Any] = {
-    "fmt": "D", "color": "tab:green", "markersize": 4.0, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
-    "label": "a blade keeps in time, and range",
+MARCHED: dict[str, Any] = {
+    "fmt": "D", "color": IN_TIME, "markersize": 4.5, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
+    "zorder": 5.0, "label": "highest blade in time, and range",
 }  # fmt: skip
-"""Point and bar of what a blade keeps."""
+"""Point and bar of a march in time, over the star of the optimum."""
 ALIKE = 0.9
 """Ratio from which both limits are one line."""
-TAKES_OVER = "another peak takes over in between"
 SHOWN = ("amplitude", "shift")
 """Quantities of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
@@ -81,90 +85,85 @@ def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> No
 def _only_highest(curve: Curve) -> bool:
     """Whether the highest point lies at the end of what was followed, so that there may be a higher one."""
     f = curve.peak.frequency
-    return curve.peak_at_end or any(part.low - AT_EDGE * f <= f <= part.high + AT_EDGE * f for part in curve.left_out)
+    at_edge = 1e-6  # relative distance in frequency within which a point lies at the edge of a part
+    return curve.peak_at_end or any(part.low - at_edge * f <= f <= part.high + at_edge * f for part in curve.left_out)
 
 
-def plot_curves(
-    curves: Sequence[Curve],
-    ax: Axes | None = None,
-    *,
-    labels: Sequence[str] | None = None,
-    title: str = "",
-    sweeps: bool = False,
-) -> Axes:
+@picture()
+def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str] | None = None) -> None:
     """Amplitude over frequency for several curves in one picture.
 
     Parameters
     ----------
     curves : sequence of Curve
         Tracking curves and, as thin grey lines, the free and stuck limits.
-    ax : matplotlib axes, optional
     labels : sequence of str, optional
         One for each tracking curve; the preload by default.
-    title : str
-    sweeps : bool
-        Draw what slow sweeps of frequency up and down show (:meth:`bdamper.continuation.curve.Curve.sweep`).
-
-    Returns
-    -------
-    matplotlib axes
     """
     validate.that(isinstance(curves, Iterable), "curves", "a sequence of Curve (plot_curve draws one)", curves)
     curves = tuple(curves)
     tracking = [c for c in curves if validate.instance("curves", c, Curve).kind == "tracking"]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
         raise validate.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
-    with drawing(ax, title=title) as ax:
-        for curve in curves:
-            if curve.kind != "tracking" and len(curve):
-                limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
-        gaps: list[Any] = []
-        many = labels is None and len(tracking) > MOST_NAMED
-        for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
-            named = labels[i] if labels is not None else f"preload {amount(curve.preload, 'N')}"
-            _draw_tracking(ax, curve, colour, None if many else named)
-            for sweep in (curve.sweep(direction) for direction in SWEEPS if sweeps):
-                ax.plot(sweep.frequency, sweep.amplitude, **SWEEPS[sweep.direction])
-            for part in curve.left_out:
-                name = "" if gaps else "not followed"
-                gaps.append(ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=name))
-        if any(unstable_points(c).any() for c in tracking):
-            ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
-        for direction, style in SWEEPS.items() if sweeps else ():
-            ax.plot([], [], **style, label=f"sweep {direction}")
-        if any(len(c) and _only_highest(c) for c in tracking):
-            ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
-                    label="highest point that was followed")  # fmt: skip
-        ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves), yscale="log")
-        if many:
-            preloads = [curve.preload for curve in tracking]
-            bar = plt.cm.ScalarMappable(LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256)))
-            ax.figure.colorbar(bar, ax=ax, label=PRELOAD)
-        legend_beside(ax)
-    return ax
+    for curve in curves:
+        if curve.kind != "tracking" and len(curve):
+            limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
+    gaps: list[Any] = []
+    most_named = 5  # curves that a legend names; more have a colour bar
+    many = labels is None and len(tracking) > most_named
+    for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
+        named = labels[i] if labels is not None else f"preload {amount(curve.preload, 'N')}"
+        _draw_tracking(ax, curve, colour, None if many else named)
+        for part in curve.left_out:
+            name = "" if gaps else "not followed"
+            gaps.append(ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=name))
+    if any(unstable_points(c).any() for c in tracking):
+        ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
+    if any(len(c) and _only_highest(c) for c in tracking):
+        ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
+                label="highest point that was followed")  # fmt: skip
+    ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves), yscale="log")
+    if many:
+        preloads = [curve.preload for curve in tracking]
+        bar = plt.cm.ScalarMappable(LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256)))
+        ax.figure.colorbar(bar, ax=ax, label=PRELOAD)
 
 
 @draws(Curve)
 def plot_curve(curve: Curve, ax: Axes | None = None, **style: Any) -> Axes:
-    """Amplitude over frequency for one curve; ``style`` as for :func:`plot_curves`."""
-    return plot_curves([curve], ax, **style)
+    """Amplitude over frequency for one curve, over speed for a run-up; ``style`` as for :func:`plot_curves`."""
+    return plot_curves([curve], ax, **style) if curve.speed is None else plot_run_up(curve, ax, **style)
 
 
-@draws(LawComparison)
-def plot_laws(comparison: LawComparison, ax: Axes | None = None, **style: Any) -> Axes:
-    """Curves under several friction laws in one picture; ``style`` as for :func:`plot_curves`."""
-    return plot_curves(comparison.curves, ax, labels=comparison.laws, **style)
+@picture()
+def plot_band(curve: Curve, found: Mapping[str, CurveSensitivity], deviations: Mapping[str, float], ax: Axes = NEW) -> None:
+    """A tracking curve with a band of two standard deviations to both sides, from derivatives along the curve.
+
+    Parameters
+    ----------
+    curve : Curve
+    found : mapping of name to CurveSensitivity
+        As :meth:`bdamper.Study.curve_sensitivities` returns it.
+    deviations : mapping of name to float
+        Standard deviations of the parameters that scatter, independently.
+    """
+    _, frequency, amplitude = band(curve, found, deviations)
+    several = "\n".join(spaced(name) for name in deviations)
+    for b in np.unique(curve.branch):
+        known = (curve.branch == b) & np.isfinite(frequency).all(axis=1)
+        f, a = frequency[known], amplitude[known]
+        edge = [np.concatenate([x[:, 0], x[::-1, 1]]) for x in (f, a)]
+        ax.fill(*edge, color="0.8", linewidth=0.0, label=f"two deviations of\n{several}" if b == curve.branch[0] else None)
+    plot_curves([curve], ax)
 
 
-@draws(Measurement)
-def plot_measurement(measurement: Measurement, ax: Axes | None = None, scale: float | None = None, **style: Any) -> Axes:
+@picture(Measurement)
+def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | None = None, **style: Any) -> None:
     """Lay a measured response over curves, in metres.
 
     Parameters
     ----------
     measurement : Measurement
-    ax : Axes, optional
-        Those of the curves; the legend they have takes up the measured points.
     scale : float, optional
         From the unit of the measurement to metres; by default what its unit calls for.
     style
@@ -177,12 +176,9 @@ def plot_measurement(measurement: Measurement, ax: Axes | None = None, scale: fl
     """
     factor = measurement.metres if scale is None else float(scale)
     look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
-    with drawing(ax) as axes:
-        axes.plot(measurement.frequency, factor * measurement.amplitude, **{**look, "label": measurement.name, **style})
-        if ax is None:
-            axes.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
-        legend_beside(axes)
-    return axes
+    ax.plot(measurement.frequency, factor * measurement.amplitude, **{**look, "label": measurement.name, **style})
+    if not ax.get_ylabel():
+        ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
 
 
 @draws(OptimalCurve)
@@ -207,15 +203,15 @@ def plot_optimal(
     -----
     Lines are dotted from one peak to another that is the highest at the next preload.  A filled star marks an optimum that
     nothing known contradicts, an open one the least value otherwise; shaded are the preloads at which the amplitude is at
-    most a fifth above it.  Where there is no value the picture is hatched; an open triangle there is a lower bound.  Bars
-    are the ranges of amplitude that the ladder of harmonics has found; squares with bars mean and range of marches in
-    time; triangles what slow sweeps of frequency up and down meet.
+    most a fifth above it.  Where there is no value the picture is hatched; an open triangle there is a lower bound.  A bar
+    at the optimum is the range of its peak with more harmonics; squares with bars mean and range of marches in
+    time.
     """
     if ax is None:
-        both = stacked(5.0, (2.0, 1.0))
-        for one, name in zip(both, ("amplitude", "shift")):
-            plot_optimal(result, one, quantity=name, title=title if one is both[0] else "")
-        both[0].set_xlabel("")
+        both: NDArray = new_axes(5.6, 5.0, 2, height_ratios=(2.0, 1.0))
+        for one, name in zip(both, SHOWN):
+            plot_optimal(result, one, quantity=name)
+        both[0].set(xlabel="", title=title)
         return both
     preload, values, goes_on = _with_optimum(result, validate.choice("quantity", quantity, SHOWN))
     with drawing(ax, title=title, legend=7.0) as ax:
@@ -223,9 +219,8 @@ def plot_optimal(
         for first, last in runs(np.cumsum(~goes_on)):
             part = slice(first, last + 1)
             ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
-        for n, k in enumerate(np.flatnonzero(~goes_on[1:])):  # where another peak becomes the highest, or one was lost
-            label = "" if n or quantity == "shift" else TAKES_OVER
-            ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8, label=label)
+        for k in np.flatnonzero(~goes_on[1:]):  # where another resonance becomes the highest, or one was lost
+            ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
             return ax
@@ -254,21 +249,16 @@ def _with_optimum(result: OptimalCurve, quantity: str) -> tuple[NDArray, NDArray
 
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
-    """What slow sweeps, marches in time and more harmonics have found at some preloads."""
-    if result.swept:
-        preload, up, _, down, _ = np.array([s[:5] for s in result.swept]).T
-        ax.vlines(preload, np.fmin(up, down), np.fmax(up, down), color="0.5", linewidth=0.8)
-        ax.plot(preload, up, "k^", markersize=3.5, markerfacecolor="w", label="highest of a sweep up")
-        ax.plot(preload, down, "kv", markersize=3.5, markerfacecolor="0.6", label="highest of a sweep down")
+    """What marches in time and more harmonics have found at some preloads."""
     if seen := [k for k in result.kept if np.isfinite(k.mean)]:
         preload, mean, low, high = np.array([(k.preload, k.mean, k.lowest, k.highest) for k in seen]).T
-        ax.errorbar(preload, mean, [mean - low, high - mean], **KEPT)
-    if k := result.least_kept:
-        ax.plot(k.preload, k.mean, "D", color="tab:green", markersize=4.0, label=f"least kept, {amount(k.preload, 'N')}")
-    if result.ladder is not None and result.ladder.ranges:
-        preload, low, high = np.array(result.ladder.ranges).T
-        ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,
-                    label="range with more harmonics")  # fmt: skip
+        ax.errorbar(preload, mean, [mean - low, high - mean], **MARCHED)
+    if k := result.least_in_time:
+        ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
+    if result.convergence is not None and len(result.convergence.peaks) > 1:
+        low, high = result.convergence.range
+        ax.errorbar(result.convergence.preload, low, [[0.0], [high - low]], fmt="none", ecolor="0.35", elinewidth=1.0,
+                    capsize=2.5, label="range with more harmonics")  # fmt: skip
 
 
 def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
@@ -280,14 +270,14 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     ends = {"end": "least at the end of the range", "edge": "least where steady responses end"}
     what = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
     what = what if o.verified else (what if o.kind in ends else "least value") + ", not verified"
-    ax.plot(o.preload, o.amplitude, "*", color="tab:red", markersize=10.0, markerfacecolor="tab:red" if o.verified else "w",
-            label=f"{what}, {amount(o.preload, 'N')}")  # fmt: skip
-    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter: no room to the left
-    ax.annotate(f"{amount(o.preload, 'N')}: {amount(o.amplitude, 'm')}", (o.preload, o.amplitude), xytext=(0, -9), va="top",
-                textcoords="offset points", ha="left" if left else "center", fontsize=8.0, color="tab:red")  # fmt: skip
+    ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=10.0, markerfacecolor=OPTIMUM if o.verified else "w")
     low, high = result.preloads_within(NEAR_BEST * o.amplitude)
-    ax.axvspan(low, high, color="tab:red", alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} more")
-    ax.margins(y=0.15)  # for the label
+    ax.axvspan(low, high, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} more")
+    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter: no room to the left
+    text = f"{what} {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"
+    ax.annotate(text, (o.preload, o.amplitude), xytext=(0, -16), va="top", textcoords="offset points",
+                ha="left" if left else "center", fontsize=8.0, color=OPTIMUM)  # fmt: skip
+    ax.margins(y=0.25)  # for the label
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
@@ -378,72 +368,24 @@ def _lay_measured(ax: Axes, curve: OptimalCurve, measured: Measured, quantity: s
     return goodness_of_fit(curve.preload / curve.optimum.preload, predicted, load, value)
 
 
-@draws(Microslip)
-def plot_microslip(microslip: Microslip, ax: Axes | None = None) -> Axes:
+@picture(Microslip)
+def plot_microslip(microslip: Microslip, ax: Axes = NEW) -> None:
     """Force over displacement of first loading."""
-    with drawing(ax) as ax:
-        ax.plot(microslip.displacement, microslip.force, "o-", color="0.1")
-        ax.set(xlabel="Displacement (m)", ylabel="Force (N)")
-    return ax
+    draw_table(ax, microslip, "displacement", "force")
 
 
-@draws(Verification)
-def plot_verification(verification: Verification, ax: Axes | None = None) -> Axes:
-    """One settled period in time beside the harmonic-balance solution."""
-    periods = verification.frequency * verification.time
-    dark, light = colours(2)
-    within = f"{verification.verdict} within {100.0 * verification.tolerance:g} %"
-    with drawing(ax, title=f"{verification.frequency:.6g} Hz: {within}", legend=7.0) as ax:
-        label = f"time integration, {verification.periods} periods"
-        ax.plot(periods, verification.response, color=light, linewidth=2.4, label=label)
-        ax.plot(periods, verification.expected_response, "-.", color=dark, label="harmonic balance")
-        ax.set(xlabel="Time (periods)", ylabel="Response (m)")
-    return ax
+@picture(Marched, "mark")
+def mark_kept(kept: Marched, ax: Axes) -> None:
+    """Mean and range of the highest blade in time as a point with a bar over response curves."""
+    look = {**MARCHED, "label": None if MARCHED["label"] in ax.get_legend_handles_labels()[1] else MARCHED["label"]}
+    ax.errorbar(kept.frequency, kept.mean, [[kept.mean - kept.lowest], [kept.highest - kept.mean]], **look)
 
 
-@draws(SettledResponse)
-def plot_settled(settled: SettledResponse, ax: Axes | None = None) -> Axes:
-    """Amplitude of each period of a marched response, with mean and range of the half that counts."""
-    with drawing(ax, title=f"{settled.frequency:.6g} Hz, preload {amount(settled.preload, 'N')}", legend=7.0) as ax:
-        n = len(settled.amplitude)
-        half = [n // 2, n - 1]
-        ax.fill_between(half, *settled.range, color="0.85", label="range")
-        ax.plot(np.arange(n), settled.amplitude, color="0.2", linewidth=0.9, label="each period")
-        ax.plot(half, [settled.mean] * 2, color="k", linewidth=2.0, label="mean")
-        ax.set(xlabel="Period of the excitation", ylabel=AMPLITUDE)
-    return ax
-
-
-@draws(SettledResponse, "mark")
-def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
-    """Mean and range of a marched response as a point with a bar over response curves; one entry for all in the legend."""
-    label = "time integration, mean and range"
-    known = label in ax.get_legend_handles_labels()[1]
-    low, high = settled.range
-    bar = [[settled.mean - low], [high - settled.mean]]
-    with drawing(ax, legend=7.0):
-        ax.errorbar(settled.frequency, settled.mean, yerr=bar, fmt="s", color="k", markersize=3.0, markerfacecolor="w",
-                    capsize=2.0, linewidth=0.8, label=None if known else label)  # fmt: skip
-    return ax
-
-
-@draws(Kept, "mark")
-def mark_kept(kept: Kept, ax: Axes) -> Axes:
-    """Mean and range of what a blade keeps as a point with a bar over response curves."""
-    bar = [[kept.mean - kept.lowest], [kept.highest - kept.mean]]
-    with drawing(ax, legend=7.0):
-        ax.errorbar(kept.frequency, kept.mean, yerr=bar, **KEPT)
-    return ax
-
-
-@draws(TimeSweep)
-def plot_time_sweep(sweep: TimeSweep, ax: Axes | None = None, *, label: str | None = None, **style: Any) -> Axes:
+@picture(TimeSweep)
+def plot_time_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any) -> None:
     """Amplitude over frequency of a sweep in time; ``ax`` may be those of tracking curves, ``style`` is for the line."""
-    over, way = ax is not None, "up" if sweep.up else "down"
-    title = "" if over else f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}"
-    with drawing(ax, title=title, legend=7.0) as ax:
-        line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9} | style
-        ax.plot(sweep.frequency, sweep.amplitude, label=label or f"sweep {way}, marched in time", **line)
-        if not over:
-            ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
-    return ax
+    if not ax.has_data():
+        ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
+    line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9, "marker": "", **style}
+    label = label or f"sweep {'up' if sweep.up else 'down'}, marched in time"
+    draw_table(ax, sweep, "frequency", "amplitude", label=label, **line)

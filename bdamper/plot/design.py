@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import FuncFormatter
@@ -15,18 +14,13 @@ from bdamper.accuracy.ladders import COMBINED, AccuracyCost
 from bdamper.design.sweep import SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
-from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, legend_beside, lost, plain_number
+from bdamper.plot.axes import NEW, STYLES, colours, legend_beside, looks, lost, once, picture, plain_number
+from bdamper.util.convergence import Convergence
 from bdamper.util.errors import SettingError
-from bdamper.util.ladder import Ladder
-from bdamper.util.plotting import draws
 from bdamper.util.text import UNITS, amount, percent, spaced
 
-LEFT_OUT = "0.55"
-"""Colour of the name of an effect that may be left out."""
 MAIN = ("amplitude", "optimum_amplitude")
 """Answers of a sweep that are drawn unless others are asked for."""
-EQUAL = 1e-12
-"""Relative difference below which two answers are the same."""
 _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
           "slip": "share of slip", "open": "share of separation"}  # fmt: skip
 
@@ -43,21 +37,17 @@ def _named_value(name: str, value: Any) -> str:
     return f"{spaced(name)} {number}" + (f" {UNITS[name]}" if name in UNITS else "")
 
 
-@draws(SweepResult)
-def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes | None = None) -> Axes:
+@picture(SweepResult)
+def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW) -> None:
     """One answer of a sweep over its last setting, a line for each combination of the others.
+
+    Points without a value are crosses at the lower edge, in the colour of their line.
 
     Parameters
     ----------
     result : SweepResult
     quantity : str, optional
         By default the amplitude, that of the optimum, or else the first answer.
-    ax : matplotlib axes, optional
-
-    Returns
-    -------
-    matplotlib axes
-        Points without a value are crosses at the lower edge, in the colour of their line.
     """
     quantity = quantity or next((q for q in (*MAIN, *result.quantities) if q in result.quantities), MAIN[0])
     values = result.array(quantity)
@@ -66,207 +56,146 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes | None
     name, last = result.names[-1], result.shape[-1]
     x = [point[name] for point in result.points[:last]]
     numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
+    places = np.array(x if numeric else [str(value) for value in x])
     rows = values.reshape(-1, last)
-    places = x if numeric else [str(value) for value in x]
-    none = ~np.isfinite(rows)
-    with drawing(ax, legend=7.0 if len(result.shape) > 1 or none.any() else None) as ax:
-        for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
-            others = result.points[i * last]
-            label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
-            ax.plot(places, row, color=colour, marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label or None)
-            if none[i].any():
-                lost(ax, [place for place, gone in zip(places, none[i]) if gone], colour)
-        if none.any():
-            ax.plot([], [], "x", color="0.4", markersize=5.0, label="no value")
-        if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
-            ax.set_xscale("log")
-        ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
-    return ax
+    for others, row, look in zip(result.points[::last], rows, looks(len(rows))):
+        label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
+        ax.plot(places, row, **look, label=label or None)
+        lost(ax, places[~np.isfinite(row)], look["color"], "no value")
+    if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
+        ax.set_xscale("log")
+    ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
 
 
-@draws(UncertainCurve)
-def plot_uncertain(
-    result: UncertainCurve,
-    ax: Axes | None = None,
-    *,
-    quantity: str = "amplitude",
-) -> Axes:
+@picture(UncertainCurve)
+def plot_uncertain(result: UncertainCurve, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
     """Percentile bands of optimal curves over the preload.
 
     Parameters
     ----------
     result : UncertainCurve
-    ax : matplotlib axes, optional
     quantity : {"amplitude", "frequency"}
-
-    Returns
-    -------
-    matplotlib axes
     """
-    with drawing(ax, legend=7.0) as ax:
-        for low, high, shade in ((5.0, 95.0, 0.85), (25.0, 75.0, 0.7)):
-            edge = result.percentile([low, high], quantity)
-            ax.fill_between(result.preload, *edge, color=str(shade), linewidth=0.0, label=f"{low:g} to {high:g} %")
-        ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
-        scale = "log" if quantity == "amplitude" else "linear"
-        ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
-    return ax
+    for low, high, shade in ((5.0, 95.0, "0.85"), (25.0, 75.0, "0.7")):
+        edges = result.percentile([low, high], quantity)
+        ax.fill_between(result.preload, *edges, color=shade, linewidth=0.0, label=f"{low:g} to {high:g} %")
+    ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
+    scale = "log" if quantity == "amplitude" else "linear"
+    ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
 
 
-@draws(Advice)
-def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> Axes:
+@picture(Advice, legend=None)
+def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
     """Bars of the changes that leaving out single effects makes to a peak.
 
-    Parameters
-    ----------
-    advice : Advice
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        Changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and logarithmic
-        beyond; names of effects that may be left out together are grey, the tolerance is a grey band, thin lines show what
-        an estimate may miss, and a change that is not known is no bar.
+    Changes of amplitude and frequency in per cent, on a scale that is linear within the tolerance and logarithmic beyond;
+    names of effects that may be left out together are grey, the tolerance is a grey band, thin lines show what an estimate
+    may miss, and a change that is not known is no bar.
     """
     effects = advice.effects[::-1]
-    place = np.arange(len(effects))
-    tolerance = 100.0 * advice.tolerance
-    dark, light = colours(2)
-    with drawing(ax, title=title or f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}") as ax:
-        ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0)
-        handles: list[Any] = []
-        for values, offset, colour, label in (
-            ([e.amplitude_change for e in effects], 0.2, dark, "amplitude"),
-            ([e.frequency_change for e in effects], -0.2, light, "frequency"),
-        ):
-            change = 100.0 * np.nan_to_num(np.array(values, float))
-            ax.barh(place + offset, change, height=0.38, facecolor=colour, edgecolor="k", linewidth=0.4)
-            missed = np.array([100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects])
-            ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
-            handles.append(Patch(facecolor=colour, edgecolor="k", linewidth=0.4, label=label))
-        ax.set_xscale("symlog", linthresh=tolerance)
-        most = np.abs(ax.get_xlim()).max()
-        numbers = [tolerance, *(n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < most)]
-        ax.set_xticks([*(-n for n in reversed(numbers)), 0.0, *numbers], minor=False)
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
-        ax.set_yticks(place, [e.name for e in effects])
-        for y, e, name in zip(place, effects, ax.get_yticklabels()):
-            name.set_color("k" if e.called_for else LEFT_OUT)
-            if e.source == "unknown":
-                ax.text(0.1 * tolerance, float(y), "not known", va="center", fontsize=7.0)
-        ax.axvline(0.0, color="k", linewidth=0.6)
-        handles.append(Patch(facecolor="0.9", linewidth=0.0, label=f"tolerance, {tolerance:g} %"))
-        needed, other = (any(e.called_for == one for e in effects) for one in (True, False))
-        handles += [Patch(alpha=0.0, label="black names: needed")] * needed
-        handles += [Patch(alpha=0.0, label="grey: all together\nmay be left out")] * other
-        ax.set_xlabel("Change of the peak without the effect (%)")
-        legend_beside(ax, handles=handles)
-    return ax
+    place, tolerance = np.arange(len(effects)), 100.0 * advice.tolerance
+    missed = np.array([100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects])
+    handles: list[Any] = []
+    for name, offset, colour in zip(("amplitude", "frequency"), (0.2, -0.2), colours(2)):
+        change = 100.0 * np.nan_to_num(np.array([getattr(e, f"{name}_change") for e in effects], float))
+        look = {"facecolor": colour, "edgecolor": "k", "linewidth": 0.4, "label": name}
+        handles.append(ax.barh(place + offset, change, 0.38, **look))
+        ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
+    handles.append(ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"))
+    ax.set_xscale("symlog", linthresh=tolerance)
+    numbers = [n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < np.abs(ax.get_xlim()).max()]
+    numbers = [tolerance, *numbers]
+    ax.set_xticks([*(-n for n in reversed(numbers)), 0.0, *numbers], minor=False)
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
+    ax.set_yticks(place, [e.name for e in effects])
+    left_out = "0.55"  # colour of the name of an effect that may be left out
+    for y, e, text in zip(place, effects, ax.get_yticklabels()):
+        text.set_color("k" if e.called_for else left_out)
+        if e.source == "unknown":
+            ax.text(0.1 * tolerance, float(y), "not known", va="center", fontsize=7.0)
+    ax.axvline(0.0, color="k", linewidth=0.6)
+    for called_for, said in ((True, "black names: needed"), (False, "grey: all together\nmay be left out")):
+        handles += [Patch(alpha=0.0, label=said)] * any(e.called_for == called_for for e in effects)
+    title = f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}"
+    ax.set(xlabel="Change of the peak without the effect (%)", title=title)
+    legend_beside(ax, handles=handles)
 
 
-@draws(Ladder)
-def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Amplitude over the number of harmonics, each point with the processor time that it has taken.
+@picture(Convergence)
+def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
+    """Amplitude of a peak over the number of harmonics, and beside it the processor time of each.
 
-    Parameters
-    ----------
-    ladder : Ladder
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        The range of the rungs that are compared is a grey band, the answer a filled point, the tolerance around the richest
-        rung dotted; a rung that is not known is a cross at the lower edge.
+    The answer is a filled point, the range of the settled peaks a grey band.  Ticks at the upper edge mark harmonics that
+    are near a mode of the structure with stuck contacts.
     """
-    known = [r for r in ladder.rungs if r.known]
-    low, high = ladder.range
-    state = "converged" if ladder.converged else "not converged"
-    title = title or f"preload {amount(ladder.preload, 'N')}, {state} to {percent(ladder.tolerance)}"
-    with drawing(ax, title=title, legend=7.0) as ax:
-        ax.axhspan(low, high, color="0.88", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
-        if known:
-            edges = [known[-1].amplitude * (1.0 + sign * ladder.tolerance) for sign in (-1.0, 1.0)]
-            ax.axhline(edges[0], color="0.4", linewidth=0.8, linestyle=":", label="tolerance around the last")
-            ax.axhline(edges[1], color="0.4", linewidth=0.8, linestyle=":")
-            ax.plot([r.harmonics for r in known], [r.amplitude for r in known], "-", color="0.6", linewidth=0.8)
-        for r in ladder.rungs:
-            own = r.harmonics == ladder.answer
-            across = "data" if r.known else ax.get_xaxis_transform()
-            place = (r.harmonics, r.amplitude if r.known else 0.03)
-            face = "k" if own else "w"
-            ax.plot(*place, "o" if r.known else "x", color="k", markersize=5.0, markerfacecolor=face,
-                    transform=ax.transData if r.known else across, label="answer" if own and r.known else None)  # fmt: skip
-            time = f"{r.seconds:.2g} s" if r.seconds else ""
-            ax.annotate(
-                time + ("" if r.known else " (not known)"), place, xycoords=across, textcoords="offset points",
-                xytext=(0, 6), ha="center", fontsize=7.0,
-            )  # fmt: skip
-        ax.set_xticks([r.harmonics for r in ladder.rungs])
-        ax.set(xlabel="Harmonics (beside the points: processor time)", ylabel="Resonance amplitude (m)")
-        ax.margins(x=0.2, y=0.25)  # for the times
-    return ax
+    harmonics, amplitude, seconds = np.array([(p.harmonics, p.amplitude, p.seconds) for p in convergence.peaks]).T
+    low, high = convergence.range
+    ax.axhspan(low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
+    ax.plot(harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label="amplitude")
+    ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="answer")
+    times = ax.twinx()
+    times.set_zorder(ax.get_zorder() - 1)
+    ax.patch.set_visible(False)
+    times.bar(harmonics[1:], seconds[1:], color="0.6", width=0.6)
+    ax.plot([], [], "s", color="0.6", label="processor time")
+    top = max(3.0 * seconds.max(), 1e-3)
+    times.set(ylim=(0.0, top), ylabel="Processor time (s)")
+    met = [m.harmonic for m in convergence.meetings if m.harmonic <= harmonics[-1]]
+    if met:
+        ax.plot(met, [0.985] * len(met), "|", color="k", transform=ax.get_xaxis_transform(), label="near a stuck mode")
+    ax.set(xlabel="Highest harmonic", ylabel="Resonance amplitude (m)", xticks=harmonics)
+    state = "converged" if convergence.converged else "not converged"
+    ax.set_title(f"preload {amount(convergence.preload, 'N')}, {state} to {percent(convergence.tolerance)}")
+    ax.margins(y=0.25)
 
 
-@draws(AccuracyCost)
-def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = "", of: str = "peak") -> Axes:
+@picture(AccuracyCost, size=(5.2, 4.2), legend=None)
+def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> None:
     """Error over time of settings, one at a time below the richest and combined.
+
+    A point for each run, with its value where it is poorer than the reference, the richest, in one setting alone.  The
+    time of the reference is a vertical line, since its error is not known; what is not known is a cross at the upper edge,
+    what is equal to the reference a triangle at the lower edge.
 
     Parameters
     ----------
     result : AccuracyCost
-    ax : Axes, optional
-    title : str
     of : str
         What the error is of.
-
-    Returns
-    -------
-    matplotlib axes
-        A point for each run, with its value where it is poorer than the reference, the richest, in one setting alone.  The
-        time of the reference is a vertical line, since its error is not known; what is not known is a cross at the upper
-        edge, what is equal to the reference a triangle at the lower edge.
     """
-    best, names = result.recommended, result.varied
-    others = ", ".join(spaced(name) for name in names)
-    ratio, within = result.richest.seconds / (best.seconds or np.nan), percent(result.tolerance)
-    found = "none is faster" if best is result.richest else f"{ratio:.2g} times faster than the reference"
-    title = title or f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\nwithin {within}: {found}"
-    handles: dict[str, Any] = {}
-    with drawing(ax, size=(5.2, 4.2), title=title) as ax:
-        shades = colours(len(names))
-        for r in result.runs[1:]:
-            k = names.index(r.part) if r.part in names else -1
-            look: dict[str, Any] = {"color": shades[k] if k >= 0 else "k", "linestyle": "none"}
-            look["markersize"] = 9.0 if r.part == COMBINED else 5.0
-            marker = MARKERS[k] if k >= 0 else "*" if r.part == COMBINED else "P"
-            handles.setdefault(
-                f"{spaced(r.part)} alone, reference {result.richest.values[k]}" if k >= 0 else r.part,
-                Line2D([], [], marker=marker, **look),
-            )
-            place, y = ax.transData, 100.0 * r.error
-            if not r.error > EQUAL:
-                known = np.isfinite(r.error)
-                place, y, marker = ax.get_xaxis_transform(), 0.03 if known else 0.95, "v" if known else "x"
-            ax.plot(r.seconds, y, marker, transform=place, **look)
-            text = r.values[k].removesuffix(" samples") if k >= 0 else ""
-            ax.annotate(text, (r.seconds, y), xycoords=place, textcoords="offset points", xytext=(5, 3), fontsize=6.5,
-                        path_effects=[Stroke(linewidth=2.0, foreground="w"), Normal()])  # fmt: skip
-            if r is best:
-                ring: dict[str, Any] = {"color": "k", "markerfacecolor": "none", "linestyle": "none", "markersize": 12.0}
-                ax.plot(r.seconds, y, "o", transform=place, **ring)
-                values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, r.values))
-                handles[f"fastest within {within}:\n{values}"] = Line2D([], [], marker="o", **ring)
-        line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9}
-        handles["time of the reference"] = ax.axvline(result.richest.seconds, linestyle="-.", **line)
-        if result.uncertainty > EQUAL:
-            name = f"uncertainty of the reference, {percent(result.uncertainty)}"
-            handles[name] = ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], **line)
-        handles[f"tolerance, {within}"] = ax.axhline(100.0 * result.tolerance, **line)
-        ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)")
-        ax.margins(x=0.12, y=0.12)  # for the names
-        ax.legend(handles.values(), handles.keys(), fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
-    return ax
+    best, names, richest = result.recommended, result.varied, result.richest
+    alone = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
+    combined: dict[str, Any] = {"color": "k", "marker": "*", "markersize": 9.0}
+    halo = [Stroke(linewidth=2.0, foreground="w"), Normal()]
+    ring: list[Any] = []
+    equal = 1e-12  # relative difference below which two answers are the same
+    for r in result.runs[1:]:
+        look = alone.get(r.part, combined if r.part == COMBINED else {"color": "k", "marker": "P"})
+        k = names.index(r.part) if r.part in alone else -1
+        name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
+        ax.plot([], [], linestyle="none", label=once(ax, name), **look)
+        place, y = ax.transData, 100.0 * r.error
+        if not r.error > equal:
+            known = bool(np.isfinite(r.error))
+            place, y, look = ax.get_xaxis_transform(), 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
+        ax.plot(r.seconds, y, transform=place, **look)
+        text = r.values[k].removesuffix(" samples") if k >= 0 else ""
+        offset: dict[str, Any] = {"xycoords": place, "textcoords": "offset points", "xytext": (5, 3)}
+        ax.annotate(text, (r.seconds, y), fontsize=6.5, path_effects=halo, **offset)
+        ring = [r.seconds, y, place] if r is best else ring
+    within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
+    if ring:
+        values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
+        ax.plot(*ring[:2], "ok", transform=ring[2], markerfacecolor="none", markersize=12.0,
+                label=f"fastest within {within}:\n{values}")  # fmt: skip
+    ax.axvline(richest.seconds, linestyle="-.", label="time of the reference", **line)
+    if result.uncertainty > equal:
+        name = f"uncertainty of the reference, {percent(result.uncertainty)}"
+        ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], label=name, **line)
+    ax.axhline(100.0 * result.tolerance, label=f"tolerance, {within}", **line)
+    ratio, others = richest.seconds / (best.seconds or np.nan), ", ".join(spaced(name) for name in names)
+    found = "none is faster" if best is richest else f"{ratio:.2g} times faster than the reference"
+    title = f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\nwithin {within}: {found}"
+    ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)", title=title)
+    ax.margins(x=0.12, y=0.12)  # for the names
+    ax.legend(fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -14,8 +13,9 @@ from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.material import LINES
 from bdamper.model.model import Model
 from bdamper.model.stress import COMPONENTS
-from bdamper.plot.axes import MARKERS, PAPER, STYLES, colours, drawing, legend_beside, save_figure
-from bdamper.plot.model3d import plot_surfaces
+from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, drawing, looks, once, picture, save_figure
+from bdamper.plot.model3d import plot_surfaces, seen
+from bdamper.plot.table import draw_table
 from bdamper.util import validate
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
@@ -23,8 +23,13 @@ from bdamper.util.tables import label as label_of
 MEGA = 1e-6
 
 
-@draws(StressCycle)
-def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes | None = None) -> Axes:
+def _star(ax: Axes, x: float, y: float, name: str) -> None:
+    """Where the margin is decided."""
+    ax.plot(x, y, "*", color=OPTIMUM, markeredgecolor="black", markersize=12.0, label=once(ax, name))
+
+
+@picture(StressCycle)
+def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) -> None:
     """The components of the stress and its von Mises value over the cycle.
 
     Parameters
@@ -32,60 +37,49 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes | None = 
     cycle : StressCycle
     point : int, optional
         The critical one by default.
-    ax : matplotlib axes, optional
     """
     i = cycle.critical if point is None else validate.whole("point", point, least=0, most=len(cycle) - 1)
     theta = np.linspace(0.0, 2.0 * np.pi, 721)
     stress = MEGA * cycle.over_cycle(theta)[i]
-    with drawing(ax, title=f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, {cycle.preload:g} N", legend=7.5) as axes:
-        large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
-        for name, values, dashes, colour, shown in zip(COMPONENTS, stress, STYLES, colours(6), large):
-            if shown:
-                axes.plot(np.degrees(theta), values, color=colour, linestyle=dashes, label=rf"$\sigma_{{{name}}}$")
-        axes.plot(np.degrees(theta), von_mises(stress.T), color="black", linewidth=2.2, label="von Mises")
-        axes.set_xlim(0.0, 360.0)
-        axes.set_xticks(np.arange(0, 361, 60))
-        axes.set(xlabel="Angle of the excitation (degrees)", ylabel="Stress (MPa)")
-    return axes
+    large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
+    for name, values, look, shown in zip(COMPONENTS, stress, looks(6), large):
+        if shown:
+            ax.plot(np.degrees(theta), values, **look, markevery=90, label=rf"$\sigma_{{{name}}}$")
+    ax.plot(np.degrees(theta), von_mises(stress.T), color="black", linewidth=2.2, label="von Mises")
+    title = f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, {cycle.preload:g} N"
+    ax.set(xlabel="Angle of the excitation (degrees)", ylabel="Stress (MPa)", title=title, xlim=(0.0, 360.0))
+    ax.set_xticks(np.arange(0, 361, 60))
 
 
-@draws(Margins)
-def plot_haigh(margins: Margins, ax: Axes | None = None) -> Axes:
+@picture(Margins)
+def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
     """Haigh diagram: amplitude over mean of every point, with the lines of the material.
 
     The line of the margin is drawn in full, the others broken; points that margins leave out are hollow.
     """
-    material, i = margins.material, margins.critical
-    title = f"margin {margins.least:.3g} at {margins.names[i]}"
-    with drawing(ax, title=title, legend=7.5) as axes:
-        right = material.ultimate_strength
-        low = min(0.0, 1.1 * float(margins.mean.min()))
-        mean = np.linspace(low, right, 400)
-        for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), STYLES[1:]):
-            chosen = line == margins.rule.line and margins.rule.criterion != "findley"
-            style: dict[str, Any] = {"color": colour, "linestyle": dashes}
-            if chosen:
-                style = {"color": "black", "linewidth": 1.8}
-            axes.plot(MEGA * mean, MEGA * material.allowed(mean, line), label=line.capitalize(), **style)
-        yields = np.array([0.0, material.yield_strength])
-        axes.plot(MEGA * yields, MEGA * yields[::-1], color="0.75", linewidth=2.5, label="yield in the first cycle")
-        seen = margins.counted
-        axes.plot(MEGA * margins.mean[seen], MEGA * margins.amplitude[seen], "o", color="0.3", markersize=4, label="points")
-        if not seen.all():
-            style = {"color": "0.3", "markerfacecolor": "none", "markersize": 4}
-            axes.plot(MEGA * margins.mean[~seen], MEGA * margins.amplitude[~seen], "o", label="next to contact", **style)
-        at = MEGA * margins.mean[i], MEGA * margins.amplitude[i]
-        axes.plot(*at, "*", color="#c0392b", markeredgecolor="black", markersize=13, label="critical")
-        top = max(material.endurance_limit, float(margins.amplitude.max()))
-        axes.set_ylim(0.0, 1.15 * MEGA * top)
-        axes.set_xlim(MEGA * low, 1.02 * MEGA * right)
-        axes.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"))
-    return axes
+    material, i, seen = margins.material, margins.critical, margins.counted
+    right, low = material.ultimate_strength, min(0.0, 1.1 * float(margins.mean.min()))
+    mean = np.linspace(low, right, 400)
+    for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), STYLES[1:]):
+        style: dict[str, Any] = {"color": colour, "linestyle": dashes}
+        if line == margins.rule.line and margins.rule.criterion != "findley":
+            style = {"color": "black", "linewidth": 1.8}
+        ax.plot(MEGA * mean, MEGA * material.allowed(mean, line), label=line.capitalize(), **style)
+    yields = MEGA * np.array([0.0, material.yield_strength])
+    ax.plot(yields, yields[::-1], color="0.75", linewidth=2.5, label="yield in the first cycle")
+    at = MEGA * np.array([margins.mean, margins.amplitude])
+    ax.plot(*at[:, seen], "o", color="0.3", markersize=4, label="points")
+    if not seen.all():
+        ax.plot(*at[:, ~seen], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
+    _star(ax, at[0, i], at[1, i], "critical")
+    top = MEGA * max(material.endurance_limit, float(margins.amplitude.max()))
+    ax.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"), ylim=(0.0, 1.15 * top),
+           xlim=(MEGA * low, 1.02 * MEGA * right), title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
 
 
 @draws(MarginCurve)
 def plot_margin(
-    curve: MarginCurve, ax: Axes | None = None, *, label: str = "", response: bool | None = None
+    curve: MarginCurve, ax: Axes | None = None, *, label: str = "", response: bool | None = None, title: str = ""
 ) -> Axes:
     """The margin over frequency, preload, speed or another quantity; 1 is the limit.
 
@@ -98,45 +92,34 @@ def plot_margin(
         Name of the curve in the legend.
     response : bool, optional
         Draw also the amplitude of the response, on an axis at the right; by default where there are no axes given.
+    title : str
     """
     with_response = ax is None if response is None else response
-    with drawing(ax) as axes:
-        k = sum(line.get_gid() == "margin" for line in axes.lines)
-        few = len(curve) <= 60
-        (line,) = axes.plot(
-            curve.values, curve.margin, color=colours(6)[k % 6], linestyle=STYLES[k % len(STYLES)],
-            marker=MARKERS[k % len(MARKERS)] if few else None, markersize=4, label=label or "margin",
-        )  # fmt: skip
-        line.set_gid("margin")
+    with drawing(ax, title=title, legend=7.0) as axes:
+        look, first = looks(6)[sum(line.get_gid() == "margin" for line in axes.lines) % 6], not axes.lines
+        axes.set(xlabel=f"{curve.over.capitalize()} ({curve.unit})", xscale="log" if curve.over == "preload" else "linear")
+        draw_table(axes, curve, "values", "margin", gid="margin", label=label or "margin", **look)
+        known = curve.margin[np.isfinite(curve.margin)]
+        if len(known) and known.max() > 20.0 * known.min():
+            axes.set_yscale("log")
         if np.isfinite(curve.best_value):
-            best = curve.best_value, curve.best_margin
-            axes.plot(*best, "*", color="#c0392b", markeredgecolor="black", markersize=12, label="best margin")
+            _star(axes, curve.best_value, curve.best_margin, "best margin")
         if curve.in_time:
             preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
-            axes.plot(preload, least, "D", color="tab:green", markerfacecolor="w", label="of what a blade keeps in time")
-        if k == 0:
+            axes.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="of the highest blade in time")
+        if first:
             axes.axhline(1.0, color="0.4", linewidth=1.0)
-            axes.set_xlabel(f"{curve.over.capitalize()} ({curve.unit})")
-            axes.set_ylabel(label_of(MarginCurve, "margin"))
-        if curve.over == "preload":
-            axes.set_xscale("log")
-        known = curve.margin[np.isfinite(curve.margin)]
-        if k == 0 and len(known) and known.max() > 20.0 * known.min():
-            axes.set_yscale("log")
         if with_response:
             other = axes.twinx()
             other.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
-            other.set_ylabel("Amplitude of the response, dash-dotted (m)")
-            other.set_ylim(bottom=0.0)
+            other.set(ylabel="Amplitude of the response, dash-dotted (m)", ylim=(0.0, None))
             other.grid(False)
-        if label or np.isfinite(curve.best_value):
-            legend_beside(axes)
     return axes
 
 
 @draws(Margins, "plot_critical")
 def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
-    """The points on the surface of their body in 3-D: lighter where the factor is larger, a star at the critical one.
+    """The points on the surface of their body: lighter where the factor is larger, a star at the critical one.
 
     Parameters
     ----------
@@ -150,19 +133,16 @@ def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
     meshes = [model.meshes[body] for body in bodies if body in model.meshes]
     validate.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
-    surfaces = [(mesh.points, mesh.quads, ("#d0d0d0", 0.25)) for mesh in meshes]
     i = margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"
-    axes = plot_surfaces(surfaces, title=title)
-    at = 1e3 * margins.points[:, [2, 0, 1]]
-    seen = margins.counted & (np.arange(len(margins)) != i)
-    with plt.rc_context(PAPER):
-        shown = axes.scatter(
-            *at[seen].T, c=np.log10(np.maximum(margins.factor[seen], 1e-3)), cmap="gray", vmin=0.0, vmax=1.5, s=22,
-            edgecolors="black", depthshade=False,
-        )  # fmt: skip
-        axes.scatter(*at[i : i + 1].T, c="#c0392b", marker="*", s=170, edgecolors="black", depthshade=False)
-        shown.set_zorder(10)
+    axes = plot_surfaces([(mesh.points, mesh.quads, "#e4e4e4") for mesh in meshes], title=title)
+    at = seen(margins.points)[:, :2]
+    counted = margins.counted & (np.arange(len(margins)) != i)
+    factor = np.log10(np.maximum(margins.factor[counted], 1e-3))
+    axes.scatter(
+        at[counted, 0], at[counted, 1], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black"
+    )
+    axes.scatter(at[i, 0], at[i, 1], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
     if path is not None:
         save_figure(axes, path)
     return axes

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
-from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, given_axes, runs, stacked
+from bdamper.plot.axes import NEW, drawing, legend_beside, looks, picture
 from bdamper.plot.contact import plot_faces
+from bdamper.plot.table import draw_table
 from bdamper.util import validate
 from bdamper.util.plotting import draws
-from bdamper.util.tables import label
 from bdamper.util.text import amount
 
-SMALLEST = 1e-4
-"""Energy that is shown, relative to the largest."""
 NAMES = {"t1": "in the face along t1", "t2": "in the face along t2", "n": "normal to the face"}
 OF_WHOLE = {"xlabel": "Motion of the response (m)", "ylabel": "All contact forces as one force there (N)"}
 """Labels of the loop of all contacts."""
@@ -32,15 +31,10 @@ def _name(result: Hysteresis, where: int | str) -> str:
     return f"{face} face, point {where - int(result.rows(face)[0]) + 1}"
 
 
-@draws(Hysteresis)
+@picture(Hysteresis, legend=None)
 def plot_hysteresis(
-    result: Hysteresis,
-    where: int | str | Sequence[int | str] = WHOLE,
-    ax: Axes | None = None,
-    *,
-    direction: str = "t1",
-    title: str = "",
-) -> Axes:
+    result: Hysteresis, where: int | str | Sequence[int | str] = WHOLE, ax: Axes = NEW, *, direction: str = "t1"
+) -> None:
     """Loops of force over displacement.
 
     Parameters
@@ -49,63 +43,48 @@ def plot_hysteresis(
     where : int, str or sequence of these
         Contact points by index, faces by name, or "whole": the force at the response location that does the work of all
         contacts, over the response.
-    ax : matplotlib axes, optional
     direction : {"t1", "t2", "n"}
         Of points and faces.
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
     """
     places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
     if not places or (WHOLE in places and len(places) > 1):
         raise validate.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
-    loops = [result.loop(place, direction) for place in places]
     whole = places == [WHOLE]
     lost: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
-    title = title or f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}"
-    with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
-        for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
-            name = _name(result, place)
-            if direction != "n" or whole:
-                name += f",\nloses {amount(lost[place], 'J')} a cycle{'' if whole else ' in all directions'}"
-            ax.plot(x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=name)
-        of = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
-        ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {of} (m)", "ylabel": f"Force {of} (N)"})
-    return ax
+    for place, look in zip(places, looks(len(places))):
+        name = _name(result, place)
+        if direction != "n" or whole:
+            name += f",\nloses {amount(lost[place], 'J')} a cycle{'' if whole else ' in all directions'}"
+        ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": name})
+    if len(places) > 1:
+        legend_beside(ax)
+    of = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
+    ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {of} (m)", "ylabel": f"Force {of} (N)"})
+    ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}")
 
 
-@draws(Hysteresis, "history")
-def plot_history(result: Hysteresis, where: int, *, title: str = "") -> NDArray:
-    """Forces, vibration and gap of one contact point over a cycle.
+@picture(Hysteresis, "history", size=(5.6, 4.4), rows=2)
+def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
+    """Forces, vibration and gap of one contact point over a cycle, in two axes.
 
     Parameters
     ----------
     result : Hysteresis
     where : int
         Index of the point.
-    title : str
-
-    Returns
-    -------
-    array of two matplotlib axes
     """
     i = validate.whole("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
-    top, bottom = stacked(4.4)
-    title = title or f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
-    shades = colours(3)
-    with drawing(bottom, legend=7.0), drawing(top, title=title, legend=7.0):
-        for k, (name, style) in enumerate(zip(AXES, STYLES)):
-            top.plot(time, result.force[i, k], linestyle=style, color=shades[k], label=NAMES[name])
-            if name != "n":
-                bottom.plot(time, result.loop(i, name)[0], linestyle=style, color=shades[k], label=NAMES[name])
-        if result.gap[i].max() > 0.0:
-            bottom.plot(time, result.gap[i], linestyle=STYLES[2], color=shades[2], label="gap")
-        top.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
-        bottom.set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
-    return np.array([top, bottom])
+    for k, (name, look) in enumerate(zip(AXES, looks(3))):
+        look["marker"] = ""
+        ax[0].plot(time, result.force[i, k], **look, label=NAMES[name])
+        if name != "n":
+            ax[1].plot(time, result.loop(i, name)[0], **look, label=NAMES[name])
+        elif result.gap[i].max() > 0.0:
+            ax[1].plot(time, result.gap[i], **look, label="gap")
+    ax[0].set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
+    ax[0].set_title(f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}")
+    ax[1].set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
 
 
 @draws(Hysteresis, "energy")
@@ -117,19 +96,15 @@ def plot_energy(result: Hysteresis) -> NDArray:
     validate.require(names, "energy", "contact points that lose some", "none: nothing slips")
     rows = [result.rows(name) for name in names]
     places = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
-    return plot_faces(places, [density[r] for r in rows], [""], "Energy lost per cycle (J/m$^2$)", 1.0)
+    return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
 
 
 @draws(Dissipation)
 def plot_dissipation(
-    result: Dissipation,
-    quantity: str = "equivalent",
-    ax: Axes | tuple[Axes, Axes] | None = None,
-    *,
-    over: str = "amplitude",
-    title: str = "",
-) -> Axes | NDArray:
-    """What the contacts do to the vibration, over its amplitude.
+    result: Dissipation, quantity: str = "equivalent", ax: Axes | Sequence[Axes] | NDArray | None = None, *,
+    over: str = "amplitude", title: str = "",
+) -> Axes | NDArray:  # fmt: skip
+    """Equivalent stiffness, damping and energy of the contacts over the amplitude.
 
     Parameters
     ----------
@@ -145,31 +120,22 @@ def plot_dissipation(
     -------
     matplotlib axes, an array of two for "equivalent"
     """
-    validate.choice("quantity", quantity, ("equivalent", "energy"))
-    x = getattr(result, validate.choice("over", over, ("amplitude", "frequency", "preload")))
-    parts = [slice(first, last + 1) for first, last in runs(result.branch)]
-    scale = "log" if x.min() > 0.0 and x.max() > 5.0 * x.min() else "linear"
-
-    def line(axes: Axes, values: Any, colour: Any, name: str = "", marker: str = "", style: str = "-") -> None:
-        for n, part in enumerate(parts):
-            alone = "." if part.stop == part.start + 1 else marker
-            axes.plot(x[part], values[part], style, color=colour, marker=alone, markersize=3.5,
-                      markevery=max(1, len(x) // 12), label=name if n == 0 else None)  # fmt: skip
-
-    if quantity == "equivalent":
-        upper, lower = stacked() if ax is None else given_axes(ax, 2, "'equivalent'")
-        with drawing(upper, title=title), drawing(lower):
-            line(upper, result.stiffness, "0.1")
-            line(lower, 100.0 * result.damping_ratio, "0.1")
-            upper.set(xscale=scale, ylabel=label(Dissipation, "stiffness"))
-            lower.set(xscale=scale, xlabel=label(Dissipation, over), ylabel=label(Dissipation, "damping_ratio", "%"))
-        return np.array([upper, lower])
-    with drawing(None if ax is None else given_axes(ax, 1, "'energy'")[0], title=title, legend=7.0) as axes:
+    whole = validate.choice("quantity", quantity, ("equivalent", "energy")) == "energy"
+    validate.choice("over", over, ("amplitude", "frequency", "preload"))
+    smallest = 1e-4  # energy that is shown, relative to the largest
+    with drawing(ax, title=title, legend=7.0, rows=1 if whole else 2, size=(5.6, 3.6 if whole else 4.8)) as axes:
+        if not whole:
+            for one, name in zip(axes, ("stiffness", "damping_ratio")):
+                draw_table(one, result, over, name)
+            axes[0].set_xlabel("")
+            return np.asarray(axes)
+        axes.set(ylabel="Energy in a cycle (J)", yscale="log")
+        draw_table(axes, result, over, "excitation", color="0.7", marker="", label="work of the excitation")
         faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
-        line(axes, result.excitation, "0.7", "work of the excitation")
-        for (name, e), colour, marker in zip(faces.items(), colours(len(faces)), MARKERS * len(faces)):
-            line(axes, e, colour, f"friction of the {name} face", marker)
-        line(axes, result.damping, "0.35", "damping of the modes", style="-.")
-        axes.set(xlabel=label(Dissipation, over), xscale=scale, yscale="log")
-        axes.set(ylabel="Energy in a cycle (J)", ylim=(SMALLEST * result.excitation.max(), None))
-    return axes
+        for (name, energy), look in zip(faces.items(), looks(len(faces))):
+            own = replace(result, excitation=energy)
+            look |= {"markevery": max(1, len(energy) // 12), "linestyle": "-", "label": f"friction of the {name} face"}
+            draw_table(axes, own, over, "excitation", **look)
+        draw_table(axes, result, over, "damping", color="0.35", linestyle="-.", marker="", label="damping of the modes")
+        axes.set_ylim(smallest * result.excitation.max(), None)
+    return cast(Axes, axes)

@@ -7,14 +7,17 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
 from bdamper.io.import_report import ImportReport
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import FIXED, MARKERS, PAPER, colours, save_figure
+from bdamper.plot.axes import MARKERS, PAPER, colours, legend_beside, looks, save_figure
+from bdamper.plot.motion import VIEW, sectors_shown
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -28,113 +31,91 @@ MOST_FACES = 100_000
 
 def _parts_to_show(model: Model) -> list[tuple[str, int, NDArray]]:
     """Bodies with a surface, the sectors in which the interfaces show them, and the rotations (3, 3) into these."""
-    places = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
-    places |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
-    shown = sorted(place for place in places if place[0] in model.meshes)
-    return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
+    return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in sectors_shown(model)]
 
 
-def plot_surfaces(surfaces: Sequence[Surface], points: NDArray | None = None, path: Any = None, *, title: str = "") -> Any:
-    """Draw surfaces of quadrilaterals in 3-D.
+def plot_surfaces(
+    surfaces: Sequence[Surface], points: NDArray | None = None, path: Any = None, *, ax: Axes | None = None, title: str = ""
+) -> Axes:
+    """Draw surfaces of quadrilaterals as seen obliquely from the front, with a bar of the scale.
+
+    The faces of all surfaces are painted from the farthest to the nearest, so that they hide what lies behind them.
 
     Parameters
     ----------
     surfaces : sequence of Surface
     points : (k, 3) float, optional
-        Marked by dots.
+        Marked by dots, over everything.
     path : path-like, optional
         Where to write a picture.
+    ax : matplotlib axes, optional
+        In which surfaces of one call cover those of earlier calls.
     title : str
-
-    Returns
-    -------
-    matplotlib axes
     """
-    # the picture's axes are (Z, X, Y): Y up
-    with plt.rc_context(FIXED):
-        figure = plt.figure(figsize=(4.2, 5.0))
-        ax: Any = figure.add_axes((0.0, 0.16, 0.76, 0.79), projection="3d")  # labels stand on the right
-        every = 1e3 * np.concatenate([np.asarray(p, float)[:, [2, 0, 1]] for p, _, _ in surfaces])
-        low, high = every.min(axis=0), every.max(axis=0)
-        _box(ax, low, high, "ZXY")
-        ax.set_box_aspect(high - low)
-        ax.view_init(elev=18.0, azim=-40.0)
-        if title:
-            ax.set_title(title, fontsize=9.0)
-        _room_for_ticks(ax)  # before there are faces, as it draws many times
-        top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
-        step = max(1, -(-sum(len(quads) for _, quads, _ in surfaces) // MOST_FACES))
-        for place, every_quad, colour in surfaces:
-            quads = every_quad[::step]
-            corner = 1e3 * np.asarray(place, float)[:, [2, 0, 1]][quads]
-            values = isinstance(colour, np.ndarray)
-            face = plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top) if values else colour
-            ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15, clip_on=False))
+    top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
+    step = max(1, -(-sum(len(quads) for _, quads, _ in surfaces) // MOST_FACES))
+    corners, shades = [], []
+    for place, every_quad, colour in surfaces:
+        quads = every_quad[::step]
+        corners.append(seen(place)[quads])
+        values = colour[quads].mean(axis=1) / top if isinstance(colour, np.ndarray) else None
+        shades.append(np.tile(to_rgba(colour), (len(quads), 1)) if values is None else plt.get_cmap("viridis")(values))
+    corner, shade = np.concatenate(corners), np.concatenate(shades)
+    order = np.argsort(corner[..., 2].mean(axis=1))
+    new = ax is None
+    with plt.rc_context(PAPER):
+        ax = plt.subplots(figsize=(4.2, 4.6))[1] if ax is None else ax
+        look = {"edgecolors": "0.35", "linewidths": 0.15}
+        ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]
         if points is not None and len(points):
-            ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=7.0, c="k", depthshade=False)
+            ax.plot(*seen(points)[:, :2].T, "k.", markersize=3.0)
+        if new:
+            ax.autoscale_view()
+            ax.set(aspect="equal", title=title)
+            ax.set_axis_off()
+            _scale(ax)
         if path is not None:
-            save_figure(figure, path)
+            save_figure(ax, path)
     return ax
 
 
-def _box(ax: Any, low: NDArray, high: NDArray, names: str) -> None:
-    """Limits and labels of the axes of a 3-D picture in mm."""
-    for name, axis, a, b in zip(names, "xyz", low, high):
-        ax.set(**{f"{axis}lim": (a, b), f"{axis}label": f"{name} (mm)"})
+def seen(points: Any) -> NDArray:
+    """(n, 3) points in the directions of the view, mm: to the right, upward and toward the eye."""
+    return 1e3 * np.asarray(points, float) @ VIEW.T
 
 
-def _room_for_ticks(ax: Any) -> None:
-    """On the axes of a 3-D picture no more ticks than have room, and labels clear of them."""
-    ax.tick_params(labelsize=6.5, pad=1.0)
-    ax.tick_params(axis="z", pad=6.0)
-    axes = (ax.xaxis, ax.yaxis, ax.zaxis)
-    for axis in axes:
-        axis.label.set_size(8.0)
-    crowded = list(axes)
-    for n in (5, 4, 3, 2, 1):
-        for axis in crowded:
-            axis.set_major_locator(MaxNLocator(n, min_n_ticks=1))
-        ax.figure.draw_without_rendering()
-        boxes = {axis: [t.get_window_extent().padded(2.0) for t in _tick_texts(axis)] for axis in axes}
-        crowded = [axis for axis in axes if _overlap(boxes[axis])]
-        for i, axis in enumerate(axes):
-            if any(a.overlaps(b) for a in boxes[axis] for other in axes[:i] for b in boxes[other]):
-                crowded.append(axis)
-        if not crowded:
-            break
-    ticks = [t for axis in axes for t in _tick_texts(axis)]
-    for i, axis in enumerate(axes):
-        others = [*ticks, *(o.label for o in axes[:i])]
-        for _ in range(12):
-            box = axis.label.get_window_extent()
-            if not any(box.overlaps(t.get_window_extent()) for t in others):
-                break
-            axis.labelpad += 3.0
-            ax.figure.draw_without_rendering()
-
-
-def _tick_texts(axis: Any) -> list[Any]:
-    """Labels of the ticks of an axis that are drawn."""
-    low, high = sorted(axis.get_view_interval())
-    return [t.label1 for t in axis.get_major_ticks() if low <= t.get_loc() <= high and t.label1.get_text()]
-
-
-def _overlap(boxes: list[Any]) -> bool:
-    return any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+def _scale(ax: Axes) -> None:
+    """A bar of a round length below a picture in mm, and the directions of the axes beside it."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    size = max(right - left, high - low)
+    decade = 10.0 ** np.floor(np.log10(0.3 * size))
+    length, y = decade * max(m for m in (1, 2, 5) if m * decade <= 0.3 * size), low - 0.06 * size
+    ax.plot([left, left + length], [y, y], color="k", linewidth=1.5, solid_capstyle="butt")
+    ax.annotate(f"{length:g} mm", (left, y), xytext=(0, -3), textcoords="offset points", va="top", fontsize=8.0)
+    start = np.array([left + length + 0.2 * size, y])
+    for name, direction in zip("XYZ", VIEW[:2].T):
+        end = start + 0.08 * size * direction
+        ax.plot([start[0], end[0]], [start[1], end[1]], color="k", linewidth=0.9)
+        at = start + 0.11 * size * direction
+        ax.text(float(at[0]), float(at[1]), name, ha="center", va="center", fontsize=7.0)
 
 
 @draws(Model)
 def plot_model(model: Model, path: Any = None) -> Any:
-    """Bodies at rest and contact points in 3-D; see `plot_surfaces`."""
-    # blades are transparent
-    tint = {"constrained": ("#b9c6d2", 0.35), "free": ("#e8b563", 1.0), "ground": ("#cccccc", 1.0)}
-    surfaces = [
-        (model.meshes[name].points @ turned.T, model.meshes[name].quads, tint[model.bodies[name].kind])
-        for name, _, turned in _parts_to_show(model)
-    ]
-    validate.require(surfaces, "plot of a model", "at least one body with a mesh", "none")
+    """Bodies at rest and contact points; free bodies over the others, between which they would be hidden."""
+    tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
+    kinds: dict[bool, list[Surface]] = {False: [], True: []}
+    for name, _, turned in _parts_to_show(model):
+        mesh, kind = model.meshes[name], model.bodies[name].kind
+        kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
+    validate.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
     points = np.concatenate([face.points for face in model.interfaces.values()])
-    return plot_surfaces(surfaces, points, path)
+    ax = plot_surfaces([*kinds[False], *kinds[True]], points)
+    if kinds[False] and kinds[True]:
+        plot_surfaces(kinds[True], points, ax=ax)
+    if path is not None:
+        save_figure(ax, path)
+    return ax
 
 
 @draws(Model, "plot_mode")
@@ -146,7 +127,7 @@ def plot_mode(
     body: str | None = None,
     nodal_diameter: int | None = None,
 ) -> Any:
-    """A mode of a constrained body in 3-D: deformed, coloured by the size of its amplitude.
+    """A mode of a constrained body: deformed, coloured by the size of its amplitude.
 
     Parameters
     ----------
@@ -198,7 +179,7 @@ def plot_import_report(report: ImportReport) -> Figure:
     """
     with plt.rc_context(PAPER):
         figure = plt.figure(figsize=(9.0, 4.2))
-        left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
+        left, right = figure.subplots(1, 2)
         diameters = np.array(sorted(report.frequencies))
         n = min((len(report.frequencies[d]) for d in diameters), default=0)
         for mode in range(min(n, 8)):
@@ -207,19 +188,17 @@ def plot_import_report(report: ImportReport) -> Figure:
         left.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", ylim=(0.0, None))
         left.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         left.set_title("sector", fontsize=9.0)
-        points = [1e3 * face.points for face in report.model.interfaces.values()]
-        for k, (name, face) in enumerate(report.model.interfaces.items()):
-            right.scatter(*(1e3 * face.points).T, s=6, color=colours(max(len(points), 2))[k], label=name, depthshade=False)
-        shown = [1e3 * mesh.points for mesh in report.model.meshes.values()] or points
-        if shown:
-            low, high = np.concatenate(shown).min(axis=0), np.concatenate(shown).max(axis=0)
-            _box(right, low, high, "XYZ")
-            right.set_box_aspect(np.maximum(high - low, 1e-3 * np.ptp([low, high])))
-        right.legend(loc="upper left", bbox_to_anchor=(0.9, 1.0), fontsize=7.0)
-        _room_for_ticks(right)  # before there are edges, as it draws many times
-        for k, mesh in enumerate(report.model.meshes.values()):
-            edges = np.concatenate([mesh.quads[:, [i, (i + 1) % 4]] for i in range(4)])
-            edges = np.unique(np.sort(edges, axis=1), axis=0)
-            edges = edges[edges[:, 0] != edges[:, 1]]
-            right.add_collection3d(Line3DCollection(1e3 * mesh.points[edges], colors=["0.6", "0.2"][k % 2], linewidths=0.4))
+        faces, meshes = report.model.interfaces, report.model.meshes.values()
+        surfaces: list[Surface] = [
+            (mesh.points, mesh.quads, ("#dde4ea", "#e8b563")[k % 2]) for k, mesh in enumerate(meshes)
+        ]
+        if surfaces:
+            plot_surfaces(surfaces, ax=right)
+        for (name, face), look in zip(faces.items(), looks(len(faces))):
+            right.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
+        right.autoscale_view()
+        right.set(aspect="equal")
+        right.set_axis_off()
+        _scale(right)
+        legend_beside(right)
     return figure

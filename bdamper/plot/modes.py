@@ -6,71 +6,47 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from bdamper.modes.flutter import Flutter
 from bdamper.modes.result import NonlinearMode
-from bdamper.plot.axes import DASHED, colours, drawing, given_axes, lost, stacked
-from bdamper.util.plotting import draws
-from bdamper.util.tables import label
+from bdamper.plot.axes import DASHED, NEW, looks, lost, picture, runs
+from bdamper.plot.table import draw_table
 from bdamper.util.text import amount
 
 
-@draws(NonlinearMode)
-def plot_nonlinear_mode(mode: NonlinearMode, ax: tuple[Axes, Axes] | None = None, *, title: str = "", **style: Any) -> Any:
-    """Frequency and damping of a nonlinear mode over the amplitude of the response.
+@picture(NonlinearMode, size=(5.6, 4.8), rows=2)
+def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) -> None:
+    """Frequency and damping of a nonlinear mode over the amplitude of the response, in two axes.
+
+    Circles are folds, where the amplitude turns; lines are dashed where the motion is no longer that of the mode.
 
     Parameters
     ----------
     mode : NonlinearMode
-    ax : two matplotlib axes, optional
-        For frequency and damping.
-    title : str
     style
         Of the lines, as matplotlib's ``plot`` takes it.
-
-    Returns
-    -------
-    two matplotlib axes
-        Circles are folds, where the amplitude turns; lines are dashed where the motion is no longer that of the mode.
     """
-    upper, lower = stacked() if ax is None else given_axes(ax, 2, "a nonlinear mode")
-    with drawing(upper, title=title or f"mode {mode.mode}, preload {amount(mode.preload, 'N')}"):
-        for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
-            for b in np.unique(mode.branch):
-                own, foreign = mode.branch == b, mode.correlation < 0.5
-                for part, line in ((own & ~foreign, "-"), (own & foreign, DASHED)):
-                    look: dict[str, Any] = {"color": "C0", "linestyle": line, **style}
-                    axes.plot(mode.amplitude, np.where(part, values, np.nan), **look)
-            axes.plot(mode.amplitude[mode.folds], values[mode.folds], "ok", markersize=3.0, markerfacecolor="w")
-        upper.set(ylabel=label(NonlinearMode, "frequency"), xscale="log")
-        lower.set(ylabel="Modal damping ratio (%)", xlabel="Amplitude of the response (m)")
-    return upper, lower
+    folds: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "k", "markersize": 3.0, "markerfacecolor": "w"}
+    for axes, name in zip(ax, ("frequency", "damping_ratio")):
+        for first, last in runs(mode.correlation < 0.5):
+            line = {"color": "C0", "marker": "", "linestyle": DASHED if mode.correlation[first] < 0.5 else "-", **style}
+            draw_table(axes, mode, "amplitude", name, rows=slice(first, last + 2), **line)  # joined to the next stretch
+        draw_table(axes, mode, "amplitude", name, rows=mode.folds, **folds)
+    ax[0].set(xlabel="", title=f"mode {mode.mode}, preload {amount(mode.preload, 'N')}")
 
 
-@draws(Flutter)
-def plot_flutter(flutter: Flutter, ax: Axes | None = None, *, title: str = "") -> Axes:
+@picture(Flutter)
+def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
     """Limit cycles over the preload: filled where they are stable, open where starts beyond them grow.
 
-    Parameters
-    ----------
-    flutter : Flutter
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        Crosses at the lower edge: rest is unstable there.
+    Crosses at the lower edge: rest is unstable there.
     """
-    diameters = np.unique(flutter.nodal_diameter)
-    with drawing(ax, title=title, legend=7.0) as ax:
-        for d, colour in zip(diameters, colours(len(diameters))):
-            own, cycle, stable = flutter.nodal_diameter == d, flutter.amplitude > 0.0, flutter.stable
-            for part, face, what in ((cycle & stable, colour, "stable"), (cycle & ~stable, "w", "unstable")):
-                ax.plot(flutter.preload[own & part], flutter.amplitude[own & part], "o", color=colour, markerfacecolor=face,
-                        markersize=4.0, label=f"{what}, nodal diameter {d}")  # fmt: skip
-            lost(ax, flutter.preload[own & ~cycle & ~stable], colour, "rest unstable", 4.0)
-        ax.set(xlabel=label(Flutter, "preload"), ylabel=label(Flutter, "amplitude"), yscale="log")
-        if flutter.preload.min() > 0.0:
-            ax.set_xscale("log")
-    return ax
+    diameters, cycle, stable = np.unique(flutter.nodal_diameter), flutter.amplitude > 0.0, flutter.stable
+    for d, look in zip(diameters, looks(len(diameters))):
+        own = flutter.nodal_diameter == d
+        for part, face, what in ((cycle & stable, look["color"], "stable"), (cycle & ~stable, "w", "unstable")):
+            look |= {"linestyle": "", "markerfacecolor": face, "label": f"{what}, nodal diameter {d}"}
+            draw_table(ax, flutter, "preload", "amplitude", rows=own & part, **look)
+        lost(ax, flutter.preload[own & ~cycle & ~stable], look["color"], "rest unstable", 4.0)
+    ax.set(yscale="log", xscale="log" if flutter.preload.min() > 0.0 else "linear")

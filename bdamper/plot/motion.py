@@ -13,17 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
+from bdamper.contact.own_law import refuse
 from bdamper.harmonic_balance.cycle import at_angles
 from bdamper.harmonic_balance.system import segments
 from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
+from bdamper.model.model import Model, turn
+from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 from bdamper.util.warn import implausible
 
-LARGEST_MISSING = 0.01
-"""Share of the modal motion in modes without shapes on the mesh, above which a picture of it warns."""
+LARGEST_DRAWN = 1.0 / 15.0
+"""Largest displacement in a line drawing, over the size of the bodies."""
+VIEW = np.array([[0.766, 0.0, 0.643], [0.199, 0.951, -0.237], [-0.611, 0.309, 0.729]])
+"""Directions of a line drawing in X, Y, Z: to the right, upward and toward the eye, as in the pictures of models."""
 STATES = ("stick", "slip", "open")
 STICK, SLIP, OPEN = range(len(STATES))
 """States of a contact point in pictures and maps."""
@@ -111,13 +116,14 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     return out
 
 
-def _amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
+def modal_amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
     """Modal coordinates (..., n_modes) of each harmonic: those of the mean, then complex amplitudes."""
     sizes = [len(basis.omega2) for basis in problem.bases]
     parts = np.split(unknowns, np.cumsum([sizes[0], *np.repeat(sizes[1:], 2)])[:-1], axis=-1)
     return [parts[0], *(cosine - 1j * sine for cosine, sine in zip(parts[1::2], parts[2::2]))]
 
 
+@asked
 def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -> RigidMotion:
     """Rigid-body motion of a free body.
 
@@ -146,7 +152,7 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     unit = 1.0 / np.sqrt(np.concatenate([np.full(3, part.mass), moments]))
     unknowns = _solutions(problem, unknowns)
     motion = np.zeros((*unknowns.shape[:-1], len(problem.bases), 6), complex)
-    for l, (basis, q) in enumerate(zip(problem.bases, _amplitudes(problem, unknowns))):
+    for l, (basis, q) in enumerate(zip(problem.bases, modal_amplitudes(problem, unknowns))):
         for k, coordinate in enumerate(basis.coordinates):
             if coordinate.body == body and coordinate.name in RIGID_NAMES:
                 motion[..., l, RIGID_NAMES.index(coordinate.name)] = q[..., k]
@@ -154,8 +160,9 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     return RigidMotion(body, bias * unit, vibratory * unit, bias, vibratory)
 
 
+@asked
 def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta: int = 180) -> ContactStatus:
-    """Which points stick, slip and are open, and when.
+    """Contact states of the points over the cycle: stick, slip or open.
 
     Parameters
     ----------
@@ -168,8 +175,9 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta:
         Instants at which the states are listed.
     """
     system = problem.system(preload)
+    refuse(system.structure.points.own, "the states of a cycle")
     X, _, _ = system.contact(_solutions(problem, unknowns))
-    p = system.arrays
+    p = system.structure.arrays
     theta = 2.0 * np.pi * np.arange(n_theta) / n_theta
     model = problem.coupling.model  # with united contact points, if the study asks for that
     names = tuple(name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points))
@@ -180,7 +188,7 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta:
     whole = ((0.0, 2.0 * np.pi, OPEN),)
     parts: list[tuple[tuple[tuple[float, float, int], ...], ...]] = [(whole, whole)] * len(points)
     normal = np.zeros((len(points), n_theta))
-    index = np.arange(len(X)) if system.points.index is None else system.points.index
+    index = np.arange(len(X)) if system.structure.points.index is None else system.structure.points.index
     known: set[int] = set()
     for i, (x, at) in enumerate(zip(X, index.tolist())):
         level = p["n0"][i] + p["kn"][i] * at_angles(x[2], theta)
@@ -192,7 +200,7 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta:
         known.add(at)
         found = segments(
             x, p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
-            problem.evaluation, float(p["load"][i]),
+            problem.settings.evaluation, float(p["load"][i]),
         )  # fmt: skip
         both = []
         for d, listed in enumerate(found):
@@ -243,6 +251,7 @@ class SurfaceMotion:
         return self.points + scale * (self.mean + (self.amplitude * np.exp(1j * theta)).real)
 
 
+@asked
 def rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
     """Mean (n, 3) and complex fundamental amplitude (n, 3) in m of points of a free body that moves as a rigid one."""
     motion = rigid_motion(problem, unknowns, body)
@@ -256,35 +265,7 @@ def rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: N
     return mean, first[:3] @ axes + np.einsum("k,pkx->px", first[3:], rotation)
 
 
-def relative_motion(problem: Problem, unknowns: NDArray, preload: float, theta: NDArray) -> tuple[NDArray, NDArray]:
-    """How body b moves along the faces of body a, and how far it is off them.
-
-    Parameters
-    ----------
-    problem : Problem
-    unknowns : (n_unknowns,) float
-        One solution of this study.
-    preload : float, N
-        Of that solution.
-    theta : (n_theta,) float, rad
-
-    Returns
-    -------
-    (n_points, 2, n_theta) float, m
-        Vibration along t1 and t2 of the contact points, without its mean.
-    (n_points, n_theta) float, m
-        Distance of the surfaces, mean and initial gap included; negative where contact springs are pressed together.
-    """
-    state = problem.static(preload)
-    q = _amplitudes(problem, np.asarray(unknowns, float))
-    basis, q0 = (problem.bases[0], q[0]) if len(q[0]) else (problem.static_basis, state.q)
-    mean = (basis.G.real @ q0)[:, 2] + state.load * problem.damper_load[1][:, 2]
-    vibration = np.zeros((problem.coupling.n_points, 3, len(theta)))
-    for l, basis in enumerate(problem.bases[1:], 1):
-        vibration += ((basis.G @ q[l])[..., None] * np.exp(1j * l * theta)).real
-    return vibration[:, :2], problem.point_gaps[:, None] - mean[:, None] - vibration[:, 2]
-
-
+@asked
 def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMotion]:
     """Motion of all bodies that carry a surface, for pictures.
 
@@ -303,8 +284,10 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
         If the modes without shapes hold more than a hundredth of the motion, in the norm of the mass matrix.
     """
     unknowns = _solutions(problem, unknowns)
-    q0, q1, *_ = _amplitudes(problem, unknowns)
+    q0, q1, *_ = modal_amplitudes(problem, unknowns)
     out = {}
+    # share of the modal motion in modes without shapes on the mesh, above which a picture of it warns
+    largest_missing = 0.01
     for name, mesh in problem.model.meshes.items():
         body = problem.model.bodies[name]
         mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
@@ -330,8 +313,76 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
                 move = shapes[..., index[known]] @ q[own[known]]
                 target += move.real if harmonic == 0 else move
                 missing = np.linalg.norm(q[own[~known]]) / max(float(np.linalg.norm(q[own])), 1e-300)
-                if harmonic == 1 and missing > LARGEST_MISSING:
-                    most = f"at most {100 * LARGEST_MISSING:g} % of the motion in modes without shapes on the mesh"
+                if harmonic == 1 and missing > largest_missing:
+                    most = f"at most {100 * largest_missing:g} % of the motion in modes without shapes on the mesh"
                     implausible(f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %")
         out[name] = SurfaceMotion(mesh.points, mean, amplitude)
     return out
+
+
+def sectors_shown(model: Model) -> list[tuple[str, int]]:
+    """Bodies with a surface, in the sectors in which the interfaces show them."""
+    places = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
+    places |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
+    return sorted(place for place in places if place[0] in model.meshes)
+
+
+@brief
+@dataclass(frozen=True)
+class LineDrawing:
+    """Moving surfaces as seen from one side, so that faces painted in their order hide the lines behind them.
+
+    Parameters
+    ----------
+    points : (n_nodes, 2) float, m
+        Places at rest in the plane of the picture, to the right and upward.
+    amplitude : (n_nodes, 2) complex, m
+        Of the vibration there, not magnified: ``Re A exp(i omega t)``.
+    quads : (n_faces, 4) int
+        Nodes of each face, the farthest face first.
+    body : tuple of str
+        Body of each face.
+    magnification : float
+        With which the largest displacement is a fixed part of the size of the bodies.
+    """
+
+    points: NDArray
+    amplitude: NDArray
+    quads: NDArray
+    body: tuple[str, ...]
+    magnification: float
+
+
+@asked
+def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
+    """The vibration of all bodies that carry a surface, in the sectors that a contact joins, for an animation.
+
+    Parameters
+    ----------
+    problem : Problem
+    unknowns : (n_unknowns,) float
+        One solution of this study.
+
+    Raises
+    ------
+    SettingError
+        If the model has no surface, or one without shapes at the nodal diameter of the fundamental.
+    """
+    model, motions = problem.model, surface_motion(problem, unknowns)
+    validate.require(motions, "drawing of a motion", "a model with the surface of a body", "none")
+    places, moved, faces, names, n = [], [], [], [], 0
+    for name, sector in sectors_shown(model):
+        motion, quads = motions[name], model.meshes[name].quads
+        pitch = 2.0 * np.pi * sector / model.n_blades
+        seen = VIEW @ turn(pitch)
+        places.append(motion.points @ seen.T)
+        moved.append(motion.amplitude @ seen.T * np.exp(1j * problem.settings.engine_order * pitch))
+        faces.append(quads + n)
+        names += [name] * len(quads)
+        n += len(motion.points)
+    at, amplitude, quads = np.concatenate(places), np.concatenate(moved), np.concatenate(faces)
+    order = np.argsort(at[quads, 2].mean(axis=1))
+    largest, size = float(np.linalg.norm(np.abs(amplitude), axis=1).max()), float(np.ptp(at[:, :2], axis=0).max())
+    body = tuple(names[k] for k in order)
+    magnified = LARGEST_DRAWN * size / max(largest, 1e-300)
+    return LineDrawing(at[:, :2], amplitude[:, :2], quads[order], body, magnified)

@@ -10,53 +10,41 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import drawing, legend_beside
+from bdamper.plot.axes import NEW, OPTIMUM, picture
 from bdamper.plot.curves import FREQUENCY, PRELOAD
 from bdamper.util import validate
 
-COLUMNS = 400
-"""Frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page."""
 
-
-def plot_response_map(result: OptimalCurve, ax: Axes | None = None) -> Axes:
+@picture()
+def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     """Highest response over frequency and preload, the ridge of the optimal curve, and where there are several responses.
+
+    Hatched is where the response curve leads over a frequency more than once, so that several solutions exist there.
 
     Parameters
     ----------
     result : OptimalCurve
         With its curves, which files of versions before 0.6 do not have.
-    ax : matplotlib axes, optional
-
-    Returns
-    -------
-    matplotlib axes
-
-    Notes
-    -----
-    Hatched is where the response curve leads over a frequency more than once, so that several solutions exist there.
     """
     validate.instance("result", result, OptimalCurve)
     curves = [curve for curve in result.curves if len(curve)]
     validate.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]
-    frequency = np.linspace(low, high, COLUMNS)
-    read = [_read(curve, frequency) for curve in curves]
+    # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
+    columns = 400
+    frequency = np.linspace(low, high, columns)
+    height, count = (np.array(found) for found in zip(*(_read(curve, frequency) for curve in curves)))
     preload = np.array([curve.preload for curve in curves])
-    with drawing(ax) as ax:
-        height = np.array([amplitude for amplitude, _ in read])
-        shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
-        ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
-        several = np.array([count for _, count in read]) > 1
-        if several.any():
-            ax.contourf(frequency, preload, several.astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
-            ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
-        ax.plot(result.frequency, result.preload, color="tab:red", label="highest")
-        if np.isfinite(result.optimum.preload):
-            look: dict[str, Any] = {"color": "tab:red", "markeredgecolor": "w", "markersize": 11.0, "linestyle": "none"}
-            ax.plot(result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look)
-        ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
-        legend_beside(ax)
-    return ax
+    shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
+    ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
+    if (count > 1).any():
+        ax.contourf(frequency, preload, (count > 1).astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
+        ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
+    ax.plot(result.frequency, result.preload, color=OPTIMUM, label="highest")
+    if np.isfinite(result.optimum.preload):
+        look: dict[str, Any] = {"color": OPTIMUM, "markeredgecolor": "w", "markersize": 11.0, "linestyle": "none"}
+        ax.plot(result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look)
+    ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
 
 
 def _read(curve: Curve, frequency: NDArray) -> tuple[NDArray, NDArray]:

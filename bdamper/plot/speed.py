@@ -5,68 +5,52 @@ Speeds are in revolutions per minute here, as machines show them.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.plot.axes import MARKERS, STYLES, colours, drawing
+from bdamper.continuation.curve import Curve
+from bdamper.design.sweep import SweepResult
+from bdamper.plot.axes import NEW, STYLES, colours, looks, once, picture
 from bdamper.problem.at_speed import RPM
 from bdamper.speed.campbell import Campbell
-from bdamper.speed.crossings import Crossings, SpeedLine
-from bdamper.speed.run_up import RunUp
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
-from bdamper.util.plotting import draws
 
 SPEED = "Rotor speed (rpm)"
 
 
-@draws(Campbell)
-def plot_campbell(
-    campbell: Campbell, ax: Axes | None = None, *, title: str = ""
-) -> Axes:
+@picture(Campbell, size=(5.6, 4.2))
+def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     """Campbell diagram: free and stuck frequencies over speed, lines of engine orders, damped crossings.
 
-    Parameters
-    ----------
-    campbell : Campbell
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        Free modes are thin and solid, stuck ones dash-dotted; damped crossings are filled, those of free modes open circles
-        and of stuck ones crosses.
+    Free modes are thin and solid, stuck ones dash-dotted; damped crossings are filled, those of free modes open circles and
+    of stuck ones crosses.
     """
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
     known = [d for d in diameters if d in campbell.nodal_diameter]
-    rpm, top = campbell.rpm, float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
-    with drawing(ax, size=(5.6, 4.2), title=title, legend=7.0) as ax:
-        for d, colour in zip(known, colours(len(known))):
-            k = campbell.row(d)
-            label = f"free, nodal diameter {d}" if len(known) < 4 else "free" if d == known[0] else None
-            ax.plot(rpm, campbell.free[k], "-", color=colour, linewidth=0.8, label=_first(label, campbell.free[k]))
-            text = "stuck" if d == known[0] else None
-            look: dict[str, Any] = {"linestyle": STYLES[1], "color": colour, "linewidth": 0.8}
-            ax.plot(rpm, campbell.stuck[k], **look, label=_first(text, campbell.stuck[k]))
-        _orders(ax, orders, campbell.speed, 1.05 * top)
-        for row in range(len(campbell.order)):
-            for speeds, marker in ((campbell.order_free, "o"), (campbell.order_stuck, "x")):
-                place = speeds[row] * RPM, campbell.order[row] * speeds[row] / (2.0 * np.pi)
-                if campbell.order[row] in orders:
-                    ax.plot(*place, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
-        _damped(ax, campbell, orders)
-        ax.set(xlabel=SPEED, ylabel="Frequency (Hz)", xlim=(rpm[0], rpm[-1]), ylim=(0.0, 1.05 * top))
-    return ax
-
-
-def _first(label: str | None, lines: NDArray) -> Any:
-    """A label for the first of several lines drawn together."""
-    return [label, *[None] * (lines.shape[1] - 1)]
+    rpm, top = campbell.rpm, 1.05 * float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
+    for d, colour in zip(known, colours(len(known))):
+        k, name = campbell.row(d), f"free, nodal diameter {d}" if len(known) < 4 else "free"
+        for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):
+            drawn = ax.plot(rpm, lines, linestyle=style, color=colour, linewidth=0.8)
+            drawn[0].set_label(once(ax, label))
+    _orders(ax, orders, campbell.speed, top)
+    for speeds, marker in ((campbell.order_free, "o"), (campbell.order_stuck, "x")):
+        for order, speed in zip(campbell.order, speeds):
+            if order in orders:
+                place = speed * RPM, order * speed / (2.0 * np.pi)
+                ax.plot(*place, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
+    damped = [pair for found in campbell.damped for pair in zip(found.points, found.values)]
+    masses = sorted({at["damper_mass"] for at, _ in damped})
+    for at, value in damped:
+        if value and at["engine_order"] in orders:
+            look = looks(len(masses))[masses.index(at["damper_mass"])]
+            look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
+            look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
+            ax.plot(value["speed"] * RPM, value["frequency"], **look)
+    ax.set(xlabel=SPEED, ylabel="Frequency (Hz)", xlim=(rpm[0], rpm[-1]), ylim=(0.0, top))
 
 
 def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
@@ -78,129 +62,82 @@ def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
         ax.annotate(f"EO {order}", place, fontsize=6.5, color="0.3", ha="right", va="bottom")
 
 
-def _damped(ax: Axes, campbell: Campbell, orders: list[int]) -> None:
-    """Damped crossings, by mass of the damper."""
-    masses = sorted({float(f) for found in campbell.damped for f in found.mass_factor})
-    shades = dict(zip(masses, colours(len(masses))))
-    for found in campbell.damped:
-        for i in np.flatnonzero(np.isin(found.engine_order, orders)):
-            factor = float(found.mass_factor[i])
-            label = f"damped, {1e3 * found.mass[i]:.3g} g"
-            known = label in ax.get_legend_handles_labels()[1]
-            marker = MARKERS[masses.index(factor) % len(MARKERS)]
-            ax.plot(found.rpm[i], found.frequency[i], marker, color=shades[factor], markeredgecolor="k", markersize=5.0,
-                    zorder=4, linestyle="none", label=None if known else label)  # fmt: skip
-
-
-@draws(Campbell, "plot_safe")
-def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes | None = None, *, title: str = "") -> Axes:
+@picture(Campbell, "plot_safe")
+def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) -> None:
     """Interference (SAFE) diagram: modes over nodal diameter at one speed, with the line of the excitation.
+
+    The excitation has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that an order EO meets: a line that is folded
+    back at half the number of blades.  A resonance is where a mode lies on it.
 
     Parameters
     ----------
     campbell : Campbell
     speed : float, rad/s, optional
         The nearest of those that the diagram has; the highest by default.
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        The excitation has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that an order EO meets: a line that is
-        folded back at half the number of blades.  A resonance is where a mode lies on it.
     """
     i = len(campbell.speed) - 1 if speed is None else int(np.argmin(np.abs(campbell.speed - speed)))
-    omega, half = float(campbell.speed[i]), campbell.n_blades // 2
-    d, free, stuck = campbell.nodal_diameter, campbell.free[:, i], campbell.stuck[:, i]
+    omega, half, d = float(campbell.speed[i]), campbell.n_blades // 2, campbell.nodal_diameter
+    free, stuck = campbell.free[:, i], campbell.stuck[:, i]
     top = 1.1 * float(np.nanmax(stuck))
-    with drawing(ax, title=title or f"{omega * RPM:.0f} rpm", legend=7.0) as ax:
-        most = max(int(2.0 * np.pi * top / omega), 1)
-        orders = np.arange(most + 1)
-        places = np.array([campbell.met_by(int(o)) for o in orders])
-        ax.plot(places, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
-        for order in campbell.engine_order.tolist():
-            place = campbell.met_by(order), order * omega / (2.0 * np.pi)
-            if place[1] <= top:
-                ax.plot(*place, "s", color="0.6", markersize=3.0)
-                ax.annotate(f" {order}", place, fontsize=6.5, color="0.3", va="top")
-        for m, colour in enumerate(colours(free.shape[1])):
-            ax.plot(d, free[:, m], marker=MARKERS[m % len(MARKERS)], markersize=4.0, color=colour, linewidth=0.6,
-                    label=f"mode {m + 1}, free")  # fmt: skip
-            ax.plot(d, stuck[:, m], marker=MARKERS[m % len(MARKERS)], markersize=4.0, color=colour, markerfacecolor="w",
-                    linestyle=STYLES[1], linewidth=0.6, label="stuck" if m == 0 else None)  # fmt: skip
-        ax.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", xlim=(-0.5, min(half, d.max() + 5) + 0.5), ylim=(0.0, top))
-    return ax
+    orders = np.arange(max(int(2.0 * np.pi * top / omega), 1) + 1)
+    places = np.array([campbell.met_by(int(o)) for o in orders])
+    ax.plot(places, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
+    for order in campbell.engine_order.tolist():
+        place = campbell.met_by(order), order * omega / (2.0 * np.pi)
+        if place[1] <= top:
+            ax.plot(*place, "s", color="0.6", markersize=3.0)
+            ax.annotate(f" {order}", place, fontsize=6.5, color="0.3", va="top")
+    for m, look in enumerate(looks(free.shape[1])):
+        look |= {"markersize": 4.0, "linewidth": 0.6}
+        ax.plot(d, free[:, m], **{**look, "linestyle": "-"}, label=f"mode {m + 1}, free")
+        ax.plot(d, stuck[:, m], **{**look, "linestyle": STYLES[1]}, markerfacecolor="w", label=once(ax, "stuck"))
+    ax.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", xlim=(-0.5, min(half, d.max() + 5) + 0.5), ylim=(0.0, top))
+    ax.set_title(f"{omega * RPM:.0f} rpm")
 
 
-@draws(Crossings)
-def plot_crossings(
-    found: Crossings,
-    ax: Axes | None = None,
-    *,
-    quantity: str = "amplitude",
-    title: str = "",
-) -> Axes:
+@picture()
+def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
     """Amplitude or margin at the crossings over speed, a colour and marker for each mass of the damper.
 
+    Each crossing has its engine order.
+
     Parameters
     ----------
-    found : Crossings
-    ax : matplotlib axes, optional
+    found : SweepResult
+        As :meth:`bdamper.Study.crossings` returns it.
     quantity : {"amplitude", "margin"}
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        Each crossing with its engine order; thin lines are the responses along the lines of the orders.
     """
     validate.choice("quantity", quantity, ("amplitude", "margin"))
-    value = np.asarray(getattr(found, quantity))
+    validate.instance("found", found, SweepResult)
+    value, speed, mass = (found.array(name) for name in (quantity, "speed", "mass"))
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")
-    masses = np.unique(found.mass_factor)
-    with drawing(ax, title=title, legend=7.0) as ax:
-        for j, (factor, colour) in enumerate(zip(masses, colours(len(masses)))):
-            rows = np.flatnonzero(found.mass_factor == factor)
-            rows = rows[np.argsort(found.speed[rows])]
-            for i in rows:
-                line: SpeedLine = found.lines[i]
-                height = getattr(line, quantity)
-                some = np.isfinite(height)
-                ax.plot(line.speed[some] * RPM, height[some], color=colour, linewidth=0.5, alpha=0.6)
-            ax.plot(found.rpm[rows], value[rows], marker=MARKERS[j % len(MARKERS)], markersize=5.0, color=colour,
-                    linestyle="none", label=f"damper {1e3 * found.mass[rows[0]]:.3g} g")  # fmt: skip
-            if j == len(masses) - 1:
-                for i in rows[found.found[rows]]:
-                    ax.annotate(f"EO {found.engine_order[i]}", (found.rpm[i], value[i]), fontsize=6.5, color="0.3",
-                                textcoords="offset points", xytext=(4, 4))  # fmt: skip
-        if quantity == "margin":
-            ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
-        label = "Resonance amplitude (m)" if quantity == "amplitude" else "Margin against fatigue"
-        ax.set(xlabel=SPEED, ylabel=label, yscale="log")
-    return ax
+    for omega, height, own, look in zip(speed, value, mass, looks(len(value))):
+        look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(own):.3g} g"}
+        ax.plot(omega * RPM, height, **look)
+    for at, omega, height in zip(found.points, speed[-1], value[-1]):
+        if np.isfinite(omega):
+            ax.annotate(f"EO {at['engine_order']}", (omega * RPM, height), fontsize=6.5, color="0.3",
+                        textcoords="offset points", xytext=(4, 4))  # fmt: skip
+    if quantity == "margin":
+        ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
+    label = "Resonance amplitude (m)" if quantity == "amplitude" else "Margin against fatigue"
+    ax.set(xlabel=SPEED, ylabel=label, yscale="log")
 
 
-@draws(RunUp)
-def plot_run_up(result: RunUp, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Amplitude over speed along the line of an engine order.
+@picture()
+def plot_run_up(result: Curve, ax: Axes = NEW) -> None:
+    """Amplitude over speed along the line of an engine order; the highest point is a filled circle.
 
     Parameters
     ----------
-    result : RunUp
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        The highest point is a filled circle, the peak at fixed speed beside it an open square.
+    result : Curve
+        As :meth:`bdamper.Study.run_up` returns it.
     """
-    with drawing(ax, title=title or f"engine order {result.engine_order}", legend=7.0) as ax:
-        ax.plot(result.rpm, result.amplitude, color="k", linewidth=1.0, label="run-up")
-        ax.plot(result.peak_speed * RPM, result.peak_amplitude, "o", color="k", markersize=5.0, label="highest")
-        ax.plot(result.fixed_speed * RPM, result.fixed_speed_amplitude, "s", color="0.4", markerfacecolor="none",
-                markersize=7.0, label="peak at fixed speed", linestyle="none")  # fmt: skip
-        ax.set(xlabel=SPEED, ylabel="Amplitude (m)")
-    return ax
+    speed = validate.instance("result", result, Curve).speed
+    if speed is None:
+        raise validate.unfit("result", "a curve of Study.run_up", result)
+    ax.plot(speed * RPM, result.amplitude, color="k", linewidth=1.0, label="run-up")
+    top = result.peak
+    ax.plot(speed[top.index] * RPM, top.amplitude, "o", color="k", markersize=5.0, label="highest")
+    ax.set(xlabel=SPEED, ylabel="Amplitude (m)", yscale="log", title=f"engine order {result.settings['engine_order']}")

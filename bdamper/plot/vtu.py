@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bdamper.model.model import Model
 from bdamper.plot.motion import surface_motion
+from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError, needed
@@ -65,6 +66,7 @@ def export_modes(
     return Path(path)
 
 
+@asked
 def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
     """Write the motion of every body with a surface at one solution: mean, real and imaginary part of the vibration.
 
@@ -88,7 +90,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     SettingError
         If the model has no surface, or one without mode shapes at the nodal diameter of the excitation.
     """
-    if not validate.instance("study", problem, Problem).model.meshes:
+    if not problem.model.meshes:
         raise SettingError("export of a response: expected a model with the surface of a body, found none")
     meshio = needed("meshio", "export to VTU", "viz")
     out = []

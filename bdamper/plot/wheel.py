@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import MARKERS, STYLES, band, colours, drawing, limit_line, lost, over_preload
+from bdamper.plot.axes import NEW, STYLES, band, colours, limit_line, looks, lost, picture
+from bdamper.plot.table import draw_table
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
+from bdamper.util.kept import Marched
 from bdamper.util.plotting import draws
 from bdamper.util.status import HELD
 from bdamper.util.tables import label
 from bdamper.util.text import amount
-from bdamper.wheel.kept import WheelKept
 from bdamper.wheel.mistuning import Mistuning
 from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.results import WheelCurve, WheelPeak
@@ -30,62 +31,40 @@ PERCENTILES = (50.0, 95.0)
 _FACTOR = "Amplification of the worst blade"
 
 
-@draws(Mistuning)
-def plot_mistuning(mistuning: Mistuning, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Bars of the frequency deviation of every blade, side by side where its modes differ.
-
-    Parameters
-    ----------
-    mistuning : Mistuning
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-    """
+@picture(Mistuning)
+def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
+    """Bars of the frequency deviation of every blade, side by side where its modes differ."""
     values = 100.0 * mistuning.deviation.reshape(mistuning.n_blades, -1)
     n = values.shape[1]
-    with drawing(ax, title=title, legend=7.0 if n > 1 else None) as ax:
-        for k, (column, colour) in enumerate(zip(values.T, colours(n))):
-            place = np.arange(mistuning.n_blades) + (k - 0.5 * (n - 1)) * 0.8 / n
-            ax.bar(place, column, width=0.8 / n, color=colour, edgecolor="k", linewidth=0.3, label=f"mode {k + 1}")
-        ax.axhline(0.0, color="k", linewidth=0.6)
-        ax.set(xlabel="Blade", ylabel="Frequency deviation (%)")
-    return ax
+    for k, (column, colour) in enumerate(zip(values.T, colours(n))):
+        look = {"color": colour, "edgecolor": "k", "linewidth": 0.3, "label": f"mode {k + 1}" if n > 1 else None}
+        ax.bar(np.arange(mistuning.n_blades) + (k - 0.5 * (n - 1)) * 0.8 / n, column, 0.8 / n, **look)
+    ax.axhline(0.0, color="k", linewidth=0.6)
+    ax.set(xlabel="Blade", ylabel="Frequency deviation (%)")
 
 
-@draws(WheelCurve)
-def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve | None = None, title: str = "") -> Axes:
+@picture(WheelCurve)
+def plot_wheel_curve(curve: WheelCurve, ax: Axes = NEW, *, tuned: Curve | None = None) -> None:
     """Envelope over all blades through the folds, above the curves of the single blades.
 
     Parameters
     ----------
     curve : WheelCurve
-    ax : matplotlib axes, optional
     tuned : Curve, optional
         Of the tuned wheel at the same preload, ``wheel.tuned().track(...)``: a thin line that bears its name.
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
     """
     _, blade = curve.highest
-    with drawing(ax, title=title or f"{amount(curve.preload, 'N')}, {curve.response.shape[1]} blades", legend=7.0) as ax:
-        apart = np.flatnonzero(np.diff(curve.branch)) + 1  # no line from branch to branch
-        frequency, amplitude = np.insert(curve.frequency, apart, np.nan), np.insert(curve.amplitude, apart, np.nan, axis=0)
-        lines = ax.plot(frequency, amplitude, color="0.75", linewidth=0.5)
-        lines[0].set_label("single blades")
-        ax.plot(frequency, amplitude[:, blade], color=colours(3)[1], linewidth=0.9, label=f"blade {blade}")
-        ax.plot(frequency, amplitude.max(axis=1), color="k", label="highest blade")
-        if len(curve.folds):
-            at = curve.folds
-            ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
-        if tuned is not None and len(tuned):
-            limit_line(ax, "tuned", tuned.frequency, tuned.amplitude, tuned.peak.frequency)
-        ax.set(xlabel=label(WheelCurve, "frequency"), ylabel="Amplitude (m)")
-    return ax
+    apart = np.flatnonzero(np.diff(curve.branch)) + 1  # no line from branch to branch
+    frequency, amplitude = np.insert(curve.frequency, apart, np.nan), np.insert(curve.amplitude, apart, np.nan, axis=0)
+    ax.plot(frequency, amplitude, color="0.75", linewidth=0.5)[0].set_label("single blades")
+    ax.plot(frequency, amplitude[:, blade], color=colours(3)[1], linewidth=0.9, label=f"blade {blade}")
+    ax.plot(frequency, amplitude.max(axis=1), color="k", label="highest blade")
+    if len(at := curve.folds):
+        ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
+    if tuned is not None and len(tuned):
+        limit_line(ax, "tuned", tuned.frequency, tuned.amplitude, tuned.peak.frequency)
+    ax.set(xlabel=label(WheelCurve, "frequency"), ylabel="Amplitude (m)")
+    ax.set_title(f"{amount(curve.preload, 'N')}, {curve.response.shape[1]} blades")
 
 
 def _on_a_grid(curve: WheelCurve, n: int) -> tuple[NDArray, NDArray]:
@@ -101,79 +80,77 @@ def _on_a_grid(curve: WheelCurve, n: int) -> tuple[NDArray, NDArray]:
     return grid, out
 
 
-@draws(WheelCurve, "plot_map")
-def plot_wheel_map(curve: WheelCurve, ax: Axes | None = None, *, title: str = "") -> Axes:
+@picture(WheelCurve, "plot_map")
+def plot_wheel_map(curve: WheelCurve, ax: Axes = NEW) -> None:
     """Amplitude of every blade over frequency as a map, light where it is high.
 
-    Parameters
-    ----------
-    curve : WheelCurve
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
+    Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
     """
     i, blade = curve.highest
     frequency, amplitude = _on_a_grid(curve, 400)
-    with drawing(ax, title=title or amount(curve.preload, "N")) as ax:
-        ax.grid(False)
-        edges = np.arange(amplitude.shape[1] + 1) - 0.5
-        step = 0.5 * (frequency[1] - frequency[0])
-        across = np.append(frequency - step, frequency[-1] + step)
-        image = ax.pcolormesh(across, edges, amplitude.T, cmap="viridis", vmin=0.0, rasterized=True)
-        circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
-        ax.plot(curve.frequency[i], blade, "o", **circle, clip_on=False)
-        figure: Any = ax.figure
-        figure.colorbar(image, ax=ax, label="Amplitude (m)")
-        ax.set(xlabel=label(WheelCurve, "frequency"), ylabel=label(WheelCurve, "blade"))
-    return ax
+    ax.grid(False)
+    blades = np.arange(amplitude.shape[1])
+    image = ax.pcolormesh(frequency, blades, amplitude.T, cmap="viridis", vmin=0.0, rasterized=True, shading="nearest")
+    circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
+    ax.plot(curve.frequency[i], blade, "o", **circle, clip_on=False)
+    ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
+    ax.set(xlabel=label(WheelCurve, "frequency"), ylabel=label(WheelCurve, "blade"), title=amount(curve.preload, "N"))
 
 
-@draws(WheelPeak)
-def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Bars of the amplitudes of all blades at the highest peak, the tuned peak as a line, the highest blade dark.
+def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
+    """A bar for each blade, that of one of them dark."""
+    shade = np.where(np.arange(len(heights)) == blade, "0.15", "0.65")
+    ax.bar(np.arange(len(heights)), heights, color=shade, edgecolor="k", linewidth=0.3, **look)
+    ax.set(xlabel="Blade", ylabel="Amplitude (m)")
 
-    Parameters
-    ----------
-    peak : WheelPeak
-    ax : matplotlib axes, optional
-    title : str
 
-    Returns
-    -------
-    matplotlib axes
-    """
+@picture(WheelPeak)
+def plot_wheel_peak(peak: WheelPeak, ax: Axes = NEW) -> None:
+    """Bars of the amplitudes of all blades at the highest peak, the tuned peak as a line, the highest blade dark."""
     if not peak.found:
         raise BdamperError(f"picture of a peak: expected a converged one, found {peak.status} ({peak.reason})")
-    title = title or f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, amplification factor {peak.amplification:.3f}"
-    title += "" if peak.converged else ", dampers held" if peak.springs else f", {peak.status}"
-    with drawing(ax, title=title, legend=7.0) as ax:
-        shade = np.where(np.arange(len(peak.amplitudes)) == peak.blade, "0.15", "0.65")
-        ax.bar(np.arange(len(peak.amplitudes)), peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
-        ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
-        ax.set(xlabel="Blade", ylabel="Amplitude (m)")
-    return ax
+    _bars(ax, peak.amplitudes, peak.blade)
+    ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
+    known = "" if peak.converged else ", dampers held" if peak.springs else f", {peak.status}"
+    factor = f"amplification factor {peak.amplification:.3f}{known}"
+    ax.set_title(f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {factor}")
 
 
-@draws(WheelKept)
-def plot_wheel_kept(kept: WheelKept, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Bars of what all blades keep, with the range of the last periods, and the peak of the harmonic balance as a line."""
-    title = title or f"Peak of blade {kept.blade}{'' if kept.mean > 0.0 else ' not'} kept, {amount(kept.preload, 'N')}"
-    with drawing(ax, title=title, legend=7.0) as ax:
-        mean = kept.blades.mean(axis=0)
-        shade = np.where(np.arange(len(mean)) == kept.blade, "0.15", "0.65")
-        bars = [mean - kept.blades.min(axis=0), kept.blades.max(axis=0) - mean]
-        ax.bar(np.arange(len(mean)), mean, yerr=bars, color=shade, edgecolor="k", linewidth=0.3, capsize=2.0, ecolor="0.4")
-        ax.axhline(kept.balance, color="k", linewidth=1.0, label="harmonic balance")
-        ax.set(xlabel="Blade", ylabel="Amplitude in time, mean and range (m)")
-    return ax
+@picture(Marched)
+def plot_blades(found: Marched, ax: Axes = NEW) -> None:
+    """Bars of the mean amplitudes of all blades in time, with their ranges over the last periods; the highest is dark.
+
+    The peak of the harmonic balance is a line.  One motion is drawn as the amplitude of each period, with mean and range of
+    the half that counts.
+    """
+    if len(found.harmonics):
+        _plot_periods(ax, found)
+        return
+    if not found.blades.size:
+        raise BdamperError(f"picture of a march: expected one in which blades were marched, found none ({found.status})")
+    mean = found.blades.mean(axis=0)
+    ends = [mean - found.blades.min(axis=0), found.blades.max(axis=0) - mean]
+    _bars(ax, mean, found.blade, yerr=ends, capsize=2.0, ecolor="0.4")
+    ax.axhline(found.balance, color="k", linewidth=1.0, label="harmonic balance")
+    none = "" if found.mean > 0.0 else ", no steady state near the peak"
+    title = f"{amount(found.preload, 'N')}, {found.frequency:.5g} Hz{none}"
+    ax.set(ylabel="Amplitude in time, mean and range (m)", title=title)
 
 
-@draws(WheelPeak, "plot_wheel")
-def plot_wheel(peak: WheelPeak, model: Model, ax: Axes | None = None, *, mode: int = 1, title: str = "") -> Axes:
+def _plot_periods(ax: Axes, found: Marched) -> None:
+    half = [len(found.period) // 2, len(found.period) - 1]
+    ax.fill_between(half, found.lowest, found.highest, color="0.85", label="range")
+    draw_table(ax, found, "period", "amplitude", color="0.2", linewidth=0.9, marker="", label="each period")
+    ax.plot(half, [found.mean] * 2, color="k", linewidth=2.0, label="mean")
+    if np.isfinite(found.balance):
+        ax.axhline(found.balance, color="k", linestyle="-.", linewidth=1.0, label="harmonic balance")
+    verdict = f": {found.verdict}" if found.verdict else ""
+    title = f"{found.frequency:.6g} Hz, preload {amount(found.preload, 'N')}{verdict}"
+    ax.set(xlabel="Period of the excitation", title=title)
+
+
+@picture(WheelPeak, "plot_wheel", size=(5.6, 4.4))
+def plot_wheel(peak: WheelPeak, model: Model, ax: Axes = NEW, *, mode: int = 1) -> None:
     """The wheel from the front, blades coloured by their amplitude at the highest peak; the number of the highest is bold.
 
     Parameters
@@ -181,14 +158,8 @@ def plot_wheel(peak: WheelPeak, model: Model, ax: Axes | None = None, *, mode: i
     peak : WheelPeak
     model : Model
         Of the wheel, with a surface of the blade that carries mode shapes.
-    ax : matplotlib axes, optional
     mode : int
         Of the tuned wheel, from 1, whose shape spreads the amplitude over each blade.
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
     """
     if not peak.found or len(peak.amplitudes) != model.n_blades:
         found = f"{peak.status}, {len(peak.response)} blades"
@@ -200,194 +171,150 @@ def plot_wheel(peak: WheelPeak, model: Model, ax: Axes | None = None, *, mode: i
     turns = [turn(2.0 * np.pi * k / model.n_blades) for k in range(model.n_blades)]
     faces = np.concatenate([(mesh.points @ t.T)[mesh.quads] for t in turns])
     front = np.argsort(faces[..., 2].mean(axis=1))
+    seen = PolyCollection(list(faces[front, :, :2]), cmap="viridis", edgecolors="face", linewidths=0.3, rasterized=True)
+    seen.set_array(np.outer(peak.amplitudes, shape / shape.max()).ravel()[front])
+    seen.set_clim(0.0, peak.amplitude)
+    ax.add_collection(seen)
+    reach = 1.07 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
+    for k in {*range(0, model.n_blades, 10), peak.blade}:
+        x, y = reach * (turns[k] @ [0.0, 1.0, 0.0])[:2]
+        weight = "bold" if k == peak.blade else "normal"
+        ax.text(x, y, str(k), ha="center", va="center", fontsize=7.0, weight=weight, clip_on=False)
     top = f"blade {peak.blade} highest, {amount(peak.amplitude, 'm')}"
-    title = title or f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {top}"
-    with drawing(ax, size=(5.6, 4.4), title=title) as ax:
-        seen = PolyCollection(list(faces[front, :, :2]), cmap="viridis", edgecolors="face", linewidths=0.3, rasterized=True)
-        seen.set_array(np.outer(peak.amplitudes, shape / shape.max()).ravel()[front])
-        seen.set_clim(0.0, peak.amplitude)
-        ax.add_collection(seen)
-        reach = 1.07 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
-        for k in {*range(0, model.n_blades, 10), peak.blade}:
-            x, y = reach * (turns[k] @ [0.0, 1.0, 0.0])[:2]
-            weight = "bold" if k == peak.blade else "normal"
-            ax.text(x, y, str(k), ha="center", va="center", fontsize=7.0, weight=weight, clip_on=False)
-        ax.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
-        ax.set_axis_off()
-        figure: Any = ax.figure
-        figure.colorbar(seen, ax=ax, label="Amplitude (m)", shrink=0.8)
-    return ax
+    ax.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+    ax.set_title(f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {top}")
+    ax.set_axis_off()
+    ax.figure.colorbar(seen, ax=ax, label="Amplitude (m)", shrink=0.8)
 
 
 def _of(sample: MistunedSample, i: int, n: int) -> str:
+    """What a picture of some wheels of one standard deviation is of."""
     return f"{n} wheels, blade frequencies {100.0 * sample.standard_deviation[i]:g} % (standard deviation)"
 
 
 @draws(MistunedSample)
-def plot_sample(
-    sample: MistunedSample, ax: Axes | None = None, *, percentiles: Sequence[float] = PERCENTILES, title: str = ""
-) -> Axes:
-    """Percentiles of the amplification factor over the standard deviation of mistuning, a colour for each preload.
+def plot_sample(sample: MistunedSample, ax: Axes | None = None, **options: Any) -> Any:
+    """Percentiles of the amplification factor over the standard deviation of mistuning (:func:`plot_sample_mistuning`).
 
     A sample of one standard deviation is drawn over the preload (:func:`plot_sample_preload`).
+    """
+    if len(sample.standard_deviation) == 1:
+        return plot_sample_preload(sample, ax=ax, quantity="amplification", **options)
+    return plot_sample_mistuning(sample, ax, **options)
+
+
+@picture()
+def plot_sample_mistuning(sample: MistunedSample, ax: Axes = NEW, *, percentiles: Sequence[float] = PERCENTILES) -> None:
+    """Percentiles of the amplification factor over the standard deviation of mistuning, a colour for each preload.
 
     Parameters
     ----------
     sample : MistunedSample
-    ax : matplotlib axes, optional
     percentiles : sequence of float
-        Up to four, the last one with its confidence interval of 95 %, as far as the sample bounds it.
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
+        Up to four, the last one with its confidence interval of 95 %, which has the errors of the peaks, as far as the
+        sample bounds it.
     """
-    if len(sample.standard_deviation) == 1:
-        return plot_sample_preload(sample, ax=ax, quantity="amplification", percentiles=percentiles, title=title)
-    styles = STYLES[3::-1]
-    x = 100.0 * sample.standard_deviation
-    bands = {q: sample.percentile(q) for q in percentiles[-len(styles) :]}
-    with drawing(ax, title=title or f"{len(sample)} wheels", legend=7.0) as ax:
-        for j, (preload, colour) in enumerate(zip(sample.preload, colours(len(sample.preload)))):
-            for k, (q, (low, value, high)) in enumerate(bands.items()):
-                last = k == len(bands) - 1
-                marker = MARKERS[j % len(MARKERS)] if last else ""
-                line = {"color": colour, "linestyle": styles[k - len(bands)], "marker": marker, "markersize": 4.0}
-                ax.plot(x, value[:, j], **line, label=amount(float(preload), "N") if last else None)
-                if last:
-                    band(ax, x, low[:, j], high[:, j], colour)
-        for k, q in enumerate(bands):
-            ax.plot([], [], color="0.3", linestyle=styles[k - len(bands)], label=f"{q:g} % of wheels")
-        if sample.held:
-            ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
-        ax.set(xlabel="Standard deviation of blade frequencies (%)", ylabel=_FACTOR)
-    return ax
+    x, styles = 100.0 * sample.standard_deviation, STYLES[3::-1][-len(percentiles) :]
+    bands = [(sample.percentile(q), f"{q:g} % of wheels", style) for q, style in zip(percentiles[-4:], styles)]
+    for j, (preload, look) in enumerate(zip(sample.preload, looks(len(sample.preload)))):
+        for (_, value, _), _, style in bands:
+            ax.plot(x, value[:, j], color=look["color"], linestyle=style)
+        low, value, high = bands[-1][0][..., j]
+        ax.plot(x, value, **{**look, "linestyle": ""}, label=amount(float(preload), "N"))
+        band(ax, x, low, high, look["color"])
+    for _, name, style in bands:
+        ax.plot([], [], color="0.3", linestyle=style, label=name)
+    if sample.held:
+        ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
+    ax.set(xlabel="Standard deviation of blade frequencies (%)", ylabel=_FACTOR, title=f"{len(sample)} wheels")
 
 
-@draws(MistunedSample, "plot_tail")
+@picture(MistunedSample, "plot_tail")
 def plot_sample_tail(
-    sample: MistunedSample,
-    standard_deviation: float | None = None,
-    preload: float | None = None,
-    ax: Axes | None = None,
-    *,
-    tail: float = 0.5,
-    title: str = "",
-) -> Axes:
+    sample: MistunedSample, standard_deviation: float | None = None, preload: float | None = None, ax: Axes = NEW,
+    *, tail: float = 0.5,
+) -> None:  # fmt: skip
     """Histogram of the amplification factors of one cell, with the Weibull distribution fitted to its tail.
+
+    The 95th percentile has its confidence interval with the errors of the peaks, to the edge where the sample does not
+    bound it.
 
     Parameters
     ----------
     sample : MistunedSample
     standard_deviation, preload : float, optional
         Of the cell; the last ones by default.
-    ax : matplotlib axes, optional
     tail : float
         Share of the wheels that the fit sees.
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        The 95th percentile has its confidence interval, to the edge where the sample does not bound it.
     """
     i, j = sample.cell(standard_deviation, preload)
     x = sample.amplification[:, i, j]
     x = x[np.isfinite(x)]
     fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
-    title = title or f"{_of(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}"
-    with drawing(ax, title=title, legend=7.0) as ax:
-        _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
-        at = np.linspace(fit.threshold, fit.percentile(100.0 - 2.0 / len(x)), 2000)
-        in_a_bar = len(x) * (edges[1] - edges[0])
-        bound = f"bound {fit.bound:.3g}" if fit.bound < 2.0 * at[-1] else "bound not seen"
-        ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, {bound}")
-        low, value, high = sample.percentile(95.0)[:, i, j]
-        ax.axvline(value, color="0.45", linewidth=1.0, label=f"at most {value:.3g} in 95 % of wheels")
-        ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0, label="its interval of 95 %")
-        ax.locator_params(axis="y", integer=True)
-        ax.set(xlabel=_FACTOR, ylabel="Number of wheels")
-    return ax
+    _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
+    at = np.linspace(fit.threshold, fit.percentile(100.0 - 2.0 / len(x)), 2000)
+    in_a_bar = len(x) * (edges[1] - edges[0])
+    bound = f"bound {fit.bound:.3g}" if fit.bound < 2.0 * at[-1] else "bound not seen"
+    ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, {bound}")
+    low, value, high = sample.percentile(95.0)[:, i, j]
+    ax.axvline(value, color="0.45", linewidth=1.0, label=f"at most {value:.3g} in 95 % of wheels")
+    ends = max(low, x.min()), high if np.isfinite(high) else at[-1]
+    ax.axvspan(*ends, color="k", alpha=0.1, linewidth=0.0, label="interval of 95 %, with errors")
+    ax.locator_params(axis="y", integer=True)
+    ax.set(xlabel=_FACTOR, ylabel="Number of wheels")
+    ax.set_title(f"{_of(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}")
 
 
-@draws(MistunedSample, "plot_preload")
+@picture(MistunedSample, "plot_preload")
 def plot_sample_preload(
-    sample: MistunedSample,
-    standard_deviation: float | None = None,
-    ax: Axes | None = None,
-    *,
-    quantity: str = "amplitude",
+    sample: MistunedSample, standard_deviation: float | None = None, ax: Axes = NEW, *, quantity: str = "amplitude",
     percentiles: Sequence[float] = PERCENTILES,
-    title: str = "",
-) -> Axes:
+) -> None:  # fmt: skip
     """Percentiles of the worst blade's amplitude over the preload, beside the tuned wheel, or of its amplification.
+
+    Stars mark the least value of each line among the preloads asked.
 
     Parameters
     ----------
     sample : MistunedSample
     standard_deviation : float, optional
         The last one by default.
-    ax : matplotlib axes, optional
     quantity : {"amplitude", "amplification"}
     percentiles : sequence of float
-        Bands are their intervals of 95 %, and end where the sample does not bound them.
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        Stars mark the least value of each line among the preloads asked.
+        Bands are their intervals of 95 % with the errors of the peaks, and end where the sample does not bound them.
     """
     i, _ = sample.cell(standard_deviation, None)
     order = np.argsort(sample.preload)
     x = sample.preload[order]
-    with drawing(ax, title=title or _of(sample, i, len(sample)), legend=7.0) as ax:
-        for k, (q, colour) in enumerate(zip(percentiles, colours(len(percentiles))[::-1])):
-            low, value, high = sample.percentile(q, quantity)[:, i, order]
-            ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"at most, in {q:g} % of wheels")
-            band(ax, x, low, high, colour)
-            best = int(np.argmin(value))
-            ax.plot(x[best], value[best], "*", color=colour, markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)
-        tuned = sample.tuned_amplitude[order] / (1.0 if quantity == "amplitude" else sample.tuned_amplitude[order])
-        limit_line(ax, "tuned wheel", x, tuned, x[-1])
-        over_preload(ax, MistunedSample)
-        if quantity == "amplification":
-            ax.set(yscale="linear", ylabel=_FACTOR)
-    return ax
+    for q, look in zip(percentiles, looks(len(percentiles))[::-1]):
+        low, value, high = sample.percentile(q, quantity)[:, i, order]
+        ax.plot(x, value, **look, label=f"at most, in {q:g} % of wheels")
+        band(ax, x, low, high, look["color"])
+        best = int(np.argmin(value))
+        ax.plot(x[best], value[best], "*", color=look["color"], markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)
+    relative = quantity == "amplification"
+    tuned = sample.tuned_amplitude[order] / (sample.tuned_amplitude[order] if relative else 1.0)
+    limit_line(ax, "tuned wheel", x, tuned, x[-1])
+    ax.set(xscale="log", yscale="linear" if relative else "log", xlabel=label(MistunedSample, "preload"))
+    ax.set(ylabel=_FACTOR if relative else label(MistunedSample, "amplitude"), title=_of(sample, i, len(sample)))
 
 
-@draws(WheelOptimalCurve)
-def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, title: str = "") -> Axes:
+@picture(WheelOptimalCurve)
+def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes = NEW) -> None:
     """Highest amplitude of any blade over the preload, beside the tuned wheel; stars mark where each is least, or may be.
 
-    Parameters
-    ----------
-    curve : WheelOptimalCurve
-    ax : matplotlib axes, optional
-    title : str
-
-    Returns
-    -------
-    matplotlib axes
-        Preloads without a peak are crosses at the lower edge; held peaks are open circles with their error.
+    Preloads without a peak are crosses at the lower edge; held peaks are open circles with their error.
     """
-    order = np.argsort(curve.preload)
-    x, best = curve.preload[order], curve.candidates
-    none = ~np.isfinite(curve.amplitude[order])
-    with drawing(ax, title=title, legend=7.0) as ax:
-        ax.plot(x, curve.amplitude[order], "-o", color="0.1", markersize=3.5, label="highest blade")
-        held = np.array([s == HELD for s in curve.status]) & np.isfinite(curve.amplitude)
-        if held.any():
-            height = curve.amplitude[held]
-            style: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "w", "color": "0.1", "elinewidth": 0.6}
-            error = np.minimum(curve.error[held], 0.9) * height
-            ax.errorbar(curve.preload[held], height, error, fmt="o", **style, label="held, with error")
-        limit_line(ax, "tuned wheel", x, curve.tuned_amplitude[order], x[-1])
-        ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
-        tuned = int(np.nanargmin(curve.tuned_amplitude))
-        ax.plot(curve.preload[tuned], curve.tuned_amplitude[tuned], "*", color="0.4", markersize=10.0)
-        if none.any():
-            lost(ax, x[none], "0.4", "no peak", 6.0)
-        over_preload(ax, WheelOptimalCurve)
-    return ax
+    order, best, tuned = np.argsort(curve.preload), curve.candidates, int(np.nanargmin(curve.tuned_amplitude))
+    x, missing = curve.preload[order], ~np.isfinite(curve.amplitude)
+    draw_table(ax, curve, "preload", "amplitude", rows=order, label="highest blade")
+    if (held := np.array([s == HELD for s in curve.status]) & ~missing).any():
+        height = curve.amplitude[held]
+        style: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "w", "color": "0.1", "elinewidth": 0.6}
+        error = np.minimum(curve.error[held], 0.9) * height
+        ax.errorbar(curve.preload[held], height, error, fmt="o", **style, label="held, with error")
+    limit_line(ax, "tuned wheel", x, curve.tuned_amplitude[order], x[-1])
+    ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
+    ax.plot(curve.preload[tuned], curve.tuned_amplitude[tuned], "*", color="0.4", markersize=10.0)
+    lost(ax, curve.preload[missing], "0.4", "no peak", 6.0)
+    ax.set(xscale="log", yscale="log")

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from functools import partial
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.coupling import centrifugal_load
 from bdamper.model.validation import as_checked
+from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -23,11 +25,9 @@ from bdamper.util.warn import implausible
 
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
-TIP_SPEED = 800.0
-"""Largest speed (m/s) of a point of a rotor: the longest blades of steam turbines, of titanium, come to some 750."""
-P = TypeVar("P", bound=Problem)
 Table = Mapping[float, float] | Callable[[float], float]
 """A function of one number, or its values: linear in between, and refused outside."""
+Excitations = Callable[[float, int], float] | Mapping[int, Any]
 
 
 def read(name: str, table: Table, at: float) -> float:
@@ -40,18 +40,28 @@ def read(name: str, table: Table, at: float) -> float:
     return float(np.interp(at, places, [table[x] for x in places]))
 
 
-def _check_table(name: str, table: object) -> None:
-    if callable(table):
-        return
-    if not isinstance(table, Mapping) or not table:
+def _table(name: str, table: Table) -> Table:
+    if isinstance(table, Mapping) and table:
+        validate.numbers(f"{name}, where its values are given", list(table))
+        validate.numbers(f"{name}, values", list(table.values()))
+    elif not callable(table):
         raise validate.unfit(name, "a function, or a mapping of numbers to numbers", table)
-    validate.numbers(f"{name}, where its values are given", list(table))
-    validate.numbers(f"{name}, values", list(table.values()))
+    return table
+
+
+def _excitation(name: str, given: Excitations) -> Excitations:
+    if isinstance(given, Mapping) and given:
+        for order, value in given.items():
+            item = f"{name} of engine order {validate.whole(f'{name}, engine order', order, least=1)}"
+            _ = _table(item, value) if isinstance(value, Mapping) else validate.number(item, value, above=0.0, unit="N")
+    elif not callable(given):
+        raise validate.unfit(name, "a function or a mapping of engine order to newtons", given)
+    return given
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What changes with rotor speed besides structure and preload; what is left out stays as the study has it.
+    """Conditions that change with rotor speed besides structure and preload; others are those of the study.
 
     Parameters
     ----------
@@ -64,26 +74,14 @@ class Conditions:
         speed to newtons.
     """
 
-    friction: Table | None = None
-    temperature: Table | None = None
-    excitation: Callable[[float, int], float] | Mapping[int, Any] | None = None
+    friction: Annotated[Table, _table] | None = None
+    temperature: Annotated[Table, _table] | None = None
+    excitation: Annotated[Excitations, _excitation] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("friction", "temperature"):
-            if getattr(self, name) is not None:
-                _check_table(name, getattr(self, name))
+        validate.checked(self)
         if self.temperature is not None and self.friction is None:
             raise SettingError("temperature: expected friction with it, a function or table of temperature, found none")
-        given = self.excitation
-        if given is not None and not callable(given):
-            if not isinstance(given, Mapping) or not given:
-                raise validate.unfit("excitation", "a function or a mapping of engine order to newtons", given)
-            for order, value in given.items():
-                validate.whole("excitation, engine order", order, least=1)
-                if isinstance(value, Mapping):
-                    _check_table(f"excitation of engine order {order}", value)
-                else:
-                    validate.number(f"excitation of engine order {order}", value, above=0.0, unit="N")
 
     @staticmethod
     def of(given: Mapping[str, Any]) -> Conditions:
@@ -146,9 +144,9 @@ def own_preload(problem: Problem) -> float:
     SettingError
         If it is not at a speed.
     """
-    if problem.speed is None:
+    if problem.settings.speed is None:
         raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found one without")
-    return preload_at(problem, problem.speed)
+    return preload_at(problem, problem.settings.speed)
 
 
 Speeds = Sequence[float] | NDArray | float
@@ -171,16 +169,20 @@ def asked_speeds(
         return check("rpm", rpm, above=0.0) / RPM
     values = check("speeds" if check is validate.numbers else "rotor speed", speeds, above=0.0, unit="rad/s")
     radius = max((float(np.hypot(*place.position[:2])) for place in problem.model.locations.values()), default=0.0)
-    if radius * np.max(values) > TIP_SPEED:
+    # largest speed (m/s) of a point of a rotor: the longest blades of steam turbines, of titanium, come to some 750
+    tip_speed = 800.0
+    if radius * np.max(values) > tip_speed:
         implausible(
             "rotor speed",
-            f"at most {TIP_SPEED / radius:.0f} rad/s, {TIP_SPEED:g} m/s at a radius of {radius:.3g} m",
+            f"at most {tip_speed / radius:.0f} rad/s, {tip_speed:g} m/s at a radius of {radius:.3g} m",
             f"{np.max(values):g}: revolutions per minute suspected, which are given as rpm={short(speeds)}",
         )
     return values
 
 
-def at_speed(problem: P, omega: float | None = None, *, rpm: float | None = None, **conditions: Any) -> P:
+@asked
+@partial(validate.spelt, also=Conditions.__dataclass_fields__)
+def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | None = None, **conditions: Any) -> Problem:
     """The same problem at a rotor speed: its model there, friction and excitation by speed where they are given.
 
     Parameters
@@ -206,7 +208,7 @@ def at_speed(problem: P, omega: float | None = None, *, rpm: float | None = None
     return under(problem, asked_speeds(problem, omega, rpm, validate.number), Conditions.of(conditions))
 
 
-def under(problem: P, omega: float, conditions: Conditions) -> P:
+def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
     """See :func:`at_speed`; for conditions that are made already."""
     changes: dict[str, Any] = {"model": as_checked(problem.model.at_speed(omega)), "speed": omega}
     mu = conditions.friction_at(omega)
@@ -215,4 +217,4 @@ def under(problem: P, omega: float, conditions: Conditions) -> P:
     force = conditions.excitation_at(omega, int(problem.engine_order))
     if force is not None:
         changes["excitation"] = replace(problem.excitation, amplitude=force)
-    return replace(problem, **changes)
+    return problem.anew(**changes)

@@ -1,16 +1,17 @@
 """Physical effects that a simulation includes, and what it assumes where one is left out.
 
-Each effect costs unknowns, contact points or a dearer contact law: further harmonics, the mean, the variation of the normal
-load, separation, motions of the damper, elastic modes, constraint planes, contact points.  :class:`Effects` names them all.
-The equations of a study hold nothing of an effect that is off.
+Each effect costs unknowns, contact points or a more expensive contact law: further harmonics, the mean, the variation of
+the normal load, separation, motions of the damper, elastic modes, constraint planes, contact points.  :class:`Effects`
+names them all.  The equations of a study hold nothing of an effect that is off.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
+from bdamper.contact.own_law import ContactLaw
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -53,7 +54,7 @@ class Effects:
         do not separate either.
     separation : bool
         Surfaces may open and close.  Off: friction points that are closed statically stay closed, the others open.
-    friction_law : {"separable", "coupled", "bonded"} or mapping of interface name to these
+    friction_law : {"separable", "coupled", "bonded"}, ContactLaw or mapping of interface name to these
         "separable": each tangential direction slips for itself.  "coupled": the friction force lies in a disk, sampled.
     rotation, translation : sequence of "X", "Y", "Z"
         Rigid-body motions of free bodies about and along their own axes: Y along the load, Z along that of rotation.
@@ -71,7 +72,7 @@ class Effects:
         Modes of each constrained body (at most what the model has).
     """
 
-    harmonics: int | tuple[int, ...] = _effect(
+    harmonics: Annotated[int | tuple[int, ...], check_harmonics] = _effect(
         HARMONICS, "further harmonics of the engine order", "the response is sinusoidal, with or without a mean"
     )
     bias: bool = _effect(True, "mean motion under vibration", "the mean stays at its static value")
@@ -81,36 +82,31 @@ class Effects:
     separation: bool = _effect(
         True, "surfaces open and close within the cycle", "closed points stay closed, open points stay open"
     )
-    friction_law: str | Mapping[str, str] = _effect(
+    friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = _effect(
         "separable", "friction in the contact plane", "separable: each tangential direction slips for itself"
     )
     residual_traction: InitVar[str] = "static"
-    rotation: tuple[str, ...] = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
-    translation: tuple[str, ...] = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
-    damper_modes: int = _effect(0, "elastic damper modes", "the damper is rigid but for its contact stiffness")
+    rotation: Axes = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
+    translation: Axes = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
+    damper_modes: validate.Natural = _effect(0, "elastic damper modes", "the damper is rigid apart from contact stiffness")
     harmonic_nodal_diameters: bool = _effect(
         True, "each harmonic vibrates in its own nodal diameter", "every harmonic has the modes of the first"
     )
     constraints: bool = _effect(True, "constraint planes", "nothing limits the axial motion of the damper")
-    contact_points: int | None = _effect(None, "contact points on each face", "neighbouring patches slip and open together")
+    contact_points: validate.Count | None = _effect(
+        None, "contact points on each face", "neighbouring patches slip and open together"
+    )
     stability: bool = _effect(
         False, "stability of every solution", "a curve that runs back between two folds counts as unstable"
     )
-    blade_modes: int = _effect(
+    blade_modes: validate.Count = _effect(
         BLADE_MODES, "modes of the blade", "higher modes act through the contact stiffness and residual modes alone"
     )
 
     def __post_init__(self, residual_traction: str) -> None:
         check_traction(residual_traction)
-        check_harmonics(self.harmonics)
-        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         check_law(self.friction_law)
-        validate.fields(self, _axes, "rotation", "translation")
-        validate.fields(self, validate.flag, *SWITCHES, "stability")
-        validate.fields(self, validate.whole, "damper_modes")
-        validate.fields(self, validate.whole, "blade_modes", least=1)
-        if self.contact_points is not None:
-            validate.fields(self, validate.whole, "contact_points", least=1)
+        validate.checked(self)
         if not self.variable_normal_load:
             object.__setattr__(self, "separation", False)
 
@@ -131,13 +127,14 @@ class Effects:
 
     @classmethod
     def of(cls, problem: Any) -> Effects:
-        """The effects that a problem includes."""
-        rigid = [name for name in RIGID_NAMES if name in problem.rigid_modes]
+        """The effects that a study, a problem or settings include."""
+        own = getattr(problem, "settings", problem)
+        rigid = [name for name in RIGID_NAMES if name in own.rigid_modes]
         return cls(
-            **{name: getattr(problem, name) for name in AS_NAMED},
+            **{name: getattr(own, name) for name in AS_NAMED},
             rotation=tuple(name[1] for name in rigid if name[0] == "R"),
             translation=tuple(name[1] for name in rigid if name[0] == "T"),
-            harmonic_nodal_diameters=not problem.single_basis,
+            harmonic_nodal_diameters=not own.single_basis,
         )
 
     def settings(self) -> dict[str, Any]:
@@ -192,34 +189,31 @@ class Effects:
         return "\n".join(lines)
 
 
-def check_harmonics(harmonics: int | Sequence[int]) -> None:
-    """Refuse anything but a count from 1 to 64 or a set of harmonics that contains the first."""
+def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
+    """A count from 1 to 64, or a set of harmonics that contains the first."""
     what = f"a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
     several = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
     given: Any = harmonics if several else [harmonics]
     try:
-        known = {validate.whole("harmonics", l, 1, MAX_HARMONIC) for l in given}
+        known = tuple(validate.whole(name, l, 1, MAX_HARMONIC) for l in given)
     except SettingError as error:
-        raise validate.unfit("harmonics", what, harmonics) from error
-    validate.that((1 in known or not several) and len(known) == len(given), "harmonics", what, harmonics)
+        raise validate.unfit(name, what, harmonics) from error
+    validate.that((1 in known or not several) and len(set(known)) == len(given), name, what, harmonics)
+    return known if several else known[0]
 
 
-def check_law(law: str | Mapping[str, str], names: tuple[str, ...] = LAW_NAMES) -> None:
-    """Refuse anything but the name of a friction law, or a mapping of interface names to them."""
+def check_law(law: object, names: tuple[str, ...] = LAW_NAMES) -> None:
+    """Refuse anything but the name of a friction law, a law of the user's own, or a mapping of interface names to them."""
     given = law.values() if isinstance(law, Mapping) else [law]
-    expected = f"one of {names} or a mapping of interface names to {LAW_NAMES}"
-    validate.that(all(isinstance(name, str) and name in LAW_NAMES for name in given), "friction_law", expected, law)
+    expected = f"one of {names}, a ContactLaw or a mapping of interface names to {LAW_NAMES} and these"
+    good = all(isinstance(name, ContactLaw) or (isinstance(name, str) and name in LAW_NAMES) for name in given)
+    validate.that(good, "friction_law", expected, law)
 
 
 def check_traction(traction: str) -> None:
     """Points that never slip keep the friction force of the static state: a setting of earlier versions had other words."""
     expected = "none: points that never slip keep the friction force of the static state"
     validate.that(traction == "static", "residual_traction", expected, traction)
-
-
-def whole_harmonics(harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
-    """A count or set of harmonics as Python's own integers."""
-    return tuple(int(l) for l in harmonics) if isinstance(harmonics, Sequence) else int(harmonics)
 
 
 def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
@@ -236,6 +230,9 @@ def _as_count(numbers: tuple[int, ...]) -> int | tuple[int, ...]:
 def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
     given = validate.names(name, value, AXES)
     return tuple(axis for axis in AXES if axis in given)
+
+
+Axes = Annotated[tuple[str, ...], _axes]
 
 
 def _text(value: object) -> str:

@@ -8,62 +8,73 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
-from typing import Any, Self, TypeVar
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.friction_axes import major_angles, turned
-from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, Sampled
+from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER
 from bdamper.contact.no_separation import without_separation
+from bdamper.contact.own_law import OwnLaws
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, assembly_offsets, scaled_state, static_state
 from bdamper.contact.residual_modes import ResidualModes
-from bdamper.contact.stiffness import Contact, PerArea, StiffnessReport, check_method, contact_stiffness, report
+from bdamper.contact.stiffness import Contact, StiffnessReport, check_method, report
 from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
-from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.model.coarsening import unite_contact_points, united_gap, united_stiffness
-from bdamper.model.coupling import Coordinate, Coupling, HarmonicBasis, damper_drag, retained_modes, standard_rigid_modes
+from bdamper.harmonic_balance.equations import Equations, Layout
+from bdamper.harmonic_balance.system import Sector
+from bdamper.model.coarsening import unite_contact_points, united_mean
+from bdamper.model.completion import completed
+from bdamper.model.coupling import (
+    Coordinate,
+    Coupling,
+    HarmonicBasis,
+    centrifugal_arms,
+    damper_drag,
+    in_flow,
+    standard_rigid_modes,
+)  # fmt: skip
 from bdamper.model.loads import Excitation, Response, direction_vector
-from bdamper.model.model import ContactStiffness
+from bdamper.model.model import ContactStiffness, Model
 from bdamper.problem.effects import Effects
+from bdamper.problem.loads import approach, at_points, carried, gaps, normal_loads
 from bdamper.problem.parts import part
 from bdamper.problem.settings import Settings, check_history
+from bdamper.problem.stiffness import contact_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import ModelError, SettingError, StaticError
-from bdamper.util.repr import brief, short
 from bdamper.util.warn import say
 
-P = TypeVar("P", bound="Problem")
-SMALLEST_SHARE = 1e-3
-"""Share of a damper's load that its rigid-body modes in the study must carry."""
 
-
-@brief
 @dataclass(frozen=True, eq=False)
-class Problem(Settings):
-    """Settings with what is made from them.
+class Problem:
+    """A model with settings, and everything derived from them.
 
     Problems are told apart by identity; what two of them have in common is seen in the settings of their results.
-    Parameters are those of ``bdamper.problem.settings.Settings``.
+
+    Parameters
+    ----------
+    settings : Settings
     """
 
+    settings: Settings
     _given: InitVar[Mapping[str, Any] | None] = None
     parts: dict[str, Any] = field(init=False, repr=False, compare=False)
     """What has been made so far, by name (``bdamper.problem.parts.part``)."""
 
-    def __post_init__(self, residual_traction: str, _given: Mapping[str, Any] | None) -> None:
+    def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
         object.__setattr__(self, "parts", dict(_given or {}))
-        super().__post_init__(residual_traction)
         _ = self.modal_bases  # the nodal diameters that the harmonics need
         _ = self.point_gaps
         self._check_stiffness()
 
     def _check_stiffness(self) -> None:
         """Names and the user's own values; what a method needs of the model is found when it is used."""
-        method = self.contact_stiffness
+        method = self.settings.contact_stiffness
         if method is None:
             return
         if not (isinstance(method, str) and method == "model"):
@@ -71,29 +82,39 @@ class Problem(Settings):
         if not isinstance(method, ResidualModes) and (not isinstance(method, str) or method == "model"):
             _ = self.contact
 
-    def __str__(self) -> str:
-        def place(at: Excitation | Response) -> str:
-            return f"{at.location} {at.direction if isinstance(at.direction, str) else short(at.direction)}"
+    @property
+    def model(self) -> Model:
+        """Model of the structure."""
+        return self.settings.model
 
-        mu = sorted({value for value in self.friction_by_interface().values() if value > 0.0})
-        law = self.friction_law if isinstance(self.friction_law, str) else short(self.friction_law)
-        method = self.stiffness_method
-        stiffness = method if isinstance(method, str) else short(method)
-        factor = "" if self.contact_stiffness_factor == 1.0 else f" times {self.contact_stiffness_factor:g}"
-        harmonics, friction = " ".join(map(str, self.harmonic_numbers)), ", ".join(f"{value:g}" for value in mu) or "none"
-        lines = [
-            f"study of model {self.model.hash}, engine order {self.engine_order}",
-            f"  {self.excitation.amplitude:g} N at {place(self.excitation)}, response at {place(self.response_location)}",
-            f"  harmonics {harmonics}, blade modes {self.blade_modes}, elastic damper modes {self.damper_modes}, "
-            f"{(~self.coupling.spring_points).sum()} contact points",
-            f"  friction {friction} ({law}), contact stiffness {stiffness}{factor}, evaluation {self.evaluation}",
-            *(f"  {name.replace('_', ' ')}: {value}" for name, value in self._unusual().items()),
-        ]
-        return "\n".join(lines)
+    @property
+    def excitation(self) -> Excitation:
+        """Location, direction and amplitude of the excitation."""
+        return self.settings.excitation
+
+    @property
+    def engine_order(self) -> int:
+        """Engine order of the fundamental harmonic."""
+        return self.settings.engine_order
+
+    @property
+    def harmonic_numbers(self) -> tuple[int, ...]:
+        """Harmonics besides the mean, ascending."""
+        return self.settings.harmonic_numbers
+
+    # ---- what results keep of it ----
+
+    def record(self, options: object = None) -> dict[str, Any]:
+        """All settings as results keep them, with ``options`` of the continuation beside them."""
+        return self.settings.record(self.stiffness_method, options)
+
+    def recorded(self, options: object = None) -> dict[str, Any]:
+        """Settings, as :meth:`record` returns them, and hash of the model, for results."""
+        return {"settings": self.record(options), "model_hash": self.model.hash}
 
     # ---- other settings ----
 
-    def with_(self, **settings: Any) -> Self:
+    def with_(self, /, **settings: Any) -> Problem:
         """The same problem under other settings, given by name; what does not depend on them is shared.
 
         Raises
@@ -101,32 +122,38 @@ class Problem(Settings):
         SettingError
             If a value does not fit.
         """
-        changed = {name for name, value in settings.items() if not hasattr(self, name) or value is not getattr(self, name)}
+        own = self.settings
+        changed = {name for name, value in settings.items() if not hasattr(own, name) or value is not getattr(own, name)}
         if not changed <= {"harmonics", "bias", "stability"}:
-            return replace(self, **settings)
+            return self.anew(**settings)
         out = self.sharing(self.parts.keys() - {"bases", "modal_bases", "response_rows"}, **settings)
-        if self.contact_stiffness is None and not changed <= {"stability"}:
+        if own.contact_stiffness is None and not changed <= {"stability"}:
             if self.contact.note:
-                return replace(self, **settings)
+                return self.anew(**settings)
             try:
                 _ = out.bases
             except ModelError:  # no flexibility at the nodal diameters of these harmonics
-                return replace(self, **settings)
+                return self.anew(**settings)
         _ = out.bases
         return out
 
-    def sharing(self, names: Iterable[str], **settings: Any) -> Self:
+    def sharing(self, names: Iterable[str], **settings: Any) -> Problem:
         """The same problem under other settings, which the parts of these names must not depend on."""
-        return replace(self, _given={name: self.parts[name] for name in tuple(names) if name in self.parts}, **settings)
+        given = {name: self.parts[name] for name in tuple(names) if name in self.parts}
+        return Problem(replace(self.settings, **settings), given)
 
-    def given(self, **parts: Any) -> Self:
+    def anew(self, **settings: Any) -> Problem:
+        """The same problem under other settings, which shares nothing with it."""
+        return Problem(replace(self.settings, **settings))
+
+    def given(self, **parts: Any) -> Problem:
         """The same problem with parts that were made elsewhere, by name."""
-        return replace(self, _given=self.parts | parts)
+        return Problem(self.settings, self.parts | parts)
 
-    def with_effects(self, effects: Effects) -> Self:
+    def with_effects(self, effects: Effects) -> Problem:
         """The same problem with other effects; what does not depend on them is shared."""
-        settings = self.settings_for(validate.instance("effects", effects, Effects))
-        return self.with_(**{name: value for name, value in settings.items() if value != getattr(self, name)})
+        settings = self.settings.settings_for(validate.instance("effects", effects, Effects))
+        return self.with_(**{name: value for name, value in settings.items() if value != getattr(self.settings, name)})
 
     # ---- parts, made once ----
 
@@ -147,11 +174,20 @@ class Problem(Settings):
             for name, body in self.model.bodies.items()
         }
         model = replace(self.model, bodies=bodies)
-        if self.contact_points is not None:
-            model = unite_contact_points(model, self.contact_points)
-        blade_modes = min(self.blade_modes, self.most_modes("constrained"))
-        modes = retained_modes(model, blade_modes, self.damper_modes, self.rigid_modes)
-        return Coupling(model, self.interface_names(), modes, int(self.engine_order), self.single_basis)
+        if self.settings.contact_points is not None:
+            model = unite_contact_points(model, self.settings.contact_points)
+        blade_modes = min(self.settings.blade_modes, self.settings.most_modes("constrained"))
+        modes = blade_modes, self.settings.damper_modes, self.settings.rigid_modes
+        model, kept = completed(model, self.settings.places, *modes)
+        return Coupling(model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.single_basis)
+
+    @part
+    def body_loads(self) -> Mapping[str, float] | None:
+        """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times radius."""
+        if self.settings.speed is None:
+            return self.settings.loads
+        arms = centrifugal_arms(self.model)
+        return {name: arm / next(iter(arms.values())) for name, arm in arms.items()}
 
     @part
     def static_basis(self) -> HarmonicBasis:
@@ -162,104 +198,84 @@ class Problem(Settings):
         residual = self.contact.residual
         if residual is None:
             return basis
-        return residual.basis(harmonic).stiffer(float(self.contact_stiffness_factor)).join(basis)
+        return residual.basis(harmonic).stiffer(float(self.settings.contact_stiffness_factor)).join(basis)
 
     @part
     def modal_bases(self) -> list[HarmonicBasis]:
         """Modes of the bodies for each harmonic, from the mean on."""
         return [
-            self.coupling.basis(l) if l in self.active_harmonics else self.coupling.no_basis()
+            self.coupling.basis(l) if l in self.settings.active_harmonics else self.coupling.no_basis()
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
 
     @part
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
-        bases = [self._with_residual(b, l) if l in self.active_harmonics else b for l, b in enumerate(self.modal_bases)]
-        return [self.damped(b) for b in bases]
+        bases = [
+            self._with_residual(b, l) if l in self.settings.active_harmonics else b for l, b in enumerate(self.modal_bases)
+        ]
+        return [self.damped(b, int(self.engine_order) * l if l else None) for l, b in enumerate(bases)]
 
-    def damped(self, basis: HarmonicBasis) -> HarmonicBasis:
-        """The modes of a harmonic with the damping that the settings ask for."""
-        if self.damping_ratio is not None:
-            basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.damping_ratio, 0.0))
+    def damped(self, basis: HarmonicBasis, wave: int | None) -> HarmonicBasis:
+        """The modes of a harmonic with the damping that the settings ask for; ``wave`` None for a mean."""
+        if self.settings.damping_ratio is not None:
+            basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.settings.damping_ratio, 0.0))
+        if wave is not None and isinstance(flow := self.settings.aerodynamic_damping, Mapping):
+            basis = in_flow(basis, self.model, flow, wave)
         own = self._damper_drag
         return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
 
     @part
     def _damper_drag(self) -> dict[Coordinate, float]:
-        if not (self.damper_damping_ratio or self.damper_drag):
+        if not (self.settings.damper_damping_ratio or self.settings.damper_drag):
             return {}
         held = (self.friction_points | self.coupling.spring_points)[:, None]
         springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
-        return damper_drag(self.model, self.static_basis, springs, self.damper_damping_ratio, self.damper_drag)
+        return damper_drag(
+            self.model, self.static_basis, springs, self.settings.damper_damping_ratio, self.settings.damper_drag
+        )
 
     @part
     def friction(self) -> NDArray:
         """(n_points,) friction coefficients."""
         mu = np.zeros(self.coupling.n_points)
-        for name, value in self.friction_by_interface().items():
-            mu[self.coupling.rows(name)] = value
+        for name, value in self.settings.friction_by_interface().items():
+            faces = self.coupling.model.interfaces[name], self.model.interfaces[name]
+            mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, *faces, united_mean)
         return mu
 
     @part
     def contact(self) -> Contact:
-        """Contact stiffness by the method asked for, with residual modes if it has any.
-
-        By default residual modes; where the model lacks what they need, what it carries, or unit tractions.
-        """
-        if self.contact_stiffness is not None:
-            return self._contact_by(self.contact_stiffness)
-        try:
-            contact = self._contact_by("residual_modes")
-            for l in sorted({0, *self.active_harmonics}):
-                _ = contact.residual and contact.residual.basis(l)
-            return contact
-        except (ModelError, SettingError) as error:
-            why = str(error)
-        carried = all(name in self.model.contact for name in self.coupling.interfaces)
-        contact = self._contact_by("model" if carried else "unit_traction")
-        note = (
-            f'contact stiffness "{contact.method}" instead of residual modes ({why}); peaks may be off by tens of percent, '
-            "which more blade modes would show"
-        )
-        say(note)
-        return replace(contact, note=note)
-
-    def _contact_by(self, method: Any) -> Contact:
-        given = method
-        if isinstance(method, str) and method == "model":
-            missing = [name for name in self.coupling.interfaces if name not in self.model.contact]
-            if missing:
-                raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
-            return Contact({n: self.coupling.model.contact[n] for n in self.coupling.interfaces}, method=given)
-        if self.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
-            # numbers are given for the points of the model
-            whole = method if isinstance(method, Mapping) else dict.fromkeys(self.coupling.interfaces, method)
-            method = {
-                name: united_stiffness(self.model.interfaces[name], self.contact_points, np.asarray(k, float))
-                for name, k in whole.items()
-            }
-        return replace(contact_stiffness(self.coupling, method, self.friction), method=given)
+        """Contact stiffness by the method asked for, with residual modes if it has any."""
+        return contact_of(self.settings, self.coupling, self.friction)
 
     @property
     def stiffness_method(self) -> Any:
         """The method or the values of the contact stiffness, the one in use where the study leaves it to the model."""
-        if self.contact_stiffness is not None:
-            return self.contact_stiffness
+        if self.settings.contact_stiffness is not None:
+            return self.settings.contact_stiffness
         try:
             return self.contact.method
         except (ModelError, SettingError):  # no stiffness at all, which an analysis says
-            return super().stiffness_method
+            return "residual_modes"
 
     @part
     def stiffness(self) -> dict[str, ContactStiffness]:
         """Contact stiffness of each interface."""
-        factor = float(self.contact_stiffness_factor)
-        if factor == 1.0:
+        factor = float(self.settings.contact_stiffness_factor)
+        own = self.settings.own_laws()
+        if factor == 1.0 and not own:
             return self.contact.stiffness
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
         scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
-        return {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
+        made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
+        return made | {name: law.springs(len(made[name].stiffness)) for name, law in own.items()}
+
+    @part
+    def own_laws(self) -> OwnLaws | None:
+        """Contact laws of the user's own at the points, if there are any."""
+        own = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
+        return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps) if own else None
 
     @property
     def stiffness_report(self) -> tuple[StiffnessReport, ...]:
@@ -273,23 +289,8 @@ class Problem(Settings):
 
     @part
     def point_gaps(self) -> NDArray:
-        """(n_points,) initial distance of the surfaces, m; negative for interference."""
-        given = {} if self.gap is None else validate.mapping("gap", self.gap, self.coupling.interfaces, "interfaces")
-        parts = []
-        for name in self.coupling.interfaces:
-            face = self.coupling.model.interfaces[name]
-            gap = validate.numbers(f"gap of '{name}'", given[name]) if name in given else face.gap
-            whole = self.model.interfaces[name]
-            if self.contact_points is not None and gap.shape == (whole.n_points,):  # given for the points of the model
-                gap = united_gap(whole, self.contact_points, gap)
-            validate.that(gap.shape == (face.n_points,), f"gap of '{name}'", f"{face.n_points} finite numbers", gap)
-            if self.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
-                raise SettingError(
-                    f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "
-                    f"both senses, found {gap.max():.3g} m at the widest of {(gap > 0.0).sum()} points"
-                )
-            parts.append(gap)
-        return np.concatenate(parts)
+        """(n_points,) initial distance of the surfaces, m; negative for interference, none where a load is given."""
+        return gaps(self.coupling, self.settings)
 
     @part
     def point_laws(self) -> NDArray:
@@ -298,9 +299,9 @@ class Problem(Settings):
         for name in self.coupling.interfaces:
             kind = self.model.interfaces[name].kind
             law[self.coupling.rows(name)] = {"cubic": LAW_CUBIC, "spring": LAW_BONDED}.get(kind, LAW_NORMAL)
-        for name, value in self.law_by_interface().items():
+        for name, value in self.settings.law_by_interface().items():
             rows = self.coupling.rows(name)
-            law[rows] = value if value == LAW_BONDED else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
+            law[rows] = value if value in (LAW_BONDED, LAW_USER) else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
         return law
 
     @part
@@ -323,13 +324,28 @@ class Problem(Settings):
     def damper_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) per newton of preload, and motion (n_points, 3) of the points that the modes do not
         carry."""
-        force, shift = self.coupling.load(spinning=self.speed is not None)
-        return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
+        force, shift = self.coupling.load(self.body_loads)
+        arms = centrifugal_arms(self.model)
+        if self.settings.speed is not None and arms:
+            shift = shift + self.coupling.closing_by_rotation() / next(iter(arms.values()))
+        loads = normal_loads(self.coupling, self.settings, "loads")
+        return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "loads")
 
     @part
-    def constant_force(self) -> NDArray:
-        """(n_modes,) modal static force that does not scale with the preload."""
-        force = self.coupling.constant_force()
+    def fixed_load(self) -> tuple[NDArray, NDArray]:
+        """Modal force (n_modes,) and motion (n_points, 3) of the points that the preload does not change."""
+        own = self.settings.fixed_loads or {}
+        force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in own.items()})
+        if self.settings.speed is not None and not centrifugal_arms(self.model):
+            shift = shift + self.settings.speed**2 * self.coupling.closing_by_rotation()
+        constant = self._padded(self.coupling.constant_force())
+        loads = normal_loads(self.coupling, self.settings, "fixed_loads")
+        beside = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
+        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, beside, "fixed_loads")
+        return constant + self._padded(force), shift
+
+    def _padded(self, force: NDArray) -> NDArray:
+        """Modal forces with those of residual modes, none."""
         return np.pad(force, (0, self.static_basis.n_modes - len(force)))
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
@@ -337,20 +353,21 @@ class Problem(Settings):
         modes = self.coupling.location_modes(location, harmonic)
         return np.pad(modes, ((0, 0), (0, self.bases[harmonic].n_modes - modes.shape[1])))
 
-    @part
-    def force_rows(self) -> NDArray:
-        """(n_modes,) complex modal excitation at harmonic 1."""
-        modes = self.location_modes(self.excitation.location, 1)
-        force = self.excitation.amplitude * np.exp(1j * self.excitation.phase)
-        return (direction_vector(self.excitation.direction, "excitation direction") @ modes).conj() * force
+    def modal_force(self, harmonic: int) -> NDArray:
+        """(n_modes,) complex modal excitation at an excited harmonic."""
+        forces = self.settings.excited[harmonic]
+        return np.sum([(along @ self.location_modes(at, harmonic)).conj() * force for at, along, force in forces], axis=0)
 
     @part
     def response_rows(self) -> list[NDArray]:
         """(n_modes,) rows that give the response, for each harmonic from the mean on."""
-        place = self.response_location
+        return self.rows_at(self.settings.response_location)
+
+    def rows_at(self, place: Response) -> list[NDArray]:
+        """(n_modes,) rows that give the motion of a place, for each harmonic from the mean on."""
         direction = direction_vector(place.direction, "response direction")
         rows = [
-            direction @ self.location_modes(place.location, l) if l in self.active_harmonics else np.zeros(0)
+            direction @ self.location_modes(place.location, l) if l in self.settings.active_harmonics else np.zeros(0)
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
         rows[0] = rows[0].real
@@ -359,9 +376,8 @@ class Problem(Settings):
     # ---- static ----
 
     @part
-    def static_system(self) -> StaticSystem:
-        """The static contact problem under the load on the damper."""
-        force, shift = self.damper_load
+    def _unloaded(self) -> StaticSystem:
+        """The static contact problem without any load."""
         return StaticSystem(
             stiffness=self.static_basis.omega2,
             G=self.static_basis.G.real,
@@ -369,12 +385,19 @@ class Problem(Settings):
             kn=self.point_stiffness[:, 2],
             mu=self.friction,
             n0=-self.point_stiffness[:, 2] * self.point_gaps,
-            force=force,
-            shift=shift,
-            constant_force=self.constant_force,
+            force=(none := np.zeros(self.static_basis.n_modes)),
+            shift=np.zeros((self.coupling.n_points, 3)),
+            constant_force=none,
             bonded=self.bonded_points,
             cubic=self.point_stiffness[:, :2] * (self.point_laws == LAW_CUBIC)[:, None],
+            own=self.own_laws,
         )
+
+    @part
+    def static_system(self) -> StaticSystem:
+        """The same under the loads."""
+        (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
+        return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
 
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
@@ -386,33 +409,29 @@ class Problem(Settings):
         history : sequence of float, optional
             Load factors, up and down, through which the load passes from zero; ``load_history`` of the study by default.
             The state is that at the last one.
-
-        Returns
-        -------
-        PreloadState
         """
         preload = self.check_preload(preload)
-        factors = self.load_history if history is None else check_history(history, "history")
+        factors = self.settings.load_history if history is None else check_history("history", history)
         key = (preload, *factors)
         if key not in self.static_states:
-            watch = Stopwatch()
-            system = self.static_system
-            offset = assembly_offsets(self.slip_offset, self.slip_offset_seed, self.friction)
+            watch, system, names = Stopwatch(), self.static_system, self.coupling.interface_of
+            offset = assembly_offsets(self.settings.slip_offset, self.settings.slip_offset_seed, self.friction)
             state = None
-            if len(factors) == 1 and preload > 0.0 and not self.slip_offset:
+            if len(factors) == 1 and preload > 0.0 and not self.settings.slip_offset:
                 # always from one and the same load, so that results do not depend on what was asked before
                 unit = self.static_states.get((1.0, 1.0)) or static_state(system, 1.0)
                 self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
-                    self.static_states[key] = replace(state, cost=Cost(**watch.read()))
+                    self.static_states[key] = replace(state, cost=Cost(**watch.read()), interface=names)
                     return self.static_states[key]
-            for factor in factors:
+            for factor in (0.0, *factors) if self.settings.fixed_loads else factors:  # assembly comes first
                 state = static_state(system, factor * preload, start=state, offset=offset)
                 if not state.converged:
                     break
             assert state is not None
-            self.static_states[key] = replace(state, cost=Cost(**watch.read(), iterations=state.iterations))
+            cost = Cost(**watch.read(), iterations=state.iterations)
+            self.static_states[key] = replace(state, cost=cost, interface=names)
         return self.static_states[key]
 
     def equilibrium(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
@@ -421,6 +440,12 @@ class Problem(Settings):
         if not state.converged:
             raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
         return state
+
+    def total_load(self, settled: bool) -> float:
+        """Sum of the normal loads (N) at rest without a preload, or of those of a structure held in place."""
+        if not settled:
+            return float(np.maximum(-self.point_stiffness[:, 2] * self.point_gaps, 0.0).sum())
+        return float(self.equilibrium(0.0).force[:, 2].sum())
 
     def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
         """Pressure, gap and state over the faces in the static state.
@@ -431,12 +456,12 @@ class Problem(Settings):
         history : sequence of float, optional
             Load factors through which the preload is reached; those of the settings by default.
         """
-        factors = self.load_history if history is None else check_history(history, "history")
+        factors = self.settings.load_history if history is None else check_history("history", history)
         return ContactMap.make(self.coupling, self.equilibrium(preload, factors), self.friction, factors)
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
         """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
-        return wedge_friction(self.coupling, self.friction, self.check_preload(preload))
+        return wedge_friction(self.coupling, self.friction, self.check_preload(preload), self.body_loads)
 
     def check_preload(self, preload: float) -> float:
         """The preload (N), refused where it is none or where nothing carries it."""
@@ -447,20 +472,8 @@ class Problem(Settings):
 
     @part
     def carries_load(self) -> bool:
-        """Whether the study has the motions along which the model's dampers are loaded.
-
-        The generalised load on the rigid-body modes that the study has must be at least a thousandth of that on all six:
-        motions across the load carry nothing but rounding.
-        """
-        shares = []
-        for body in self.coupling.model.bodies.values():
-            if body.load is None or not np.any(body.load.generalised):
-                continue
-            omega2, kept = body.bases[0].omega2, self.coupling.modes[body.name]
-            counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
-            load = np.where(counts, body.load.generalised, 0.0)
-            shares.append(float(np.linalg.norm(load[kept]) / np.linalg.norm(load)))
-        return min(shares, default=0.0) > SMALLEST_SHARE
+        """Whether the preload loads anything along a motion that the study has."""
+        return carried(self.coupling, self.settings, self.body_loads)
 
     @property
     def why_no_load(self) -> str:
@@ -468,18 +481,30 @@ class Problem(Settings):
         loaded = [n for n, b in self.model.bodies.items() if b.load is not None and np.any(b.load.generalised)]
         if not loaded:
             return "no body of the model carries a load"
-        return f"the study leaves out the motions of {loaded} along the load (rigid_modes={self.rigid_modes})"
+        return f"the study leaves out the motions of {loaded} along the load (rigid_modes={self.settings.rigid_modes})"
 
     # ---- harmonic balance ----
 
     @property
     def n_unknowns(self) -> int:
-        """Of the harmonic balance."""
+        """Number of unknowns of the harmonic balance."""
         n = [len(b.omega2) for b in self.bases]
         return n[0] + 2 * sum(n[1:])
 
-    def system(self, preload: float) -> HarmonicSystem:
-        """Harmonic balance equations at one preload (N).
+    @cached_property
+    def _sectors(self) -> dict[float, Sector]:
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the equations, which other processes make again."""
+        return {name: value for name, value in self.__dict__.items() if name != "_sectors"}
+
+    def system(self, preload: float) -> Equations[Sector]:
+        """Harmonic balance equations at one preload (N), made once in each thread; see :meth:`sector`."""
+        return self.sector(preload).equations
+
+    def sector(self, preload: float) -> Sector:
+        """Data of the equations at one preload (N), computed once.
 
         Raises
         ------
@@ -488,23 +513,33 @@ class Problem(Settings):
         SettingError
             If nothing is excited, or the force is not finite.
         """
-        e = self.force_rows
-        if not np.finfo(float).tiny <= np.abs(e).max() < np.inf:
+        preload = self.check_preload(preload)
+        found = self._sectors.get(preload)
+        if found is None:
+            found = self._sector(preload)
+            for former in list(self._sectors)[:-15]:
+                self._sectors.pop(former, None)
+            self._sectors[preload] = found
+        return found
+
+    def _sector(self, preload: float) -> Sector:
+        forces = {harmonic: self.modal_force(harmonic) for harmonic in self.settings.excited}
+        vibration = max(float(np.abs(e).max()) for e in forces.values())
+        if not np.finfo(float).tiny <= np.abs(forces[1]).max() <= vibration < np.inf:
             at = self.excitation
             raise SettingError(
                 f"excitation: expected a finite force that works on the modes of harmonic 1, found {at.amplitude:g} N at "
                 f"'{at.location}', {at.direction}"
             )
         state = self.equilibrium(preload)
-        load, shift = self.damper_load
-        n_mode = [len(b.omega2) for b in self.bases]
-        force = np.zeros(n_mode[0] + 2 * sum(n_mode[1:]))
-        force[: n_mode[0]] = (state.load * load + self.constant_force)[: n_mode[0]]
-        n = n_mode[1]
-        force[n_mode[0] : n_mode[0] + n] = e.real
-        force[n_mode[0] + n : n_mode[0] + 2 * n] = -e.imag
-        shift = state.load * shift
-        if not self.bias:
+        load, constant = self.damper_load[0], self.fixed_load[0]
+        layout = Layout(np.array([basis.n_modes for basis in self.bases]))
+        force, mean = np.zeros(layout.n_unknowns), layout.slices(0)[0]
+        force[mean] = (state.load * load + constant)[mean]
+        for harmonic, e in forces.items():
+            force[np.r_[layout.slices(harmonic)]] = np.append(e.real, -e.imag)
+        shift = self.static_system.shift_at(state.load)
+        if not self.settings.bias:
             shift = shift + self.static_basis.G.real @ state.q
         points = PointArrays(
             kt=self.point_stiffness[:, :2] * (self.point_laws != LAW_NORMAL)[:, None],
@@ -514,65 +549,52 @@ class Problem(Settings):
             slider=np.where(self.bonded_points[:, None], 0.0, state.slider),
             law=self.point_laws.copy(),
             shift=shift,
+            own=self.own_laws,
+            memory=state.memory,
         )
         bases = self.bases
-        if self.friction_axes == "major":
+        if self.settings.friction_axes == "major":
             bases, points = turned(bases, points, self.major_directions(preload))
-        if not self.separation or not self.variable_normal_load:
+        if not self.settings.separation or not self.settings.variable_normal_load:
             bases, points = without_separation(
-                bases, points, state, self.friction_points, constant_load=not self.variable_normal_load
+                bases, points, state, self.friction_points, constant_load=not self.settings.variable_normal_load
             )
-        vibration = float(np.abs(self.force_rows).max())
         pressed = np.einsum("pdm,pd->m", self.static_basis.G.real, state.force)
-        mean = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
-        scale = (mean or 1.0, vibration or mean or 1.0)
-        system = HarmonicSystem(bases, points, force, self.response_rows, self.evaluation, scale)
-        system.spring_bases = self.bases  # linear springs are those of the points of the coupling
-        system.springs = self.point_stiffness * self.coupling.spring_points[:, None]
-        return system
+        static = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
+        scale = (static or 1.0, vibration or static or 1.0)
+        springs = self.point_stiffness * self.coupling.spring_points[:, None]
+        return Sector(bases, points, force, self.response_rows, self.settings.evaluation, scale, springs, self.bases)
 
     def major_directions(self, preload: float) -> NDArray:
-        """Angle of the major direction of the stuck motion from the first contact axis, at every contact point.
-
-        Parameters
-        ----------
-        preload : float, N
-            Decides which points are closed.
-
-        Returns
-        -------
-        (n_points,) float, rad
-        """
+        """(n_points,) float, rad: from the first contact axis to the major direction of the stuck motion."""
         if preload in self._angles:
             return self._angles[preload]
         springs = stuck_springs(self, self.equilibrium(preload))
-        system = self.sharing(self.parts, friction_axes="contact").system(preload)
-        motions = [system.linear_response(w, springs) for w in system.linear_modes(springs)[0] if w > 0.0]
+        linear = self.sharing(self.parts, friction_axes="contact").sector(preload).linear
+        motions = [linear.response(w, springs) for w in linear.modes(springs)[0] if w > 0.0]
         largest = max(motions, key=lambda motion: abs(motion @ self.response_rows[1]))
         self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ largest)
         return self._angles[preload]
 
 
-def stuck_springs(problem: Problem, state: PreloadState) -> NDArray:
-    """(n_points, 3) linear springs: points that the preload has closed do not slip."""
+def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = False) -> NDArray:
+    """(n_points, 3) linear springs: points that the preload has closed do not slip.
+
+    With ``touching`` points that touch at assembly count as closed, too, where their interface has no free body and carries
+    nothing, with a warning.
+    """
     closed = ~(state.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
+    for name in problem.coupling.friction_faces if touching else ():
+        rows, face = problem.coupling.rows(name), problem.model.interfaces[name]
+        bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
+        touch = problem.point_gaps[rows] <= 0.0
+        if any(body.load is not None for body in bodies):  # of lumped masses: the load may part them for good
+            touch &= state.closing[rows] >= 0.0
+        if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
+            closed[rows] = touch
+            say(
+                f"interface '{name}' touches without a normal load: it counts as stuck where it touches, although it "
+                "carries nothing at rest; loads=, fixed_loads= or a negative gap press it"
+            )
     springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
     return springs * closed[:, None]
-
-
-def matching(problem: P, settings: Mapping[str, Any]) -> P:
-    """The same problem with the harmonics and the evaluation of a result.
-
-    Parameters
-    ----------
-    settings : mapping
-        Of the result.  Where they do not say that a tolerance chose them, the problem itself is returned.
-    """
-    if "tolerance" not in settings:
-        return problem
-    evaluation = settings["evaluation"]
-    harmonics = tuple(settings["harmonics"])
-    chosen = evaluation if isinstance(evaluation, str) else Sampled(**evaluation)
-    if harmonics == problem.harmonic_numbers and chosen == problem.evaluation:
-        return problem
-    return problem.sharing(["static_states"], harmonics=harmonics, evaluation=chosen)

@@ -7,33 +7,35 @@ stiffness, friction law, preload history, harmonics of the response.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
-from typing import Any, Protocol, get_type_hints
+from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass
+from functools import partial
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, Sampled, check_evaluation
+from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, LAW_USER, Sampled, check_evaluation
+from bdamper.contact.own_law import ContactLaw
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import PerArea
 from bdamper.model.coupling import RIGID_NAMES
-from bdamper.model.loads import Excitation, Response
+from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
 from bdamper.model.model import Model
 from bdamper.model.validation import check_model_once
 from bdamper.problem.effects import (
     BLADE_MODES,
     HARMONICS,
     LAW_NAMES,
-    SWITCHES,
     Effects,
+    check_harmonics,
     check_law,
     check_traction,
     harmonic_numbers,
-    whole_harmonics,
 )  # fmt: skip
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import typed
+from bdamper.util.repr import brief
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
 PAPER: Mapping[str, Any] = {
@@ -42,9 +44,11 @@ PAPER: Mapping[str, Any] = {
 """Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **PAPER)``, ``study.with_(**PAPER)``."""
 
 
+@partial(validate.spelt, name="Study")
+@brief
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """What the user chooses about one model.
+    """Settings of a study of one model.
 
     Parameters
     ----------
@@ -52,7 +56,8 @@ class Settings:
     excitation : Excitation
     engine_order : int
         Of the fundamental harmonic; a bladed disk has no default, a structure without cyclic symmetry needs none.
-    friction_coefficient : float or mapping of interface name to float
+    friction_coefficient : float or mapping of interface name to float or (n_points,) float
+        An array has a value for each contact point of the interface in the model; united patches have the mean.
     response : Response, optional
         Location and direction of the excitation by default.
     harmonics : int or tuple of int
@@ -82,15 +87,23 @@ class Settings:
         Of every motion of free bodies, rigid and elastic, by itself on the springs of its friction faces while these are
         closed and stuck and the blades at rest, on top of the model's own; a motion against which nothing acts has none.
         Modes of the stuck damper, which combine these motions, have 0.7 to 1.7 times that on the shipped models.
+    aerodynamic_damping : complex or mapping of nodal diameter to complex, optional
+        Of a flow around the blades: a damping ratio of every mode of the constrained bodies, besides their own; of a
+        complex number the imaginary part is that, and the real part a relative shift of the frequency, as in
+        :meth:`bdamper.Study.flutter`.  At the nodal diameter of the engine order, or at those given: waves ``d`` and
+        ``n_blades - d`` (or ``-d``) run in opposite senses.  None at others and on the mean.
+        :func:`bdamper.influence_coefficients` gives them from a few blades.
     damper_drag : float, N s/m
         Viscous force on the translation of free bodies over its velocity, in proportion to mass on all their motions.
     evaluation : {"exact"} or Sampled
         How contact forces are found over a cycle.
-    friction_law : {"separable", "coupled", "constant_normal_load", "bonded"} or mapping of interface name to these
+    friction_law : {"separable", "coupled", "constant_normal_load", "bonded"}, ContactLaw or mapping of interface to these
         "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
         radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law, see
         :mod:`bdamper.contact.preload`).  "bonded": linear springs in all directions and both senses.
         "constant_normal_load": separable with ``variable_normal_load=False``; together with "coupled" give the latter.
+        A :class:`~bdamper.ContactLaw` is a compiled function, with springs of its own in place of the contact stiffness; it
+        is sampled, at 128 instants unless ``evaluation`` says otherwise.
     friction_axes : {"contact", "major"}
         Axes of the separable law: those of the interface, or at each point the major directions of its motion at the
         resonance of the stuck contact with the largest response (:mod:`bdamper.contact.friction_axes`).
@@ -99,9 +112,18 @@ class Settings:
         otherwise stands in :class:`~bdamper.problem.effects.Effects`.
     contact_points : int, optional
         At most so many contact points on each friction face, by uniting neighbouring patches; no more than the model has.
-    gap : mapping of interface name to (n_points,) float, optional
-        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.misfit`.  None under
-        the law "bonded".
+    gap : mapping of interface name to float or (n_points,) float, optional
+        Initial distance of the surfaces in m, instead of the model's, negative for interference; see
+        :func:`bdamper.misfit`.  None under the law "bonded".
+    loads : mapping of name to float, optional
+        Newtons per newton of preload: on free bodies, by name, and of normal load on friction interfaces between
+        constrained bodies (shrouds, roots); nothing on those that are not named.  By default 1 on every loaded body.  At a
+        rotor speed mass times radius of the bodies decides, and the preload is that of the first one.
+    fixed_loads : mapping of name to float or (n_points,) float, optional
+        Newtons that do not change with the preload, on the same bodies and interfaces; one value for each contact point
+        of an interface, or their sum, which is shared by area.  Normal loads of an interface are those of the assembly:
+        after the structure has given way to them, and before the free bodies are loaded.  A negative load of a point is a
+        gap of ``-load/kn`` then; gaps of interfaces with a load do not count.
     load_history : tuple of float
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
     stability : bool
@@ -126,35 +148,38 @@ class Settings:
 
     model: Model = field(repr=False)
     excitation: Excitation
-    engine_order: int = None  # type: ignore[assignment]  # 1 without cyclic symmetry
-    friction_coefficient: float | Mapping[str, float] = 0.3
+    engine_order: validate.Natural = None  # type: ignore[assignment]  # 1 without cyclic symmetry
+    friction_coefficient: float | Mapping[str, float | NDArray] = 0.3
     response: Response | None = None
-    harmonics: int | tuple[int, ...] = HARMONICS
+    harmonics: Annotated[int | tuple[int, ...], check_harmonics] = HARMONICS
     contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] | None = None
     blade_modes: int = BLADE_MODES
-    damper_modes: int = 0
-    rigid_modes: tuple[str, ...] = RIGID_NAMES
+    damper_modes: validate.Natural = 0
+    rigid_modes: Annotated[tuple[str, ...], partial(validate.names, choices=RIGID_NAMES)] = RIGID_NAMES
     constraints: bool = True
     single_basis: bool = False
-    damping_ratio: float | None = None
-    damper_damping_ratio: float = 0.0
-    damper_drag: float = 0.0
+    damping_ratio: validate.Share | None = None
+    damper_damping_ratio: validate.Share = 0.0
+    damper_drag: Annotated[float, validate.Limits(least=0.0, unit="N s/m")] = 0.0
     evaluation: str | Sampled = "exact"
-    friction_law: str | Mapping[str, str] = "separable"
-    friction_axes: str = "contact"
+    friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = "separable"
+    friction_axes: Annotated[str, partial(validate.choice, choices=("contact", "major"))] = "contact"
     residual_traction: InitVar[str] = "static"
     bias: bool = True
     variable_normal_load: bool = True
     separation: bool = True
     contact_points: int | None = None
-    gap: Mapping[str, NDArray] | None = None
-    load_history: tuple[float, ...] = (1.0,)
+    gap: Mapping[str, float | NDArray] | None = None
+    loads: Mapping[str, float] | None = None
+    fixed_loads: Mapping[str, float | NDArray] | None = None
+    load_history: Annotated[tuple[float, ...], check_history] = (1.0,)
     stability: bool = False
     effects: Effects | None = None
-    contact_stiffness_factor: float = 1.0
-    speed: float | None = None
-    slip_offset: float = 0.0
-    slip_offset_seed: int = 0
+    contact_stiffness_factor: validate.Positive = 1.0
+    speed: validate.Speed | None = None
+    slip_offset: validate.Length = 0.0
+    slip_offset_seed: validate.Natural = 0
+    aerodynamic_damping: complex | Mapping[int, complex] | None = None
 
     def __post_init__(self, residual_traction: str) -> None:
         check_traction(residual_traction)
@@ -164,40 +189,114 @@ class Settings:
         validate.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
         if self.response is not None:
             validate.instance("response", self.response, Response, "a Response(location, direction)")
-        for name, place in (("excitation", self.excitation), ("response", self.response_location)):
-            validate.choice(f"{name} location", place.location, sorted(self.model.locations))
-        self._check_friction()
+        self._check_places()
         if self.engine_order is None:
             expected = f"that of the excitation, since the model has {self.model.n_blades} sectors"
             validate.require(self.model.n_blades <= 1, "engine_order", expected, "none")
             object.__setattr__(self, "engine_order", 1)
-        validate.fields(self, validate.whole, "engine_order", "damper_modes")
+        validate.checked(self)
         validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self.most_modes("constrained")))
-        validate.fields(self, validate.names, "rigid_modes", choices=RIGID_NAMES)
-        switches = ("bias", "variable_normal_load", "separation", "constraints", "single_basis", "stability")
-        validate.fields(self, validate.flag, *switches)
+        self._check_friction()
         _ = Effects.of(self)
         self._check_contact_points()
-        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         check_evaluation(self.evaluation, self.harmonic_numbers[-1])
-        object.__setattr__(self, "load_history", check_history(self.load_history, "load_history"))
         validate.require(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
-        if self.damping_ratio is not None:
-            validate.fields(self, validate.number, "damping_ratio", least=0.0, below=1.0)
-        validate.fields(self, validate.number, "damper_damping_ratio", least=0.0, below=1.0)
-        validate.fields(self, validate.number, "damper_drag", least=0.0, unit="N s/m")
         for name in ("damper_damping_ratio", "damper_drag"):
             if getattr(self, name) and not any(body.kind == "free" for body in self.model.bodies.values()):
                 raise SettingError(f"{name}: expected 0, since the model has no free body, found {getattr(self, name):g}")
-        validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
-        validate.fields(self, validate.number, "slip_offset", least=0.0, unit="m")
-        validate.fields(self, validate.whole, "slip_offset_seed")
         if self.speed is not None:
-            validate.fields(self, validate.number, "speed", above=0.0, unit="rad/s")
             own = self.model.provenance.get("rotor speed", "none")
             expected = f"a model at {self.speed:.9g} rad/s, as study.at_speed makes it"
             validate.require(own == f"{self.speed:.9g} rad/s", "speed", expected, f"one at {own}")
         self._check_held()
+        self._check_loads()
+        self._check_orders()
+        if self.aerodynamic_damping is not None:
+            object.__setattr__(self, "aerodynamic_damping", self._flow(self.aerodynamic_damping))
+
+    def _flow(self, given: complex | Mapping[int, complex]) -> dict[int, complex]:
+        """Relative shift of the frequency and damping ratio by the wave, 0 to n_blades - 1."""
+        own = given if isinstance(given, Mapping) else {self.engine_order: given}
+        validate.require(self.most_modes("constrained"), "aerodynamic_damping", "None without a constrained body", given)
+        out = {}
+        for d, value in own.items():
+            item = f"aerodynamic_damping at nodal diameter {d}"
+            wave = validate.whole(item.replace("damping at", "damping,"), d, -self.model.n_blades) % self.model.n_blades
+            validate.that(isinstance(value, (int, float, complex)) and np.isfinite(value), item, "a finite number", value)
+            validate.require(wave not in out, item, "each wave once", f"that of {d} twice")
+            out[wave] = value if isinstance(value, complex) else 1j * value
+        return out
+
+    def _check_places(self) -> None:
+        places = sorted(name for name, place in self.model.locations.items() if place.kind is None)
+        modes = [f"mode {k + 1}" for k in range(self.most_modes("constrained"))]
+        for each in (self.excitation, *self.excitation.beside):
+            others = modes if each.location.startswith("mode ") and each.location not in self.model.locations else ()
+            validate.choice("excitation location", each.location, (*sorted(self.model.locations), *others))
+            plain = each.location in places or each.direction == "tangential"
+            validate.that(plain, "excitation direction", f"none, which '{each.location}' does not have", each.direction)
+        if self.response is None:
+            expected = "a Response(location, direction), since the excitation is no force at a location"
+            validate.require(self.acts_at_location, "response", expected, "none")
+        validate.choice("response location", self.response_location.location, places)
+
+    def _check_orders(self) -> None:
+        """Every force acts on a harmonic that is solved for, the first one among them, which the amplitude is of."""
+        for each in (self.excitation, *self.excitation.beside):
+            own = self.engine_order if each.engine_order is None else each.engine_order
+            known = [self.engine_order * l for l in self.harmonic_numbers]
+            validate.that(own in known, "engine_order of an excitation", f"one of {known}, those of the harmonics", own)
+        found = sorted(self.excited)
+        validate.require(found[0] == 1, "excitation", "a force of the study's own engine_order", f"harmonics {found} alone")
+
+    @property
+    def acts_at_location(self) -> bool:
+        """Whether the (first) excitation is a force in N at a location, no field of forces and no modal force."""
+        place = self.model.locations.get(self.excitation.location)
+        return place is not None and place.kind is None
+
+    @property
+    def excited(self) -> dict[int, list[tuple[str, NDArray, complex]]]:
+        """Forces on each harmonic: location, direction (3,) that makes a row of its motions, and complex amplitude (N)."""
+        out: dict[int, list[tuple[str, NDArray, complex]]] = {}
+        for each in (self.excitation, *self.excitation.beside):
+            place = self.model.locations.get(each.location)
+            whole = place is None or place.kind is not None  # a mode or a field
+            along = FIELD if whole else direction_vector(each.direction, "excitation direction")
+            order = self.engine_order if each.engine_order is None else each.engine_order
+            out.setdefault(order // (self.engine_order or 1) or 1, []).append((each.location, along, each.force))
+        return out
+
+    @property
+    def places(self) -> tuple[tuple[str, NDArray], ...]:
+        """Locations and directions (3,) of the forces, those on a mode aside, and of the response."""
+        forces = [(at, along) for group in self.excited.values() for at, along, _ in group if at in self.model.locations]
+        response = self.response_location
+        return (*forces, (response.location, direction_vector(response.direction, "response direction")))
+
+    @property
+    def constrained_faces(self) -> tuple[str, ...]:
+        """Friction interfaces that no free body takes part in: shrouds, roots, a platform pressed on the ground."""
+        free = [body.name for body in self.model.bodies.values() if body.kind == "free"]
+        faces = [face for face in self.model.interfaces.values() if face.kind == "friction"]
+        return tuple(face.name for face in faces if face.body_a not in free and face.body_b not in free)
+
+    def _check_loads(self) -> None:
+        bodies = [name for name, body in self.model.bodies.items() if body.load is not None]
+        for item in ("loads", "fixed_loads"):
+            given = getattr(self, item)
+            words = "bodies with a load and friction interfaces between constrained bodies"
+            names = () if given is None else validate.mapping(item, given, (*bodies, *self.constrained_faces), words)
+            for name in names:
+                if np.ndim(given[name]) == 0 or item == "loads" or name in bodies:
+                    validate.number(f"{item} of '{name}'", given[name], least=0.0)
+        if self.loads is not None:
+            validate.require(any(self.loads.values()), "loads", "at least one above 0", dict(self.loads))
+        if self.speed is not None:
+            expected = "none at a rotor speed, where mass times radius of the bodies decides"
+            validate.require(self.loads is None, "loads", expected, self.loads)
+            held = [name for name in self.fixed_loads or () if name in bodies]
+            validate.require(not held, "fixed_loads", "those of interfaces alone at a rotor speed", held)
 
     @property
     def holds_preload(self) -> bool:
@@ -232,7 +331,7 @@ class Settings:
     def most_modes(self, kind: str) -> int:
         """Modes that every body of a kind has at every nodal diameter, elastic ones of free bodies; 0 without a body."""
         bodies = [body for body in self.model.bodies.values() if body.kind == kind]
-        modes = min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
+        modes = min((basis.n_natural for body in bodies for basis in body.bases.values()), default=0)
         return modes - len(RIGID_NAMES) if bodies and kind == "free" else modes
 
     def _take_effects(self, effects: Effects) -> None:
@@ -248,13 +347,13 @@ class Settings:
         """Settings that carry some effects, by name."""
         settings = effects.settings()
         law = effects.friction_law
-        if self.evaluation == "exact" and "coupled" in ([law] if isinstance(law, str) else law.values()):
+        if self.evaluation == "exact" and "coupled" in (law.values() if isinstance(law, Mapping) else [law]):
             settings["evaluation"] = Sampled(max(128, 8 * effects.harmonic_numbers[-1] + 8))
         return settings
 
     def _check_friction(self) -> None:
         given = self.friction_law
-        if given == "constant_normal_load":
+        if isinstance(given, str) and given == "constant_normal_load":
             object.__setattr__(self, "friction_law", "separable")
             object.__setattr__(self, "variable_normal_load", False)
         else:
@@ -262,30 +361,48 @@ class Settings:
             faces = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
             if isinstance(given, Mapping) and set(given) != set(faces):
                 raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
-        validate.choice("friction_axes", self.friction_axes, ("contact", "major"))
         laws = set(self.law_by_interface().values())
+        if self.own_laws():
+            self._check_own_laws()
+            if isinstance(self.evaluation, str) and self.evaluation == "exact":
+                object.__setattr__(self, "evaluation", Sampled(max(128, 8 * self.harmonic_numbers[-1] + 8)))
         expected = 'Sampled(n_time) with friction_law="coupled", which has no closed form'
         validate.require(not (isinstance(self.evaluation, str) and LAW_COUPLED in laws), "evaluation", expected, '"exact"')
         _ = self.friction_by_interface()
 
-    def law_by_interface(self) -> dict[str, int]:
-        """Law of each friction interface, before it is known which of them have friction."""
+    def _check_own_laws(self) -> None:
+        """Settings that laws of the user's own do not go with."""
+        served = {"friction_axes": "contact", "separation": True, "variable_normal_load": True, "stability": False}
+        for name, value in served.items():
+            validate.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
+
+    def _laws(self) -> dict[str, str | ContactLaw]:
+        """Of each friction interface."""
         given = self.friction_law
         names = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
-        return {name: LAWS[given if isinstance(given, str) else given[name]] for name in names}
+        return {name: given[name] if isinstance(given, Mapping) else given for name in names}
+
+    def own_laws(self) -> dict[str, ContactLaw]:
+        """The user's own laws of friction interfaces."""
+        return {name: law for name, law in self._laws().items() if isinstance(law, ContactLaw)}
+
+    def law_by_interface(self) -> dict[str, int]:
+        """Law of each friction interface, before it is known which of them have friction."""
+        return {name: LAW_USER if isinstance(law, ContactLaw) else LAWS[law] for name, law in self._laws().items()}
 
     @property
     def response_location(self) -> Response:
-        """Where and along which direction the response is asked for: at the excitation by default."""
+        """Location and direction of the response; those of the excitation by default."""
         return self.response or Response(self.excitation.location, self.excitation.direction)
 
     def interface_names(self) -> tuple[str, ...]:
         """Interfaces that take part, constraint planes only if they are asked for."""
         return tuple(name for name, face in self.model.interfaces.items() if self.constraints or face.kind != "constraint")
 
-    def friction_by_interface(self) -> dict[str, float]:
-        """Friction coefficient of each interface that takes part; none but on friction interfaces."""
-        out = {}
+    def friction_by_interface(self) -> dict[str, float | NDArray]:
+        """Friction coefficient of each interface that takes part, or those (n_points,) of its points in the model; none but
+        on friction interfaces."""
+        out: dict[str, float | NDArray] = {}
         given = self.friction_coefficient
         if isinstance(given, Mapping):
             validate.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
@@ -295,15 +412,17 @@ class Settings:
             elif isinstance(given, Mapping):
                 if name not in given:
                     raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
-                out[name] = validate.number(f"friction_coefficient of '{name}'", given[name], least=0.0)
+                points = partial(validate.numbers, n=self.model.interfaces[name].n_points)
+                check: Any = validate.number if np.ndim(given[name]) == 0 else points
+                out[name] = check(f"friction_coefficient of '{name}'", given[name], least=0.0)
             else:
                 out[name] = validate.number("friction_coefficient", given, least=0.0)
         return out
 
-    @property
-    def stiffness_method(self) -> Any:
-        """The method or the values of the contact stiffness."""
-        return "residual_modes" if self.contact_stiffness is None else self.contact_stiffness
+    def friction_values(self) -> list[float]:
+        """Friction coefficients that there are, ascending, without 0."""
+        values = [np.atleast_1d(value) for value in self.friction_by_interface().values()]
+        return [mu for mu in np.unique(np.concatenate([*values, [0.0]])).tolist() if mu > 0.0]
 
     @property
     def harmonic_numbers(self) -> tuple[int, ...]:
@@ -312,7 +431,7 @@ class Settings:
 
     @property
     def active_harmonics(self) -> set[int]:
-        """Harmonics that have unknowns, the mean counted as 0."""
+        """Active harmonics; 0 is the mean."""
         return {*self.harmonic_numbers, *([0] if self.bias else [])}
 
     @property
@@ -321,42 +440,20 @@ class Settings:
         orders = {self.engine_order * (1 if self.single_basis else l) for l in {1, *self.active_harmonics}} | {0}
         return {self.model.folded_nodal_diameter(order)[0] for order in orders}
 
-    def _unusual(self) -> dict[str, Any]:
-        """Values of settings that are told only where they are not the usual ones, by name."""
-        off = [f.name for f in fields(self) if f.name in SWITCHES and not getattr(self, f.name)]
-        gap = {} if self.gap is None else {name: f"{1e6 * np.max(g):.3g} um" for name, g in self.gap.items()}
-        other: dict[str, Any] = {
-            "rigid_modes": " ".join(self.rigid_modes) if self.rigid_modes != RIGID_NAMES else None,
-            "damping_ratio": self.damping_ratio,
-            "damper_damping_ratio": self.damper_damping_ratio or None,
-            "damper_drag": f"{self.damper_drag:g} N s/m" if self.damper_drag else None,
-            "contact_points": self.contact_points,
-            "speed": f"{self.speed:g} rad/s" if self.speed is not None else None,
-            "neglected": "; ".join(self.model.neglected_over_speed(self.needed_diameters)) or None if self.speed else None,
-            "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
-            "load_history": self.load_history if self.load_history != (1.0,) else None,
-            "slip_offset": f"{self.slip_offset:g} m, seed {self.slip_offset_seed}" if self.slip_offset else None,
-            "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
-            "off": ", ".join(off) or None,
-        }
-        return {name: value for name, value in other.items() if value is not None}
-
-    def recorded(self, options: object = None) -> dict[str, Any]:
-        """What a result says of how it was made: settings, as :meth:`record` returns them, and hash of the model."""
-        return {"settings": self.record(options), "model_hash": self.model.hash}
-
-    def record(self, options: Any = None) -> dict[str, Any]:
+    def record(self, stiffness_method: object, options: object = None) -> dict[str, Any]:
         """All settings as results keep them: numbers, texts, lists and mappings of these.
 
         Parameters
         ----------
+        stiffness_method
+            That is in use for the contact stiffness.
         options : dataclass, optional
             Of the continuation, kept beside them.
         """
         places = {"excitation": self.excitation, "response": self.response_location}
         out = {f.name: getattr(self, f.name) for f in fields(Settings) if f.name not in ("model", "effects", *places)}
         out |= {"harmonics": self.harmonic_numbers, "friction_coefficient": self.friction_by_interface(), **places}
-        out["contact_stiffness"] = _stiffness_setting(self.stiffness_method)
+        out["contact_stiffness"] = _stiffness_setting(stiffness_method)
         if options is not None:
             out["continuation"] = options
         settings: dict[str, Any] = _plain(out)
@@ -374,46 +471,19 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
         plain: Any = tuple(value) if isinstance(value, list) else _arrays(value)
         made = PerArea(plain) if kind == "per_area" else plain
         given["contact_stiffness"] = ResidualModes(**value) if kind == "residual_modes" else made
-    return given | {"gap": _arrays(given.get("gap"))}
+    law = given.get("friction_law")
+    if isinstance(law, Mapping):
+        laws = {name: ContactLaw.of_record(x) if isinstance(x, Mapping) else x for name, x in law.items()}
+        given["friction_law"] = ContactLaw.of_record(law) if "contact_law" in law else laws
+    if given.get("aerodynamic_damping") is not None:
+        given["aerodynamic_damping"] = {int(d): complex(*z) for d, z in given["aerodynamic_damping"].items()}
+    return given | {name: _arrays(given.get(name)) for name in ("gap", "fixed_loads")}
 
 
 def _arrays(value: Any) -> Any:
-    return {name: np.array(item) for name, item in value.items()} if isinstance(value, Mapping) else value
-
-
-class SomeResult(Protocol):
-    """What a result keeps of the study that it is of."""
-
-    @property
-    def settings(self) -> dict[str, Any]: ...
-    @property
-    def model_hash(self) -> str: ...
-
-
-def check_result(problem: Settings, result: SomeResult, name: str = "result") -> None:
-    """Refuse a result of another model, of another rotor speed among them, or of other settings.
-
-    Parameters
-    ----------
-    problem : Problem
-        With the harmonics that a tolerance chose for the result.
-    result
-        With ``model_hash`` and ``settings``, which may lack some of those that there are now.
-    name : str
-
-    Raises
-    ------
-    SettingError
-    """
-    kept, own = result.settings, problem.record()
-    other = [key for key in own if key in kept and kept[key] != own[key] and key != "stability"]
-    if "speed" in other:
-        mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (own["speed"], kept["speed"]))
-        raise SettingError(f"{name}: expected one at the rotor speed of this study, {mine}, found one at {at}")
-    if result.model_hash not in (problem.model.hash, replace(problem.model, stress={}).hash):  # stress may come later
-        raise SettingError(f"{name}: expected one of this study's model, found one of {'another' * bool(kept) or 'none'}")
-    found = ", ".join(f"{key} = {kept[key]} for {own[key]}" for key in other)
-    validate.require(not other, name, "one of this study", f"one with {found}")
+    if not isinstance(value, Mapping):
+        return value
+    return {name: np.array(item) if isinstance(item, list) else item for name, item in value.items()}
 
 
 def _stiffness_setting(given: Any) -> Any:
@@ -426,15 +496,19 @@ def _stiffness_setting(given: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     """Settings as they stand in a file: numbers, texts, lists and mappings of these."""
+    if isinstance(value, ContactLaw):
+        return value.record()
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
+    if isinstance(value, complex):
+        return [value.real, value.imag]
     return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
-def check_history(history: Sequence[float], name: str) -> tuple[float, ...]:
+def check_history(name: str, history: Sequence[float]) -> tuple[float, ...]:
     """Load factors, checked: at least one, none negative."""
     return tuple(validate.numbers(f"{name}, load factors", history, least=0.0).tolist())

@@ -5,32 +5,38 @@ Names are those of the settings of a :class:`bdamper.Study`, with a dot for the 
 number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios, not the damping of the damper),
 ``"damper_mass_factor"`` (the density of free bodies, at the same shape and stiffness and the same static load) and
 ``"damper_mass"`` (the same at a rotor speed, where the faces stay displaced as this speed displaces them under any load of
-the damper: the load belongs to the mass).
+the damper: the load belongs to the mass), ``"frequency_factor"`` (all natural frequencies, by the density of all bodies)
+and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`` and ``"gap_factor.left"``, or one
+direction of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.model import Body, Model, feed_digest
 from bdamper.model.validation import as_checked
+from bdamper.problem.asked import asked
 from bdamper.problem.at_speed import Conditions, under
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 
-P = TypeVar("P", bound=Problem)
-FACTORS = ("damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor")
+FACTORS = (
+    "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor", "frequency_factor", "gap_factor"
+)  # fmt: skip
+SIDES = ("tangential", "normal")
 
 
 _CONTACT = ("contact", "stiffness")
 _EXCITATION = (
     "coupling", "bases", "friction", *_CONTACT, "point_stiffness", "point_gaps", "tangential_stiffness", "damper_load",
+    "fixed_load",
     "response_rows",
 )  # fmt: skip
 _KEPT = {
@@ -44,6 +50,9 @@ _KEPT = {
     "damping_factor": ("friction",),
     "damper_mass_factor": ("friction", *_CONTACT),
     "damper_mass": ("friction", *_CONTACT),
+    **{f"contact_stiffness_factor.{side}": ("coupling", "friction") for side in SIDES},
+    "frequency_factor": ("friction",),
+    "gap_factor": ("coupling", "friction", *_CONTACT),
 }
 """Parts of a problem, made once and kept, that a change of a setting leaves as they are."""
 _VIBRATION = ("excitation.amplitude", "excitation.phase", "damping_ratio", "damper_damping_ratio", "damper_drag")
@@ -52,10 +61,12 @@ _VIBRATION = ("excitation.amplitude", "excitation.phase", "damping_ratio", "damp
 
 def setting_names(problem: Problem) -> list[str]:
     """All names that :func:`vary` understands."""
-    names = [f.name for f in fields(problem) if f.init and f.name not in ("model", *FACTORS)]
-    names += [f"excitation.{f.name}" for f in fields(problem.excitation)]
+    names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
+    names += [f"excitation.{f.name}" for f in fields(problem.excitation) if f.name != "beside"]
     names += [f"response.{f.name}" for f in fields(problem.excitation) if f.name in ("location", "direction")]
-    return [*names, *FACTORS]
+    faces = [name for name, face in problem.model.interfaces.items() if face.kind == "friction"]
+    names += [f"{setting}.{face}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
+    return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
 
 
 def check_name(problem: Problem, name: str) -> None:
@@ -66,13 +77,14 @@ def check_name(problem: Problem, name: str) -> None:
 def study_fingerprint(problem: Problem) -> str:
     """Digest of the model and of all settings of a problem."""
     digest = hashlib.sha256(problem.model.hash.encode())
-    for item in fields(problem):
-        if item.name != "model" and item.init:
-            feed_digest(digest, item.name, getattr(problem, item.name))
+    for item in fields(problem.settings):
+        if item.name != "model":
+            feed_digest(digest, item.name, getattr(problem.settings, item.name))
     return digest.hexdigest()
 
 
-def vary(problem: P, settings: Mapping[str, Any]) -> P:
+@asked
+def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     """The problem with settings replaced by name.
 
     Parameters
@@ -90,8 +102,10 @@ def vary(problem: P, settings: Mapping[str, Any]) -> P:
     return _with_kept_parts(problem, _varied(problem, settings), list(settings))
 
 
-def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
+def _with_kept_parts(old: Problem, new: Problem, names: list[str]) -> Problem:
     """Hands the parts on that need not be made again."""
+    of_face = "friction_coefficient.", "gap_factor."
+    names = [name.partition(".")[0] if name.startswith(of_face) else name for name in names]
     if new is old or not all(name in _KEPT for name in names):
         return new
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
@@ -108,7 +122,7 @@ def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
     return new.given(**parts) if parts else new
 
 
-def _varied(problem: P, settings: Mapping[str, Any]) -> P:
+def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     if settings.get("speed") is not None:
         speed = validate.number("speed", settings["speed"], above=0.0, unit="rad/s")
         problem = under(problem, speed, Conditions())
@@ -118,29 +132,48 @@ def _varied(problem: P, settings: Mapping[str, Any]) -> P:
     for part in ("excitation", "response"):
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
-            place: Any = problem.excitation if part == "excitation" else problem.response_location
-            problem = replace(problem, **{part: replace(place, **inner)})
-    for name in FACTORS:
-        if name in settings:
-            problem = _scaled(problem, name, settings[name])
+            place: Any = problem.excitation if part == "excitation" else problem.settings.response_location
+            problem = problem.anew(**{part: replace(place, **inner)})
+    for name, value in settings.items():
+        head, _, part = name.partition(".")
+        if head == "friction_coefficient" and part:
+            mu = problem.settings.friction_by_interface()
+            own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
+            problem = problem.anew(friction_coefficient=own)
+        elif head in FACTORS:
+            problem = _scaled(problem, head, part, value)
     return problem
 
 
-def _scaled(problem: P, name: str, factor: float) -> P:
+def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     factor = validate.number(name, factor, above=0.0)
+    if name == "gap_factor":
+        faces, gap = problem.coupling.interfaces, problem.point_gaps
+        changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
+        return problem.anew(gap=changed)
+    if part:
+        expected = "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
+        validate.require(problem.contact.residual is None, f"{name}.{part}", expected, "residual modes")
+        way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
+        kinds = problem.settings.law_by_interface()
+        values = {f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()}
+        return problem.anew(contact_stiffness=values, contact_stiffness_factor=1.0)
     if name == "contact_stiffness_factor":
-        return replace(problem, contact_stiffness_factor=factor * problem.contact_stiffness_factor)
+        return problem.anew(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
     if name == "damping_factor":
-        if problem.damping_ratio is not None:
-            return replace(problem, damping_ratio=factor * problem.damping_ratio)
+        if problem.settings.damping_ratio is not None:
+            return problem.anew(damping_ratio=factor * problem.settings.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
-        return replace(problem, model=as_checked(replace(problem.model, bodies=bodies)))
+        return problem.anew(model=as_checked(replace(problem.model, bodies=bodies)))
+    if name == "frequency_factor":
+        whole = denser(problem.model, factor**-2, tuple(problem.model.bodies))
+        return problem.anew(model=as_checked(whole))
     model = denser(problem.model, factor)
     if name == "damper_mass_factor":  # the displacement by rotation stays what it is at this load
         spun = [(key, body, body.spin) for key, body in model.bodies.items()]
         moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
         model = replace(model, bodies=moved)
-    return replace(problem, model=as_checked(model))
+    return problem.anew(model=as_checked(model))
 
 
 def _damped(body: Body, factor: float) -> Body:
@@ -155,27 +188,30 @@ def _damped(body: Body, factor: float) -> Body:
     return replace(body, bases=bases)
 
 
-def denser(model: Model, factor: float) -> Model:
-    """The model with the density of its free bodies multiplied: mass-normalised modes shrink, flexibility stays."""
-    free = [body for body in model.bodies.values() if body.kind == "free"]
-    validate.require(free, "mass of the damper", "a model with a free body", "none")
-    bodies = dict(model.bodies)
-    root = 1.0 / np.sqrt(factor)
-    for body in free:
-        assert body.mass is not None and body.inertia is not None
+def denser(model: Model, factor: float, names: Sequence[str] = ()) -> Model:
+    """The model with the density of bodies multiplied, of free ones by default: mass-normalised modes shrink, flexibility
+    stays."""
+    chosen = [b for b in model.bodies.values() if b.bases and (b.name in names if names else b.kind == "free")]
+    validate.require(chosen, "mass of the damper", "a model with a free body", "none")
+    bodies, root = dict(model.bodies), 1.0 / np.sqrt(factor)
+    for body in chosen:
         bases = {
             d: replace(
                 basis,
                 omega2=basis.omega2 / factor,
                 contact_modes=root * basis.contact_modes,
                 locations={name: root * modes for name, modes in basis.locations.items()},
+                drag=None if basis.drag is None else basis.drag / (factor if names else 1.0),
+                speed=basis.speed if not names else None,
             )
             for d, basis in body.bases.items()
         }
-        load = body.load
-        if load is not None:
-            load = replace(load, generalised=root * load.generalised)
-        bodies[body.name] = replace(
-            body, mass=factor * body.mass, inertia=factor * body.inertia, bases=bases, load=load
-        )  # fmt: skip
+        own: dict[str, Any] = {"bases": bases}
+        if body.load is not None:
+            own["load"] = replace(body.load, generalised=root * body.load.generalised)
+        if body.constant_force is not None:
+            own["constant_force"] = root * body.constant_force
+        if body.mass is not None and body.inertia is not None:
+            own |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
+        bodies[body.name] = replace(body, **own, local=None if names else body.local)
     return replace(model, bodies=bodies)

@@ -12,10 +12,15 @@ from numpy.typing import NDArray
 
 from bdamper.model.model import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
 from bdamper.model.spin import SpinStatic
-from bdamper.reduction.cyclic import CyclicSector
+from bdamper.reduction.cyclic import CyclicSector, fix_phase
 from bdamper.reduction.facets import Facets, corner_count
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.spin import Rotation, spin_displacement
+from bdamper.reduction.structure import Structure
+
+LEAST = 1e-8
+"""Energy of a residual shape, over that of the static shape of its force, and of a combination of such over that of the
+others, that counts as rounding."""
 
 
 def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
@@ -24,9 +29,27 @@ def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> 
     return tuple(sorted({min(d, n_blades - d) for d in orders}))
 
 
-def location_rows(nodes: Mapping[str, int], shapes: NDArray) -> dict[str, NDArray]:
-    """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes) at named nodes."""
-    return {name: shapes[3 * node : 3 * node + 3].copy() for name, node in nodes.items()}
+Place = int | NDArray
+"""Where forces act: the index of a node, or a field (n_nodes, 3) complex of forces (N)."""
+
+
+def nodes_of(place: Place) -> NDArray:
+    """Indices of the nodes at which forces act."""
+    return np.flatnonzero(place.any(axis=1)) if isinstance(place, np.ndarray) else np.array([place])
+
+
+def location_rows(places: Mapping[str, Place], shapes: NDArray) -> dict[str, NDArray]:
+    """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes): motion of a node; work of the real
+    and of the imaginary part of a field of forces, and zeros."""
+    out = {}
+    for name, place in places.items():
+        dofs = (3 * nodes_of(place)[:, None] + np.arange(3)).ravel()
+        if isinstance(place, np.ndarray):
+            force = place.ravel()[dofs]
+            out[name] = np.stack([force.real @ shapes[dofs], force.imag @ shapes[dofs], 0.0 * shapes[0]])
+        else:
+            out[name] = shapes[dofs]
+    return out
 
 
 def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
@@ -42,26 +65,40 @@ def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray])
 
 @dataclass(frozen=True)
 class Wanted:
-    """Where and with how many modes the motion of a body is wanted.
+    """Locations, contact points and number of modes for the reduction of a body.
 
     Parameters
     ----------
     ports : tuple of Port
     contact : (3 n_points, 3 n_nodes) sparse
         From nodal displacements to the contact points of all ports.
-    locations : mapping of name to node index
+    locations : mapping of name to node index, or to a field (n_nodes, 3) complex of forces (N)
     n_modes : int
     damping_ratio : float
         Of all elastic modes.
+    static_shapes : bool
+        Whether a sector has static shapes of forces at its locations besides; stored models of reference have none.
     """
 
     ports: tuple[Port, ...]
     contact: sp.csr_matrix
-    locations: Mapping[str, int]
+    locations: Mapping[str, Place]
     n_modes: int
     damping_ratio: float
+    static_shapes: bool = False
 
-    def basis(self, omega2: NDArray, shapes: NDArray, flexibility: NDArray | None = None) -> ModalBasis:
+    def shapes(self, sector: CyclicSector) -> tuple[NDArray, NDArray, int | None]:
+        """Squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and how many of the last are no modes."""
+        omega2, modes = sector.modes(self.n_modes)
+        if not (self.static_shapes and self.locations):
+            return omega2, modes, None
+        loads = location_loads(sector.body, self.locations.values())
+        found, static = residual_shapes(sector.body, modes, loads, sector.transformation @ sector.static_response(loads))
+        return np.append(omega2, found), np.hstack([modes, static]), len(found)
+
+    def basis(
+        self, omega2: NDArray, shapes: NDArray, flexibility: NDArray | None = None, static: int | None = None
+    ) -> ModalBasis:
         """Mass-normalised modes (3 n_nodes, n) of squared frequencies (n,) at the contact points and locations."""
         return ModalBasis(
             omega2=omega2.copy(),
@@ -69,7 +106,57 @@ class Wanted:
             contact_modes=(self.contact @ shapes).reshape(-1, 3, len(omega2)),
             locations=location_rows(self.locations, shapes),
             flexibility=flexibility,
+            static_shapes=static,
         )
+
+
+def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
+    """Unit forces (3 n_nodes, n) along X, Y and Z at nodes; the real and the imaginary part of fields, if not zero."""
+    columns = []
+    for place in places:
+        if isinstance(place, np.ndarray):
+            parts = np.stack([place.real.ravel(), place.imag.ravel()], axis=1)
+            columns.append(sp.csc_matrix(parts[:, parts.any(axis=0)]))
+        else:
+            dofs = body.dofs(np.array([place]))
+            columns.append(sp.csc_matrix((np.ones(3), (dofs, np.arange(3))), shape=(body.n_dof, 3)))
+    return sp.hstack(columns, format="csc")
+
+
+def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static: NDArray) -> tuple[NDArray, NDArray]:
+    r"""What kept shapes leave out of static ones: :math:`(K^{-1} - \Phi \Omega^{-2} \Phi^H) f`, made orthogonal.
+
+    Parameters
+    ----------
+    body : Structure
+    kept : (3 n_nodes, n_kept)
+        Orthogonal in the stiffness.
+    loads, static : (3 n_nodes, n) sparse, (3 n_nodes, n)
+        Forces and their static shapes.
+
+    Returns
+    -------
+    omega2 : (m,) float, ascending
+    shapes : (3 n_nodes, m)
+        Mass-normalised, orthogonal to those kept in the stiffness and to each other in mass and stiffness; fewer than the
+        loads where these leave fewer.
+    """
+    own, rest = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real, static
+    for _ in range(2):  # twice, for rounding
+        rest = rest - (kept / own) @ (kept.conj().T @ (body.stiffness @ rest))
+    energy = np.einsum("ij,ij->j", rest.conj(), body.stiffness @ rest).real
+    left = energy > LEAST * loads.multiply(static.conj()).sum(axis=0).A1.real
+    rest = rest[:, left] / np.sqrt(energy[left])
+    size, V = np.linalg.eigh(_product(rest, body.stiffness))
+    real = size > LEAST * size.max(initial=0.0)
+    rest = rest @ (V[:, real] / np.sqrt(size[real]))
+    square, V = np.linalg.eigh(_product(rest, body.mass))
+    return 1.0 / square[::-1], fix_phase((rest @ V / np.sqrt(square))[:, ::-1], body.mass)
+
+
+def _product(shapes: NDArray, matrix: sp.spmatrix) -> NDArray:
+    product = shapes.conj().T @ (matrix @ shapes)
+    return np.asarray(0.5 * (product + product.conj().T))
 
 
 def constrained_body(
@@ -93,9 +180,10 @@ def constrained_body(
     for d in nodal_diameters:
         reduced = sector(d)
         touching = wanted.contact if d in flexibility_at else None
-        bases[d] = wanted.basis(*reduced.modes(wanted.n_modes), None if touching is None else reduced.receptance(touching))
+        omega2, shapes, static = wanted.shapes(reduced)
+        bases[d] = wanted.basis(omega2, shapes, None if touching is None else reduced.receptance(touching), static)
         if rotation is not None:
-            bases[d] = rotation.basis(bases[d], reduced, touching)
+            bases[d] = rotation.basis(bases[d], reduced, shapes, touching)
     spin = None
     if rotation is not None:
         moved = spin_displacement(sector(0))

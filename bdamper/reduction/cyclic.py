@@ -4,9 +4,10 @@ A travelling wave of nodal diameter d has :math:`u^{(k+1)} = R\,u^{(k)} e^{i\var
 d/N`, with R the rotation that carries sector k onto sector k+1 (see :func:`bdamper.model.model.turn`).  The right
 face of sector 0 is the left face of sector 1, so with :math:`x_R = R x_L`
 
-.. math:: u(x_R) = e^{i\varphi} R\, u(x_L).
+.. math:: u(x_R) = e^{i\varphi} R\, u(x_L),
 
-Collected in a matrix T from the independent degrees of freedom to all of the sector, this gives the Hermitian
+by interpolation where their meshes differ (:mod:`bdamper.reduction.sector_faces`).  Collected in a matrix T from the
+independent degrees of freedom to all of the sector, this gives the Hermitian
 problem :math:`(T^H K T - \omega^2 T^H M T)\,q = 0` of one sector; :math:`u = T q` with :math:`u^H M u = 1`.
 The matrices are real for d = 0 and d = N/2.  A single factorisation of :math:`T^H K T` serves both the modes
 (shift and invert about zero) and the static receptances.
@@ -20,11 +21,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
-from scipy.spatial import cKDTree
 
-from bdamper.model.model import turn
+from bdamper.reduction.sector_faces import SectorFaces
 from bdamper.reduction.structure import Structure, check
 
 
@@ -42,67 +42,44 @@ def factorise(matrix: sp.spmatrix) -> SuperLU:
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-def match_faces(nodes: NDArray, left: NDArray, right: NDArray, pitch: float, tolerance: float = 1e-8) -> NDArray:
-    """The nodes of ``right`` in the order in which rotation by one pitch carries ``left`` onto them.
-
-    Raises
-    ------
-    ValueError
-        If the faces do not match node by node within ``tolerance`` (m).
-    """
-    check(len(left) and len(right), f"sector faces with {len(left)} and {len(right)} nodes: none may be empty")
-    target = nodes[left] @ turn(pitch).T
-    distance, index = cKDTree(nodes[right]).query(target)
-    if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
-        found = f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
-        raise ValueError(f"sector faces do not match under rotation by {pitch:.6g} rad: {found}")
-    return right[index]
-
-
-def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
-    """Factor ``exp(2 pi i d/N)`` from one sector to the next; +1 or -1, hence real, for d = 0 and d = N/2."""
-    if 2 * nodal_diameter % n_sectors == 0:
-        return -1.0 if nodal_diameter % n_sectors else 1.0
-    return np.exp(2j * np.pi * nodal_diameter / n_sectors)
-
-
-def cyclic_transformation(
-    n_nodes: int, left: NDArray, right: NDArray, clamped: NDArray, n_sectors: int, nodal_diameter: int
-) -> sp.csr_matrix:
-    """Matrix T (3 n_nodes, n_independent) of the module's docstring; ``right[m]`` is ``left[m]``'s image.
+def cyclic_transformation(n_nodes: int, faces: SectorFaces, clamped: NDArray, nodal_diameter: int) -> sp.csr_matrix:
+    """Matrix T (3 n_nodes, n_independent) of the module's docstring.
 
     ``clamped`` are nodes (n,), or a mask (n_nodes, 3) of fixed components.  On the faces a rotation about Z mixes
-    X and Y, so there both or neither of them must be fixed, and alike on both faces.
+    X and Y, so there both or neither of them must be fixed.
 
     Raises
     ------
     ValueError
         If the fixed components of the faces do not allow the phase condition.
     """
-    dependent = np.zeros(n_nodes, bool)
-    dependent[right] = True
     clamped = np.asarray(clamped)
     fixed = np.zeros((n_nodes, 3), bool)
     if clamped.dtype == bool and clamped.shape == (n_nodes, 3):
         fixed = clamped
     else:
         fixed[clamped] = True
-    check((fixed[left] == fixed[right]).all(), "a clamped node of one sector face has a free image on the other")
+    left, right = faces.independent, faces.dependent
+    if faces.matching:
+        images = (faces.weights @ fixed[left].astype(float)) > 0.5
+        check((images == fixed[right]).all(), "a clamped node of one sector face has a free image on the other")
     wrong = "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes"
-    check(n_sectors == 1 or (fixed[left, 0] == fixed[left, 1]).all(), wrong)
-    free = np.flatnonzero(~dependent & ~fixed.all(axis=1))
-    column = np.full(n_nodes, -1)
-    column[free] = np.arange(len(free))
-
-    phase = sector_phase(n_sectors, nodal_diameter)
-    keep = column[left] >= 0
-    rows, columns = np.concatenate([free, right[keep]]), np.concatenate([column[free], column[left[keep]]])
-    blocks = np.repeat([np.eye(3), phase * turn(2.0 * np.pi / n_sectors)], [len(free), keep.sum()], axis=0)
-    order = np.argsort(rows, kind="stable")
-    pointer = np.searchsorted(rows[order], np.arange(n_nodes + 1))
-    t = sp.bsr_matrix((blocks[order], columns[order], pointer), shape=(3 * n_nodes, 3 * len(free))).tocsr()
-    loose = ~fixed[free].ravel()
-    return t if loose.all() else t[:, np.flatnonzero(loose)]
+    check(faces.n_sectors == 1 or (fixed[faces.nodes, 0] == fixed[faces.nodes, 1]).all(), wrong)
+    own, axis = np.ones(n_nodes, bool), faces.axis[~fixed[faces.axis].any(axis=1)]
+    own[right] = False
+    phase, rotation = faces.tie(nodal_diameter)
+    entries = faces.weights.tocoo()
+    tied = sp.csr_matrix((entries.data, (right[entries.row], left[entries.col])), shape=(n_nodes, n_nodes))
+    t = sp.kron(sp.diags(own.astype(float)), np.eye(3)) + sp.kron(tied, phase * rotation)
+    t = (sp.diags((~fixed.ravel()).astype(float)) @ t.tocsr()).tocsc()
+    own[faces.axis] = False
+    columns = [t[:, np.flatnonzero((own[:, None] & ~fixed).ravel())]]
+    if len(axis):
+        free = null_space(np.eye(3) - phase * rotation)
+        columns.append(t @ sp.kron(sp.identity(n_nodes, format="csc")[:, axis], free))
+    t = sp.hstack(columns).tocsr()
+    t.eliminate_zeros()
+    return t.tocsr()
 
 
 def fix_phase(vectors: NDArray, mass: sp.spmatrix, partial: bool = False) -> NDArray:
@@ -160,26 +137,23 @@ class CyclicSector:
     Parameters
     ----------
     body : Structure
-    left, right, clamped : int arrays
-        Matched nodes of the two sector faces (empty for one sector), and the clamped nodes or components
-        (see :func:`cyclic_transformation`).
-    n_sectors, nodal_diameter : int
+    faces : SectorFaces
+        Of one sector, or :func:`bdamper.reduction.sector_faces.no_faces`.
+    clamped : int array or mask
+        Clamped nodes or components (see :func:`cyclic_transformation`).
+    nodal_diameter : int
     """
 
     body: Structure
-    left: NDArray
-    right: NDArray
+    faces: SectorFaces
     clamped: NDArray
-    n_sectors: int
     nodal_diameter: int
     _lu: SuperLU | None = field(default=None, repr=False)
     _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
     _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        self.transformation = cyclic_transformation(
-            len(self.body.nodes), self.left, self.right, self.clamped, self.n_sectors, self.nodal_diameter
-        )
+        self.transformation = cyclic_transformation(len(self.body.nodes), self.faces, self.clamped, self.nodal_diameter)
         adjoint = self.transformation.conj().T
         self.stiffness = (adjoint @ self.body.stiffness @ self.transformation).tocsr()
         self.mass = (adjoint @ self.body.mass @ self.transformation).tocsr()

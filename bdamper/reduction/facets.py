@@ -26,6 +26,34 @@ FACES = {
     8: ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
 """Corners of the faces of elements, in turn."""
+LEAST_COSINE = 0.1
+"""Of the angle between two corner normals of a face: a cube with the corners of one face turned by one place has 0, the
+most distorted element of the reference sector 0.67."""
+
+
+def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
+    """Whether the corners of hexahedra or wedges stand in another order than the agreed one, in either sense.
+
+    Some face crosses itself or is bent by a right angle then: the normals at its four corners, which look to one side
+    otherwise, do not.
+
+    Parameters
+    ----------
+    corners : (n, 6 | 8) int
+        Repeated ones (collapsed elements) are allowed.
+    nodes : (n_nodes, 3) float
+
+    Returns
+    -------
+    (n,) bool
+    """
+    faces = np.array([face for face in FACES[corners.shape[1]] if len(face) == 4])
+    x = nodes[corners][:, faces]  # (n, faces, 4, 3)
+    normal = np.cross(np.roll(x, -1, axis=2) - x, np.roll(x, 1, axis=2) - x)
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    size = np.ptp(x, axis=(1, 2)).max(axis=1)[:, None, None, None] ** 2
+    unit = np.where(length > 1e-9 * size, normal / np.maximum(length, 1e-300), np.nan)  # a collapsed corner has no normal
+    return np.asarray((np.einsum("efic,efjc->efij", unit, unit) < LEAST_COSINE).any(axis=(1, 2, 3)))
 
 
 @dataclass(frozen=True)

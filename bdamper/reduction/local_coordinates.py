@@ -6,12 +6,14 @@ rest of the disk, the coordinates of :mod:`bdamper.model.local` have these shape
 * cantilever modes U: modes of :math:`K_{ff}, M_{ff}`;
 * attachments X: static shapes :math:`K_{ff}^{-1} P^T q` of loads q on the contact points, without their part in U.  The
   loads q are the principal contact forces in the lowest modes of wheels whose dampers stick (:func:`stuck_loads`);
+* static shapes of forces at the locations, without their part in U and X, where they are asked for; they count as
+  attachments;
 * shapes of the root V, with the static shapes of blade, :math:`-K_{ff}^{-1} K_{fr} V`, and disk, at each nodal diameter.
   V are the principal shapes (singular vectors) of the root's motion, divided by the frequency, in the lowest modes of the
   sector at nodal diameters 0, 1, 2, 4, 8 ... N/2 (all of them change nothing: the largest error of family 1 of the 65
   blades of :mod:`bdamper.fe` is 0.00016 against 0.00012 %).
 
-None of the first two moves the root, and all are static or modes, so that U, X and V do not couple in the stiffness (Craig
+None but the last moves the root, and all are static or modes, so that U, X and V do not couple in the stiffness (Craig
 and Bampton, AIAA Journal 6, 1968, p. 1313).
 
 The stiffness of the blade alone is that of its own elements.  From matrices of a whole sector it cannot be told at the
@@ -36,7 +38,7 @@ from scipy.sparse.linalg import SuperLU
 
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface, Port
-from bdamper.reduction.bodies import Wanted, location_rows
+from bdamper.reduction.bodies import Wanted, location_loads, location_rows, nodes_of, residual_shapes
 from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, factorise, fix_phase, lowest_modes
 from bdamper.reduction.structure import Structure, check
 from bdamper.util import validate
@@ -47,7 +49,7 @@ the blade without its cantilever modes.  On the shipped disk (1, 10) or (0.1, 1,
 
 
 @dataclass(frozen=True)
-class LocalSizes:
+class LocalSizes(validate.Checked):
     """How many shapes a local basis has.
 
     Parameters
@@ -64,14 +66,10 @@ class LocalSizes:
         Modes at each nodal diameter from which shapes of the root and loads of the attachments are taken.
     """
 
-    cantilever: int = 12
-    attachment: int = 12
-    interface: int = 16
-    modes: int = 10
-
-    def __post_init__(self) -> None:
-        validate.fields(self, validate.whole, "cantilever", "interface", "modes", least=1)
-        validate.fields(self, validate.whole, "attachment", least=0)
+    cantilever: validate.Count = 12
+    attachment: validate.Natural = 12
+    interface: validate.Count = 16
+    modes: validate.Count = 10
 
 
 @dataclass
@@ -123,8 +121,8 @@ class BladePart:
         ValueError
         """
         check(self.inside[wanted.contact.indices // 3].all(), "contact points that are not on the blade")
-        for name, node in wanted.locations.items():
-            check(self.inside[node], f"location '{name}', which is not on the blade")
+        for name, place in wanted.locations.items():
+            check(self.inside[nodes_of(place)].all(), f"location '{name}', which is not on the blade")
 
     @cached_property
     def solver(self) -> SuperLU:
@@ -175,13 +173,13 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> l
     depends on the nodal diameter is the stiffness of the faces.  With a factorisation at each of 19 nodal diameters
     the whole import of a sector of 2,865 nodes takes 1.4 times as long.
     """
-    if np.isin(blade.root, [*sector.left, *sector.right]).any():
+    if np.isin(blade.root, sector.faces.nodes).any():
         raise ValueError("a node of the blade's root lies on a face at which the sector repeats")
     body, held = blade.body, blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
     moving, faces = ~held.ravel(), np.zeros(body.n_dof, bool)
     moving[blade.root_dofs] = False
-    faces[body.dofs(np.concatenate([sector.left, sector.right]))] = True
+    faces[body.dofs(sector.faces.nodes)] = True
     face, inner = np.flatnonzero(moving & faces), np.flatnonzero(moving & ~faces)
     of_inner, of_face = body.stiffness[inner], body.stiffness[face]
     factor, coupling = factorise(of_inner[:, inner]), of_inner[:, face].tocsc()
@@ -193,9 +191,9 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> l
         stiffness[:, columns] -= coupling.T @ factor.solve(coupling[:, columns].toarray())
     load = of_face[:, blade.root_dofs] @ motion - coupling.T @ driven
     out = []
-    for d in range(sector.n_sectors // 2 + 1):
+    for d in range(sector.faces.n_sectors // 2 + 1):
         blade.step(f"disk of the wheel, nodal diameter {d}")
-        t = cyclic_transformation(len(body.nodes), sector.left, sector.right, held, sector.n_sectors, d)[face]
+        t = cyclic_transformation(len(body.nodes), sector.faces, held, d)[face]
         t = t[:, np.unique(t.indices)].toarray()
         whole = np.zeros(carried.shape, t.dtype)
         whole[blade.own_dofs], whole[blade.root_dofs] = carried[blade.own_dofs], motion
@@ -334,17 +332,17 @@ class LocalShapes(NamedTuple):
 
 
 def local_shapes(
-    blade: BladePart, sector: Callable[[int], CyclicSector], contact: sp.csr_matrix, dampers: tuple[NDArray, NDArray],
+    blade: BladePart, sector: Callable[[int], CyclicSector], wanted: Wanted, dampers: tuple[NDArray, NDArray],
     sizes: LocalSizes,
 ) -> LocalShapes:  # fmt: skip
     """The shapes of :func:`local_basis`, parameters as there."""
-    omega2, modes = blade.cantilever(sizes.cantilever)
+    contact, (omega2, modes) = wanted.contact, blade.cantilever(sizes.cantilever)
     first = sector(0)
-    carried = blade.carried(root_shapes(blade, sector, first.n_sectors, sizes))
+    carried = blade.carried(root_shapes(blade, sector, first.faces.n_sectors, sizes))
     pairs = disk_matrices(blade, first, carried)
     k, m = (np.array([pair[i] for pair in pairs], complex) for i in (0, 1))
     # shapes of unit mass on the average over all waves, for numbers of one size
-    scale = eigh(*(mean_over_waves(matrices, first.n_sectors) for matrices in (k, m)))[1]
+    scale = eigh(*(mean_over_waves(matrices, first.faces.n_sectors) for matrices in (k, m)))[1]
     k, m = (scale.T @ matrices @ scale for matrices in (k, m))
     k, m = (0.5 * (matrices + matrices.conj().transpose(0, 2, 1)) for matrices in (k, m))
     carried = carried @ scale
@@ -358,7 +356,11 @@ def local_shapes(
         loads = loads[:, real] / np.sqrt(size[real])
         shapes = np.hstack([modes, columns @ loads, carried])
         wheel = StuckWheel(omega2, loads, shapes.T @ (blade.body.mass @ shapes), contact @ shapes, k, m)
-        attached = blade.attachments(columns @ stuck_loads(wheel, dampers, first.n_sectors, sizes), modes)
+        attached = blade.attachments(columns @ stuck_loads(wheel, dampers, first.faces.n_sectors, sizes), modes)
+    if wanted.static_shapes and wanted.locations:
+        loads = location_loads(blade.body, wanted.locations.values())
+        static = residual_shapes(blade.body, np.hstack([modes, attached]), loads, blade.contact_columns(loads.T.tocsr()))
+        attached = np.hstack([attached, static[1]])
     return LocalShapes(omega2, np.hstack([modes, attached, carried]), carried.shape[1], k, m)
 
 
@@ -388,7 +390,7 @@ def local_basis(
     """
     blade.check_on_blade(wanted)
     body, contact = blade.body, wanted.contact
-    found = local_shapes(blade, sector, contact, dampers, sizes)
+    found = local_shapes(blade, sector, wanted, dampers, sizes)
     shapes, n = found.shapes, found.shapes.shape[1]
     own = slice(0, n - found.n_interface)
     rest = slice(own.stop, n)

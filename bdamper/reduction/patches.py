@@ -166,14 +166,14 @@ def _bilinear(xi: NDArray) -> NDArray:
     return 0.25 * (1 + xi[:, :1] * SQUARE[:, 0]) * (1 + xi[:, 1:] * SQUARE[:, 1])
 
 
-def _shape(xi: NDArray, n_nodes: int) -> NDArray:
+def shape_functions(xi: NDArray, n_nodes: int) -> NDArray:
     """Shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
     if n_nodes in (4, 8):
         return _bilinear(xi) if n_nodes == 4 else serendipity(xi)
     return xi if n_nodes == 3 else np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
 
 
-def _inverse_map(corner: NDArray, x: NDArray) -> NDArray:
+def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
     """Coordinates on the square (m, 2), or barycentric (m, 3), of points ``x`` (m, 2) in a facet."""
     if len(corner) == 3:
         edges = np.stack([corner[1] - corner[0], corner[2] - corner[0]], axis=1)
@@ -314,7 +314,7 @@ def _means(
                 if flat is None:
                     continue
                 row = flat.nodes[index]
-                values = w @ _shape(_inverse_map(flat.corner[index], x), len(row))
+                values = w @ shape_functions(inverse_map(flat.corner[index], x), len(row))
                 for node, value in zip(row.tolist(), values.tolist()):
                     weight[side][node] = weight[side].get(node, 0.0) + value
         for side in (0, 1):

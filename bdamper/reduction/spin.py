@@ -99,9 +99,11 @@ class Rotation:
         """The sector, given at ``omega_ref``, with the stiffness of another speed (rad/s)."""
         stiffness = sector.body.stiffness + (omega**2 - self.omega_ref**2) * self.per_squared_speed
         body = replace(sector.body, stiffness=stiffness)
-        return CyclicSector(body, sector.left, sector.right, sector.clamped, sector.n_sectors, sector.nodal_diameter)
+        return replace(sector, body=body, _lu=None, _modes=None, _contact=None)
 
-    def basis(self, basis: ModalBasis, sector: CyclicSector, contact: sp.spmatrix | None = None) -> ModalBasis:
+    def basis(
+        self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix | None = None
+    ) -> ModalBasis:
         """The basis of a sector with its data over speed.
 
         Parameters
@@ -110,16 +112,17 @@ class Rotation:
             Modes of ``sector``, with its flexibility if there is ``contact``.
         sector : CyclicSector
             With the stiffness of the speed ``omega_ref``.
+        shapes : (3 n_nodes, n_modes)
+            Of the basis, on all nodes.
         contact : (3 n_points, 3 n_nodes) sparse, optional
             From nodal displacements to contact points, for the residual flexibility.
         """
-        omega2, shapes = sector.modes(basis.n_modes)
         stiffness2 = _hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
         turning = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)
         residual2 = None
         if contact is not None:
             static = sector.transformation @ sector.contact_response(contact)
-            modal = contact @ shapes / omega2
+            modal = contact @ shapes / basis.omega2
             residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (self.per_squared_speed @ static)
             residual2 = _hermitian(residual2)
         out = basis.with_speed(stiffness2, residual2, self.omega_ref, source=self.source)

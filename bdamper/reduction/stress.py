@@ -64,10 +64,11 @@ class StressRows:
         self._static: NDArray | None = None
         self._spread: NDArray | None = None
 
-    def add(self, sector: CyclicSector, contact: sp.spmatrix, n_modes: int) -> None:
+    def add(self, sector: CyclicSector, contact: sp.spmatrix, omega2: NDArray, shapes: NDArray) -> None:
         """The vectors of one nodal diameter; 0 brings the centrifugal load.
 
-        ``contact`` (3 n_points, 3 n_nodes) leads from nodal displacements to the contact points of all ports.
+        ``contact`` (3 n_points, 3 n_nodes) leads from nodal displacements to the contact points of all ports; ``omega2``
+        (n,) and ``shapes`` (3 n_nodes, n) are those of the body's basis.
 
         Raises
         ------
@@ -75,9 +76,8 @@ class StressRows:
             If a node lies on a cut face.
         """
         d = sector.nodal_diameter
-        if np.isin(self.nodes, np.concatenate([sector.left, sector.right])).any():
+        if np.isin(self.nodes, sector.faces.nodes).any():
             raise ValueError("stress rows: expected nodes away from the cut faces of the sector")
-        omega2, shapes = sector.modes(n_modes)
         S = self._rows @ shapes
         unit = self._rows @ (sector.transformation @ sector.contact_response(contact))
         A = unit - (S / omega2) @ (contact @ shapes).conj().T

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.model import turn
+from bdamper.reduction.sector_faces import SectorFaces
 from bdamper.reduction.structure import check
 
 PAIR_TOLERANCE, PHASE_TOLERANCE = 1e-4, 1e-3
@@ -55,17 +55,15 @@ class Waves:
     combined: int
 
 
-def _difference(shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, d: int) -> NDArray:
+def _difference(shapes: NDArray, faces: SectorFaces, d: int) -> NDArray:
     """(k, n) violation of the phase condition on the faces."""
     u = shapes.reshape(-1, 3, shapes.shape[1])
-    phase = np.exp(2j * np.pi * d / n_sectors)
-    carried = np.einsum("ij,njm->nim", turn(2.0 * np.pi / n_sectors), u[left])
-    return (u[right] - phase * carried).reshape(-1, shapes.shape[1])
+    phase, rotation = faces.tie(d)
+    own = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(-1, *u.shape[1:])
+    return np.asarray(u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, own)).reshape(-1, shapes.shape[1])
 
 
-def travelling_waves(
-    frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, nodal_diameter: int
-) -> Waves:
+def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, nodal_diameter: int) -> Waves:
     """Waves toward +X from the shapes of a file.
 
     Parameters
@@ -73,27 +71,26 @@ def travelling_waves(
     frequency : (m,) float, Hz
     shapes : (3 n_nodes, m) float or complex
         In the axes of a model.
-    left, right : (k,) int
-        Matching nodes of the sector faces, ``right`` toward +X.
-    n_sectors, nodal_diameter : int
+    faces : SectorFaces
+    nodal_diameter : int
 
     Raises
     ------
     ValueError
         If a shape, or a pair of shapes, is no wave of this nodal diameter.
     """
-    d, n = nodal_diameter, n_sectors
+    d, n = nodal_diameter, faces.n_sectors
     check(0 <= d <= n // 2, f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
-    size = np.linalg.norm(np.concatenate([shapes.reshape(-1, 3, len(frequency))[s] for s in (left, right)]), axis=(0, 1))
+    size = np.linalg.norm(shapes.reshape(-1, 3, len(frequency))[faces.nodes], axis=(0, 1))
     whole = np.linalg.norm(shapes, axis=0)
     # A mode that leaves the faces at rest does not determine the phase; its size elsewhere is the scale then.
     size = np.maximum(size, 1e-6 * whole)
     if 2 * d % n == 0:
-        return _standing(frequency, shapes, left, right, n, d, size)
-    forward = _difference(shapes, left, right, n, d)
+        return _standing(frequency, shapes, faces, d, size)
+    forward = _difference(shapes, faces, d)
     if np.iscomplexobj(shapes) and np.abs(shapes.imag).max() > 1e-9 * np.abs(shapes).max():
         ahead = np.linalg.norm(forward, axis=0) / size
-        behind = np.linalg.norm(_difference(shapes.conj(), left, right, n, d), axis=0) / size
+        behind = np.linalg.norm(_difference(shapes.conj(), faces, d), axis=0) / size
         error = np.minimum(ahead, behind)
         _refuse(error, frequency, d, "")
         other = behind < ahead
@@ -118,7 +115,7 @@ def travelling_waves(
     return Waves(np.array(index, int), np.array(waves).T, found, 0, len(index))
 
 
-def _standing(frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray, n: int, d: int, size: NDArray) -> Waves:
+def _standing(frequency: NDArray, shapes: NDArray, faces: SectorFaces, d: int, size: NDArray) -> Waves:
     """Nodal diameters 0 and N/2: remove the common phase of each shape, and check the faces."""
     if np.iscomplexobj(shapes):
         square = np.einsum("ij,ij->j", shapes, shapes)
@@ -126,7 +123,7 @@ def _standing(frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray
         rest = np.linalg.norm(shapes.imag, axis=0) / np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
         _refuse(rest, frequency, d, "the imaginary part of ")
         shapes = shapes.real
-    error = np.linalg.norm(_difference(shapes, left, right, n, d), axis=0) / size
+    error = np.linalg.norm(_difference(shapes, faces, d), axis=0) / size
     _refuse(error, frequency, d, "")
     return Waves(np.arange(len(frequency)), np.array(shapes), error, 0, 0)
 
@@ -139,8 +136,8 @@ def _refuse(error: NDArray, frequency: NDArray, d: int, what: str) -> None:
         raise ValueError(f"nodal diameter {d}: {what}{frequency[k]:.6g} Hz {why}, {off}")
 
 
-def farthest_pair(shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, nodal_diameter: int) -> int:
-    """Which matching nodes violate the phase condition most, in the better direction of the waves."""
-    off = [_difference(wave, left, right, n_sectors, nodal_diameter) for wave in (shapes, shapes.conj())]
+def farthest_pair(shapes: NDArray, faces: SectorFaces, nodal_diameter: int) -> int:
+    """Node of the dependent face with the largest violation of the phase condition, in the better wave direction."""
+    off = [_difference(wave, faces, nodal_diameter) for wave in (shapes, shapes.conj())]
     worst = min(off, key=np.linalg.norm)
-    return int(np.linalg.norm(worst.reshape(len(left), -1), axis=1).argmax())
+    return int(np.linalg.norm(worst.reshape(len(faces.dependent), -1), axis=1).argmax())

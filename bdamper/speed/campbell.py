@@ -10,16 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.design.sweep import SweepResult
 from bdamper.peaks.interval import free_and_stuck
 from bdamper.problem.at_speed import RPM, Conditions, asked_speeds, preload_at, under
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossings import Crossings, OverSpeed, SpeedLine, speed_values
+from bdamper.speed.crossings import speed_values
 from bdamper.speed.family import SpeedFamily
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -33,7 +35,7 @@ from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
 @brief
 @dataclass(frozen=True)
-class Campbell(OverSpeed, Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
+class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     """Frequencies over rotor speed.
 
     ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the interference diagram at one
@@ -52,7 +54,7 @@ class Campbell(OverSpeed, Plottable, Tabular, Recorded, Storable, kind="bdamper-
     order : (j,) int, order_mode : (j,) int, order_free, order_stuck : (j,) float, rad/s
         Crossings of the free and the stuck resonances with the lines of these orders, one row for each order and mode, more
         where a resonance meets a line more than once; NaN where there is none in the range.
-    damped : Crossings or None
+    damped : tuple of SweepResult
         Damped crossings.
     notes : tuple of str
         What the model neglects over speed.
@@ -70,8 +72,16 @@ class Campbell(OverSpeed, Plottable, Tabular, Recorded, Storable, kind="bdamper-
     order_mode: NDArray
     order_free: NDArray
     order_stuck: NDArray
-    damped: tuple[Crossings, ...] = ()
+    damped: tuple[SweepResult, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    @property
+    def rpm(self) -> NDArray:
+        """(n,) float: speeds in revolutions per minute."""
+        return self.speed * RPM
 
     def met_by(self, engine_order: int) -> int:
         """Nodal diameter that an engine order excites."""
@@ -90,11 +100,6 @@ class Campbell(OverSpeed, Plottable, Tabular, Recorded, Storable, kind="bdamper-
             raise SettingError(f"nodal_diameter: expected one of {self.nodal_diameter.tolist()}, found {nodal_diameter}")
         return int(np.flatnonzero(self.nodal_diameter == nodal_diameter)[0])
 
-    @property
-    def lines(self) -> tuple[SpeedLine, ...]:
-        """Responses along the lines of all damped crossings."""
-        return tuple(line for found in self.damped for line in found.lines)
-
     def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:
         """Interference diagram at a speed, rad/s (:func:`bdamper.plot.plot_safe`)."""
         return draw(self, "plot_safe", speed, ax, **options)
@@ -103,39 +108,25 @@ class Campbell(OverSpeed, Plottable, Tabular, Recorded, Storable, kind="bdamper-
         return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
 
     def facts(self) -> tuple[Fact, ...]:
-        """Speeds, nodal diameters and modes, and the orders that were asked for."""
-        low, high = float(self.speed[0]), float(self.speed[-1])
+        """Speeds, nodal diameters and modes, and where orders meet modes."""
+        met = zip(self.order, self.order_mode, self.order_free, self.order_stuck)
         return (
-            Fact("speeds", f"{low:.5g} to {high:.5g} rad/s ({low * RPM:.0f} to {high * RPM:.0f} rpm)"),
+            Fact("speeds", f"{_place(self.speed[0])} to {_place(self.speed[-1])}"),
             Fact("nodal diameters", ", ".join(map(str, self.nodal_diameter.tolist()))),
             Fact("modes", self.free.shape[2]),
-            Fact("engine orders", ", ".join(map(str, self.engine_order.tolist())) or "none"),
+            *(Fact(f"order {n}, mode {m}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in met),
             *(Fact("neglected", note) for note in self.notes),
         )
 
     def bottom_line(self) -> str:
-        def rpm(speed: float) -> str:
-            return f"{speed * RPM:.0f} rpm" if np.isfinite(speed) else "beyond"
-
         met = np.isfinite(self.order_free) | np.isfinite(self.order_stuck)
-        rows = list(zip(self.order[met], self.order_mode[met], self.order_free[met], self.order_stuck[met]))
-        named = [f"order {n} with mode {m} at {rpm(a)} (free) to {rpm(b)} (stuck)" for n, m, a, b in rows[:3]]
-        head = f"From {rpm(self.speed[0])} to {rpm(self.speed[-1])} engine orders meet {'modes' if rows else 'no mode'}"
-        return f"{head}{': ' if rows else ''}{', '.join(named)}{' ...' if len(rows) > len(named) else ''}."
+        pairs = dict.fromkeys(zip(self.order[met].tolist(), self.order_mode[met].tolist()))
+        which = ", ".join(f"order {n} with mode {m}" for n, m in pairs) or "none"
+        return f"Engine orders that meet modes from {_place(self.speed[0])} to {_place(self.speed[-1])}: {which}."
 
-    def details(self) -> str:
-        def places(speed: float) -> str:
-            return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)" if np.isfinite(speed) else "not in the range"
 
-        lines = [
-            f"Campbell diagram, {self.speed[0]:.6g} to {self.speed[-1]:.6g} rad/s, nodal diameters "
-            f"{', '.join(map(str, self.nodal_diameter.tolist()))}, {self.free.shape[2]} modes"
-        ]
-        for order, mode, a, b in zip(self.order, self.order_mode, self.order_free, self.order_stuck):
-            if np.isfinite(a) or np.isfinite(b):
-                lines.append(f"  order {order}, mode {mode}: free at {places(a)}, stuck at {places(b)}")
-        lines += [f"  neglected: {note}" for note in self.notes]
-        return "\n".join(lines + [f"  {line}" for found in self.damped for line in found.details().split("\n")])
+def _place(speed: float) -> str:
+    return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)" if np.isfinite(speed) else "no speed of the range"
 
 
 def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:
@@ -150,15 +141,17 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     return np.append(found, speed[-1:][gap[-1:] == 0.0])
 
 
+@partial(validate.spelt, also=Conditions.__dataclass_fields__)
 @one_thread
 def campbell(
     problem: Problem,
+    /,
     speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
     engine_orders: Sequence[int] = (),
     *,
     rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
     modes: int = 3,
-    damped: Crossings | Sequence[Crossings] | None = None,
+    damped: SweepResult | Sequence[SweepResult] | None = None,
     progress: bool = False,
     **conditions: Any,
 ) -> Campbell:
@@ -175,7 +168,7 @@ def campbell(
         Instead of them.
     modes : int
         Of each nodal diameter, from the lowest.
-    damped : Crossings or sequence of Crossings, optional
+    damped : SweepResult or sequence of SweepResult, optional
         Damped crossings to be shown with them, as :meth:`bdamper.Study.crossings` finds them.
     progress : bool
     **conditions
@@ -186,13 +179,13 @@ def campbell(
     SettingError
         If speeds or orders are none, or damped crossings of another model.
     """
-    validate.instance("study", problem, Problem, "a Study")
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validate.wholes("engine_orders", engine_orders, least=1)
     modes = validate.whole("modes", modes, least=1)
-    shown = (damped,) if isinstance(damped, Crossings) else tuple(damped or ())
+    shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
     for item in shown:
-        validate.instance("damped", item, Crossings, "crossings, as Study.crossings returns them")
+        crossings = isinstance(item, SweepResult) and {"speed", "mass"} <= {*item.quantities}
+        validate.that(crossings, "damped", "crossings, as Study.crossings returns them", item)
         validate.require(item.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one")
     given = Conditions.of(conditions)
     bases = [item for body in problem.model.bodies.values() if body.kind == "constrained" for item in body.bases.items()]

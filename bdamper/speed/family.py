@@ -1,66 +1,31 @@
 """One problem over rotor speed, as a family of equations.
 
-At every speed the problem is made anew: modes, contact stiffness, preload, static state.  Modes of bodies come with the
-phases of the model's own basis; residual modes have any, and where several have the same mass, any combination.  So that
-unknowns at two speeds can be compared, those of a speed are turned onto those of the nearest speed that is known, each
-group of equal mass by the unitary matrix that brings their motions nearest.
+At every speed the problem is made anew: modes, contact stiffness, preload, static state.  So that unknowns at two speeds
+can be compared, those of a speed are turned onto those of the nearest speed that is known (:mod:`bdamper.problem.aligned`).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.residual_modes import RESIDUAL
-from bdamper.harmonic_balance.family import HarmonicFamily, node_speeds
-from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.family import Family, family_equations, node_speeds
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.validation import as_checked
 from bdamper.peaks.interval import free_and_stuck
+from bdamper.problem.aligned import like
 from bdamper.problem.at_speed import Conditions, preload_at, under
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
-from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
-P = TypeVar("P", bound=Problem)
-EQUAL_MASS = 1e-6
-"""Relative difference of the modal masses of residual modes up to which they are turned together."""
 
-
-def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
-    """The same basis with residual modes turned onto those of another one.
-
-    Raises
-    ------
-    SettingError
-        If the two do not have the same coordinates.
-    """
-    expected = "a range in which contacts keep their residual modes"
-    validate.require(basis.coordinates == reference.coordinates, "speeds", expected, "one that changes them")
-    own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
-    if not len(own):
-        return basis
-    mass, G = basis.mass[own], basis.G.copy()
-    for group in np.split(own, np.flatnonzero(np.diff(mass) > EQUAL_MASS * mass.max()) + 1):
-        columns, target = (array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G))
-        U, _, V = np.linalg.svd(columns.conj().T @ target)
-        G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))
-    return replace(basis, G=G)
-
-
-def like(problem: P, reference: Problem) -> P:
-    """A problem with its unknowns turned onto those of another one."""
-    bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
-    return problem.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))
-
-
-def with_needed_bases(problem: P) -> P:
+def with_needed_bases(problem: Problem) -> Problem:
     """The same problem with those nodal diameters alone that its harmonics need, which is faster to make at a speed."""
-    needed = problem.needed_diameters
+    needed = problem.settings.needed_diameters
     bodies = {
         name: replace(body, bases={d: b for d, b in body.bases.items() if d in needed}) if body.kind != "free" else body
         for name, body in problem.model.bodies.items()
@@ -73,10 +38,10 @@ def with_needed_bases(problem: P) -> P:
         )
         for name, rows in problem.model.stress.items()
     }
-    return replace(problem, model=as_checked(replace(problem.model, bodies=bodies, stress=stress)))
+    return problem.anew(model=as_checked(replace(problem.model, bodies=bodies, stress=stress)))
 
 
-class SpeedFamily(Generic[P]):
+class SpeedFamily:
     """A problem over rotor speed.
 
     Parameters
@@ -86,15 +51,15 @@ class SpeedFamily(Generic[P]):
     conditions : Conditions
     """
 
-    def __init__(self, problem: P, conditions: Conditions) -> None:
-        if problem.friction_axes != "contact":
-            raise SettingError(f'over speed: expected friction_axes="contact", found "{problem.friction_axes}"')
+    def __init__(self, problem: Problem, conditions: Conditions) -> None:
+        if problem.settings.friction_axes != "contact":
+            raise SettingError(f'over speed: expected friction_axes="contact", found "{problem.settings.friction_axes}"')
         self.whole = problem
         self.base = with_needed_bases(problem)
         self.conditions = conditions
-        self._made: dict[float, P] = {}
+        self._made: dict[float, Problem] = {}
 
-    def problem(self, omega: float) -> P:
+    def problem(self, omega: float) -> Problem:
         """The problem at a speed (rad/s), its unknowns comparable with those at other speeds."""
         if omega not in self._made:
             made = under(self.base, omega, self.conditions)
@@ -106,19 +71,20 @@ class SpeedFamily(Generic[P]):
         """Preload (N) at a speed."""
         return preload_at(self.whole, omega)
 
-    def system(self, omega: float) -> HarmonicSystem:
+    def system(self, omega: float) -> Equations[Sector]:
         """The equations at a speed."""
         return self.problem(omega).system(self.preload(omega))
 
-    def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> HarmonicFamily:
+    def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> Equations[Family]:
         """The equations along the line of the engine order between two speeds, made at so many of them.
 
         With a factor on the mass of the free bodies, load and inertia together.
         """
         speeds = node_speeds(low, high, nodes)
-        return HarmonicFamily([self.heavier(float(omega), mass) for omega in speeds], speeds, int(self.whole.engine_order))
+        systems = [self.heavier(float(omega), mass) for omega in speeds]
+        return family_equations(systems, speeds, int(self.whole.engine_order))
 
-    def heavier(self, omega: float, mass: float) -> HarmonicSystem:
+    def heavier(self, omega: float, mass: float) -> Equations[Sector]:
         """The equations at a speed with a factor on the mass of the free bodies, load and inertia together."""
         if mass == 1.0:
             return self.system(omega)

@@ -1,7 +1,7 @@
 """The response along the line of an engine order, and its highest point.
 
 With the excitation frequency ``omega = EO Omega`` as the unknown beside ``u`` a run-up is a response curve like any other,
-of equations in which everything changes with the speed (:class:`~bdamper.harmonic_balance.family.HarmonicFamily`).  It is
+of equations in which everything changes with the speed (:class:`~bdamper.harmonic_balance.family.Family`).  It is
 followed from both ends of an interval of speeds in which the resonance of a mode can lie: between those at which its free
 and its stuck resonance meet the line, and some way beyond.  The highest point is that of :mod:`bdamper.peaks.highest`.
 
@@ -14,19 +14,20 @@ made there, and the point is one of these.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.coverage import Coverage, LeftOut, ending, evaluation_budget, in_order
+from bdamper.continuation.coverage import Coverage, ending, evaluation_budget
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.start import first_point
-from bdamper.harmonic_balance.family import HarmonicFamily
-from bdamper.harmonic_balance.linear import linear_resonances
-from bdamper.harmonic_balance.system import OK
-from bdamper.peaks.highest import highest
+from bdamper.continuation.track import as_curve
+from bdamper.harmonic_balance.equations import OK, Equations
+from bdamper.harmonic_balance.family import Family, responses
+from bdamper.peaks.highest import Highest, highest_of_curve
 from bdamper.peaks.interval import beyond
 from bdamper.peaks.newton import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
 from bdamper.problem.problem import Problem, stuck_springs
@@ -40,57 +41,7 @@ CLOSE = 1e-3
 """Largest residual, relative to the excitation, that the interpolation may leave at the highest point."""
 
 
-@dataclass(frozen=True)
-class Line:
-    """A followed line.
-
-    Parameters
-    ----------
-    equations : HarmonicFamily
-    y : (n, n_unknowns + 1) float
-        Points in the order of the paths.
-    kinds : tuple of str
-    shares : (n, 3) float
-    residual : (n,) float
-    status, reason : str
-        As of a tracking curve: "complete", or how it ended.
-    left_out : tuple of LeftOut
-    top : Peak or None
-        The highest point that is no end of the line, as the interpolated equations have it, with the speed as parameter;
-        None if there is none.
-    fixed : Peak or None
-        The peak at fixed speed beside it that lies on the line.
-    """
-
-    equations: HarmonicFamily
-    y: NDArray
-    kinds: tuple[str, ...]
-    shares: NDArray
-    residual: NDArray
-    status: str
-    reason: str
-    left_out: tuple[LeftOut, ...]
-    top: Peak | None = None
-    fixed: Peak | None = None
-
-    @property
-    def speed(self) -> NDArray:
-        """(n,) float, rad/s."""
-        return np.asarray(self.y[:, -1] / self.equations.engine_order)
-
-    @property
-    def amplitude(self) -> NDArray:
-        """(n,) float, m."""
-        return np.abs(self.equations.first_harmonic(self.y))
-
-    @property
-    def cut(self) -> bool:
-        """Whether the response is higher at an end of the line than at its highest point within."""
-        ends = self.amplitude[np.isin(self.speed, (self.speed.min(), self.speed.max()))]
-        return self.top is not None and bool(ends.max() > self.top.amplitude)
-
-
-def interval(family: SpeedFamily[Any], low: float, high: float, mode: int) -> tuple[float, float] | None:
+def interval(family: SpeedFamily, low: float, high: float, mode: int) -> tuple[float, float] | None:
     """Speeds (rad/s) within a range between which the resonance of a mode can meet the line, None where it cannot.
 
     Half as far beyond the free and the stuck resonance as a curve over frequency goes: with all of it 10 % more evaluations
@@ -104,13 +55,16 @@ def interval(family: SpeedFamily[Any], low: float, high: float, mode: int) -> tu
 
 
 def follow_line(
-    family: SpeedFamily[Any],
+    family: SpeedFamily,
     speeds: tuple[float, float],
     mode: int,
     meter: CostMeter,
     options: ContinuationOptions | None = None,
-) -> Line:
-    """The response between two speeds (rad/s), with its highest point and the peak at fixed speed beside it."""
+) -> tuple[Equations[Family], Curve, Highest | None]:
+    """Equations along the line, the response between two speeds (rad/s), and its highest maximum where it has one.
+
+    The parameter of the latter is its speed.
+    """
     low, high = speeds
     wide, reach = 0.05 * (high - low), family.conditions.reach(int(family.whole.engine_order))
     # a branch may turn beyond the ends and come back, as far as tables over speed reach
@@ -118,14 +72,13 @@ def follow_line(
     meter.watch(equations)
     options = options or coarse_options()
     budget = options.budget or evaluation_budget(equations)
-    system = equations.within(budget)
-    order = equations.engine_order
-    system.watched = _watched(family, equations, mode)
+    order = equations.structure.engine_order
+    system = replace(equations.within(budget), watched=_watched(family, equations, mode))
     search = Coverage(system, (order * low, order * high), replace(options, budget=budget), meter)
 
     def find_start(omega: float) -> NDArray | None:
         problem, preload = _nearest(family, equations, omega / order)
-        state, here = problem.equilibrium(preload), equations.at(omega)
+        state, here = problem.equilibrium(preload), equations.structure.at(omega)
         meter.watch(here)
         found, tried, _ = first_point(here, state, stuck_springs(problem, state), omega, options, meter)
         for line in tried:
@@ -133,63 +86,56 @@ def follow_line(
         return found
 
     search.cover(find_start)
-    ordered = in_order(search.pieces)
-    points = [p for p, _ in ordered]
     status, reason, left = ending(search.pieces, *search.limits)
-    line = Line(
-        equations,
-        np.array([p.y for p in points]).reshape(len(points), equations.n_unknowns + 1),
-        tuple(p.kind for p in points),
-        np.array([p.shares for p in points]).reshape(-1, 3),
-        np.array([p.residual for p in points]),
-        status, reason, (*left, *search.lost),
-    )  # fmt: skip
-    if not points:
-        return line
-    closed = {piece.branch for piece in search.pieces if piece.path.status == "closed"}
+    there, _ = _nearest(family, equations, low)
+    curve = as_curve(there, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
+    harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
+    speed = TWO_PI * curve.frequency / order
+    curve = replace(curve, harmonics=harmonics, speed=speed, **family.whole.recorded(search.options))
     try:
-        top = highest(equations, line.y, line.kinds, [way.branch for _, way in ordered], closed=closed, ends=False).peak
-    except BdamperError:
-        return line
-    top = replace(top, parameter=float(top.y[-1]) / order)
-    meter.count(top.iterations)
-    return replace(line, top=top, fixed=at_fixed_speed(equations, top, meter))
+        top = highest_of_curve(equations, curve)
+    except BdamperError:  # no point of it is on a branch that counts
+        return equations, curve, None
+    meter.count(top.peak.iterations)
+    found = None if top.kind == "end" else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
+    return equations, curve, found
 
 
-def _nearest(family: SpeedFamily[Any], equations: HarmonicFamily, speed: float) -> tuple[Problem, float]:
+def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> tuple[Problem, float]:
     """Problem and preload at the nearest speed at which the equations were made."""
-    nearest = float(min(equations.speeds, key=lambda other: abs(other - speed)))
+    nearest = float(min(equations.structure.speeds, key=lambda other: abs(other - speed)))
     return family.problem(nearest), family.preload(nearest)
 
 
-def _watched(family: SpeedFamily[Any], equations: HarmonicFamily, mode: int) -> list[tuple[float, float, NDArray]]:
+def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> list[tuple[float, float, NDArray]]:
     """Free and stuck resonance of the mode where they meet the line, with the modal rows of the nearest node."""
-    ends = float(equations.speeds.min()), float(equations.speeds.max())
+    ends = float(equations.structure.speeds.min()), float(equations.structure.speeds.max())
     out = []
     for stuck, speed in enumerate(family.resonances(*ends, mode)):
         problem, preload = _nearest(family, equations, speed)
         springs = stuck_springs(problem, problem.equilibrium(preload)) if stuck else None
-        omega = equations.engine_order * speed
+        omega = equations.structure.engine_order * speed
         if not ends[0] < speed < ends[1]:
             continue
-        found = linear_resonances(equations.at(omega), (springs,), 0.9 * omega, 1.1 * omega)
+        found = equations.structure.at(omega).structure.linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
         out += [(omega, width, row) for _, width, row in sorted(found, key=lambda one: abs(one[0] - omega))[:1]]
     return out
 
 
-def at_fixed_speed(equations: HarmonicFamily, top: Peak, meter: CostMeter) -> Peak | None:
+def at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) -> Peak | None:
     """The peak at fixed speed that lies on the line, by secants from the highest point along it.
 
     Steps after which no peak is found are halved: from a shoulder of the response to the peak they are percents long.
     """
-    low, high = equations.engine_order * equations.speeds.min(), equations.engine_order * equations.speeds.max()
+    order, speeds = equations.structure.engine_order, equations.structure.speeds
+    low, high = order * speeds.min(), order * speeds.max()
     omega, guess = float(top.y[-1]), top.y
     before: tuple[float, float] | None = None
     options = PeakOptions()
     for _ in range(options.max_iterations):
-        system = equations.at(omega)
+        system = equations.structure.at(omega)
         meter.watch(system)
-        peak = find_peak(system, guess, parameter=omega / equations.engine_order)
+        peak = find_peak(system, guess, parameter=omega / order)
         meter.count(peak.iterations)
         if not peak.converged:
             if before is None:
@@ -207,13 +153,11 @@ def at_fixed_speed(equations: HarmonicFamily, top: Peak, meter: CostMeter) -> Pe
     return None
 
 
-def exact(family: SpeedFamily[Any], line: Line) -> tuple[Peak, float]:
+def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
     """The highest point as a solution of the equations made at its speed, and the residual that interpolation leaves there,
     relative to the excitation."""
-    top = line.top
-    assert top is not None
     system = family.system(top.parameter)
-    error = float(np.abs(system.residual(top.y) * system.row_scale).max())
+    error = system.error(top.y)
     options = PeakOptions()
     c = system.correct_at(top.y[:-1], float(top.y[-1]), top.scale, max(options.tolerance, LOOSEST), options.max_iterations)
     if c.status != OK:

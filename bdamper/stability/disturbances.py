@@ -5,8 +5,7 @@ In the frame that runs with the wave every sector has the same contact coefficie
     dx_k(t) = Re sum_l q_l exp((lambda + i l omega) t + i k (d + l EO) 2 pi/N),
 
 harmonic ``l`` in the nodal diameter ``d + l EO``.  Those with ``d = 0`` live in the nodal diameters of the wave itself,
-whose modes the harmonic balance has: with ``l = -H..H`` nothing else is needed.  All others need the modes of their own
-nodal diameters.  The exponents of either are the roots of
+whose modes the harmonic balance has: with ``l = -H..H`` nothing else is needed.  Their exponents are the roots of
 
     det D(lambda) = 0,    D = diag[(s_l^2 M + s_l C + K)_l] + G^H B(lambda) G,    s_l = lambda + i l omega.
 
@@ -33,15 +32,17 @@ and there the path is refined, so the count does not depend on the estimates.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT
+from bdamper.contact.own_law import refuse
 from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
-from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector, segments
 from bdamper.model.coupling import HarmonicBasis
 
 TWO_PI = 2.0 * np.pi
@@ -64,38 +65,34 @@ class WaveDisturbances:
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
         Without coupled friction.
     u : (n_unknowns,) float
     omega : float, rad/s
-    bases : mapping of l to HarmonicBasis, optional
-        Modes of the nodal diameters ``d + l EO``; by default those of the wave itself, ``d = 0``.
+    bases : sequence of HarmonicBasis, optional
+        Those of the harmonics from the mean on; by default those of the motion.
     """
 
     def __init__(
-        self, system: HarmonicSystem, u: NDArray, omega: float, bases: Mapping[int, HarmonicBasis] | None = None
+        self, system: Equations[Sector], u: NDArray, omega: float, bases: Sequence[HarmonicBasis] | None = None
     ) -> None:
-        if np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any():
+        refuse(system.structure.points.own, "stability exponents")
+        if np.isin(system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any():
             raise ValueError("coupled friction has no event sequence")
         self.omega = omega
-        self.mirrored = bases is None  # exponents come with their conjugates
-        if bases is None:
-            own = system.bases
-            bases = {l: own[abs(l)] for l in range(1 - len(own), len(own)) if len(own[abs(l)].omega2)}
-            shapes = [basis.G if l >= 0 else basis.G.conj() for l, basis in bases.items()]
-        else:
-            shapes = [basis.G for basis in bases.values()]
-        G = np.concatenate(shapes, axis=2)  # (n_points, 3, n)
-        self.l = np.repeat(np.array(list(bases), float), [len(b.omega2) for b in bases.values()])
+        own = system.structure.bases if bases is None else bases
+        both = {l: own[abs(l)] for l in range(1 - len(own), len(own)) if len(own[abs(l)].omega2)}
+        G = np.concatenate([basis.G if l >= 0 else basis.G.conj() for l, basis in both.items()], axis=2)  # (points, 3, n)
+        self.l = np.repeat(np.array(list(both), float), [len(b.omega2) for b in both.values()])
         self.mass, self.damping, self.stiffness = (
-            np.concatenate([getattr(b, name) for b in bases.values()]) for name in ("mass", "damping", "omega2")
+            np.concatenate([getattr(b, name) for b in both.values()]) for name in ("mass", "damping", "omega2")
         )
         x, _, _ = system.contact(np.asarray(u))
         pieces, events = cycles(system, x)
-        self._blocks = np.split(np.arange(len(self.l)), np.cumsum([len(b.omega2) for b in bases.values()])[:-1])
-        self.steady = _steady(pieces, G, [int(l) for l in bases], self._blocks)
+        self._blocks = np.split(np.arange(len(self.l)), np.cumsum([len(b.omega2) for b in both.values()])[:-1])
+        self.steady = _steady(pieces, G, list(both), self._blocks)
         point, axis, begin, self._length, factor = events
-        kt = system.points.kt[point, axis][:, None]
+        kt = system.structure.points.kt[point, axis][:, None]
         g, turn = G[point, axis], np.exp(1j * begin[:, None] * self.l)
         self._rows = np.ascontiguousarray((kt / TWO_PI * g.conj() / turn).T)
         self._columns = (g + factor[:, None] * G[point, 2]) * turn
@@ -128,12 +125,12 @@ class WaveDisturbances:
     def estimates(self, slow: bool = True) -> NDArray:
         """Roots of the blocks of single harmonics, without memory, or with that of slow disturbances for slow ones.
 
-        Of those that come with their conjugates only the ones with an imaginary part of 0 or more.
+        Exponents come with their conjugates: only those with an imaginary part of 0 or more.
         """
         at_zero, out = self.matrix(np.zeros(1))[0] if slow else self.steady, []
         for k in self._blocks:
             l = self.l[k[0]] if len(k) else -1.0
-            if not len(k) or (self.mirrored and l < 0.0):
+            if not len(k) or l < 0.0:
                 continue
             block, s = np.ix_(k, k), 1j * l * self.omega
             free = np.diag(self.stiffness[k] + s * self.damping[k] + s**2 * self.mass[k])
@@ -142,12 +139,10 @@ class WaveDisturbances:
             if slow:
                 other, near = _pencil(at_zero[block], damping, self.mass[k]), 0.5 * self.omega
                 chosen = np.concatenate([other[np.abs(other.imag) <= near], chosen[np.abs(chosen.imag) > near]])
-            if self.mirrored:
-                level = np.abs(chosen.imag) <= REAL * self.omega
-                upper = chosen[~level & (chosen.imag > 0.0)]
-                lower = chosen[~level & (chosen.imag < 0.0)].conj() if l > 0.0 else chosen[:0]  # those of -l
-                chosen = np.concatenate([chosen[level].real, upper, lower])
-            out.append(chosen)
+            level = np.abs(chosen.imag) <= REAL * self.omega
+            upper = chosen[~level & (chosen.imag > 0.0)]
+            lower = chosen[~level & (chosen.imag < 0.0)].conj() if l > 0.0 else chosen[:0]  # those of -l
+            out.append(np.concatenate([chosen[level].real, upper, lower]))
         return np.concatenate(out)
 
     def improved(self, roots: NDArray, rate: float, band: float, new: NDArray | None = None) -> tuple[NDArray, bool]:
@@ -180,8 +175,7 @@ class WaveDisturbances:
             error[active] = np.abs(_secant(change, path))
             step = _secant(change - np.log(_nonzero(apart / _nonzero(reach))).sum(axis=1), path)
             step *= np.minimum(1.0, 0.1 * self.omega / np.maximum(np.abs(step), 1e-300))
-            if self.mirrored:
-                step[at[active].imag == 0.0] = step[at[active].imag == 0.0].real
+            step[at[active].imag == 0.0] = step[at[active].imag == 0.0].real
             before[active], sizes_before[active] = now[active], sizes[active]
             now[active] = at[active] = now[active] - step
             settled = error[active] < np.minimum(0.3 * self._distance(before[active], rate, band), near)
@@ -189,8 +183,7 @@ class WaveDisturbances:
             active = active[~settled]
             sizes[active] = self._determinant(now[active])
         lost = error > np.minimum(0.3 * self._distance(at, rate, band), near)
-        if self.mirrored:
-            lost |= (error > 0.0) & (at.imag != 0.0) & (at.imag < 3.0 * error + REAL * self.omega)
+        lost |= (error > 0.0) & (at.imag != 0.0) & (at.imag < 3.0 * error + REAL * self.omega)
         asked = np.flatnonzero(self._matters(at, rate, band))
         meets = np.abs(at[asked, None] - at[asked]) < 3.0 * (error[asked, None] + error[asked]) + REAL * self.omega
         lost[asked] |= np.triu(meets, 1).any(axis=1)
@@ -199,8 +192,8 @@ class WaveDisturbances:
         return at[~lost], not lost.any()
 
     def _all(self, roots: NDArray) -> NDArray:
-        """The roots, and then the conjugates of those that come with them."""
-        return np.concatenate([roots, roots[roots.imag != 0.0].conj()]) if self.mirrored else roots
+        """The roots, and then the conjugates of those that are complex."""
+        return np.concatenate([roots, roots[roots.imag != 0.0].conj()])
 
     def _distance(self, exponent: NDArray, rate: float, band: float) -> NDArray:
         """To the line, and from the right half plane to the path across as well."""
@@ -270,14 +263,12 @@ class WaveDisturbances:
         """Count, and the places (k,) and logarithms of the determinant (k,) that led to it."""
         close = roots[self._matters(roots, rate, band)]
         far = 3.0 * float(np.abs(roots).max(initial=0.0)) + 10.0 * band
-        # up the line, away to the right, and to the real axis; what is mirrored has the same turn below it
+        # up the line, away to the right, and to the real axis, below which the turn is the same
         step, apart = self.omega / 4.0, 1e-6 * self.omega
         line = np.concatenate([np.arange(step, band, step), np.abs(close.imag)])
         away = np.concatenate([np.geomspace(self.omega / 8.0, far, ACROSS), close.real - rate])
         line, away = _spread(line, apart, band - apart), _spread(away, apart, far)
         path = np.concatenate([rate + 1j * np.concatenate([[0.0], line, [band]]), rate + away + 1j * band, [rate + far]])
-        if not self.mirrored:
-            path = np.concatenate([path[:-1], path[::-1].conj()])
         sizes = self._determinant(path)
         value = sizes - self._reference(path, roots)
         while True:
@@ -302,7 +293,7 @@ class WaveDisturbances:
             found = self._determinant(new)
             path, sizes = np.insert(path, at, new), np.insert(sizes, at, found)
             value = np.insert(value, at, found - self._reference(new, roots))
-        turn = float(_wrapped(np.diff(value.imag)).sum()) / (np.pi if self.mirrored else TWO_PI)
+        turn = float(_wrapped(np.diff(value.imag)).sum()) / np.pi
         if abs(turn - round(turn)) > 0.05:
             raise FloatingPointError("the phase of the determinant does not come to a whole number of turns")
         return self.right(roots, rate, band) - round(turn), path, sizes
@@ -394,7 +385,7 @@ def slope_at(x: NDArray, theta: float) -> NDArray:
     return np.asarray(x @ b)
 
 
-def cycles(system: HarmonicSystem, x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
+def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
     """What the contacts do in the cycle.
 
     Returns
@@ -404,7 +395,7 @@ def cycles(system: HarmonicSystem, x: NDArray) -> tuple[tuple[NDArray, ...], tup
     events : point, axis, begin, length, factor
         Parts in which a slider sticks that was set at their beginning.
     """
-    p = system.points
+    p = system.structure.points
     pieces: list[tuple[int, int, float, float, float]] = []
     events: list[tuple[int, int, float, float, float]] = []
     load = p.n0 if p.load is None else p.load

@@ -21,12 +21,11 @@ dies out.  A slider that is never set within the period has a multiplier of exac
 disturbances.  A travelling wave on a disk can also be disturbed by other waves, in which every sector differs, and the
 harmonics have bases of their own: there no such state of one sector exists.  Their exponents are the roots of a determinant
 with the memory of the sliders in it (:mod:`bdamper.stability.disturbances`), and those that grow are counted, whether they
-oscillate or not: within the nodal diameters of the wave, and within others where they are given, up to one order above the
-harmonics of the motion.  Faster ones, such as chatter of a damper without damping of its own on its contacts, are beyond
-what so many harmonics describe.  Along a branch it is counted where it may change (:mod:`bdamper.stability.wave`), which
-still takes several times as long as the curve.  The sign of ``det J`` at fixed frequency costs next to nothing: it is
-negative if an odd number of disturbances of the wave grows without oscillating, as between two folds.  It is all that is
-known under coupled friction.
+oscillate or not: within the nodal diameters of the wave, up to one order above the harmonics of the motion.  Faster ones,
+such as chatter of a damper without damping of its own on its contacts, are beyond what so many harmonics describe.  Along a
+branch it is counted where it may change (:mod:`bdamper.stability.wave`), which still takes several times as long as the
+curve.  The sign of ``det J`` at fixed frequency is negative if an odd number of disturbances of the wave grows without
+oscillating, as between two folds.  It is all that is known under coupled friction.
 
 **Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
 disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
@@ -45,7 +44,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,24 +51,26 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
+from bdamper.contact.own_law import refuse
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.model.coupling import HarmonicBasis
-from bdamper.problem.problem import Problem, matching
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector
+from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI, cycles
-from bdamper.stability.in_time import COUNTS, InTimeJudge, SectorMap
+from bdamper.stability.in_time import COUNTS, InTimeJudge
 from bdamper.stability.march import AGREES, BOUNDS, UNDECIDED
-from bdamper.stability.time_integration import STEPS, Ring
+from bdamper.stability.time_integration import STEPS, Motion, Ring
 from bdamper.stability.wave import Judge, judged_along, rests
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Stopwatch
-from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
 NEUTRAL = 1e-6
 """Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
+EXACT = 1e-11
+"""Residual of the contact forces in a march of which differences are taken."""
 
 
 @brief
@@ -96,27 +96,28 @@ class Stability:
     seconds: float
 
 
-def has_one_real_basis(system: HarmonicSystem) -> bool:
+def has_one_real_basis(system: Equations[Sector]) -> bool:
     """Whether all harmonics share one real set of modes with inertia, so that they describe one motion in time."""
-    first = system.bases[0]
+    first = system.structure.bases[0]
     real = np.abs(np.imag(first.G)).max(initial=0.0) <= 1e-12 * np.abs(first.G).max(initial=0.0)
-    one = real and _one_shape(system) and all(np.array_equal(b.omega2, first.omega2) for b in system.bases)
-    return bool(one and (np.asarray(system.arrays["mass"]) > 0.0).all())
+    one = real and _one_shape(system) and all(np.array_equal(b.omega2, first.omega2) for b in system.structure.bases)
+    return bool(one and (np.asarray(system.structure.arrays["mass"]) > 0.0).all())
 
 
-def _one_shape(system: HarmonicSystem) -> bool:
+def _one_shape(system: Equations[Sector]) -> bool:
     """Whether all harmonics have the same shapes, as on a structure without cyclic symmetry."""
-    first = np.asarray(system.bases[0].G)
+    first = np.asarray(system.structure.bases[0].G)
     size = 1e-12 * np.abs(first).max(initial=0.0)
-    return all(np.shape(b.G) == first.shape and np.abs(b.G - first).max(initial=0.0) <= size for b in system.bases)
+    bases = system.structure.bases
+    return all(np.shape(b.G) == first.shape and np.abs(b.G - first).max(initial=0.0) <= size for b in bases)
 
 
-def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
+def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     """Monodromy matrix of (q, q', sliders that are set) over one period from the angle 0.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
         With one real basis, separable law, exact evaluation.
     u : (n_unknowns,) float
     omega : float, rad/s
@@ -126,11 +127,11 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
     (2 n + m, 2 n + m) float
         One slider for each of the m parts of the cycle in which one sticks that was set at their beginning.
     """
-    basis, n = system.bases[0], len(system.bases[0].omega2)
+    basis, n = system.structure.bases[0], len(system.structure.bases[0].omega2)
     G = np.asarray(basis.G).real
     (point, kind, a, b, weight), (at, axis, begin, length, factor) = cycles(system, system.contact(np.asarray(u))[0])
     force, motion = (G[point, np.array(axes)[kind]] for axes in ((2, 0, 1, 0, 1), (2, 0, 1, 2, 2)))
-    hold, m = system.points.kt[at, axis, None] * G[at, axis], len(at)
+    hold, m = system.structure.points.kt[at, axis, None] * G[at, axis], len(at)
     angles = np.unique(np.concatenate([[0.0], *(x % TWO_PI for x in (a, b, begin, begin + length))]))
     angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events that coincide to rounding are one
     first = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
@@ -150,20 +151,20 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
     return M
 
 
-def multipliers(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
+def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     """Floquet multipliers, largest modulus first; see :func:`monodromy`."""
     values = np.linalg.eigvals(monodromy(system, u, omega))
     return np.asarray(values[np.argsort(-np.abs(values))])
 
 
 def shooting_monodromy(
-    system: HarmonicSystem, u: NDArray, omega: float, n_steps: int = 0, difference: float = 1e-6
+    system: Equations[Sector], u: NDArray, omega: float, n_steps: int = 0, difference: float = 1e-6
 ) -> tuple[NDArray, NDArray]:
     """Monodromy of (q, q', w) by marching disturbed states through one period, for any law with a slider.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
         With one real basis.
     u : (n_unknowns,) float
     omega : float, rad/s
@@ -178,43 +179,57 @@ def shooting_monodromy(
         The state has the sliders that are set within the period; the others are held where the solution has them.
     """
     x, F, shares = system.contact(np.asarray(u))
-    rests = shares[:, [0, 2]] > 1.0 - 1e-12
-    ring = Ring(system, 1, 0, rests, radius=1.0)
-    sector = SectorMap(ring, omega, n_steps or max(STEPS, math.ceil(TWO_PI / omega * ring.highest_frequency() / 0.02)))
-    start = ring.start(u, omega, sector.steps)
-    kt = np.where(rests & (system.points.kt > 0.0), system.points.kt, 1.0)
-    start = start._replace(w=np.where(rests, x[:, :2, 0] - F[:, :2, 0] / kt, start.w))
-    return sector.linearised(start, ~rests, difference)
+    still = shares[:, [0, 2]] > 1.0 - 1e-12
+    ring = Ring(system, 1, 0, still, radius=1.0)
+    steps = n_steps or max(STEPS, math.ceil(TWO_PI / omega * ring.highest_frequency() / 0.02))
+    start = ring.start(u, omega, steps)
+    kt = np.where(still & (system.structure.points.kt > 0.0), system.structure.points.kt, 1.0)
+    w = np.where(still, x[:, :2, 0] - F[:, :2, 0] / kt, start.w)
+    free, moving = np.flatnonzero(np.append(np.ones_like(ring.real), ~ring.real)), np.flatnonzero(~still)
+    # sliders count like coordinates, by the motion of contact points that a unit of these makes
+    reach, n = max(float(np.abs(basis.G).max(initial=0.0)) for basis in system.structure.bases), len(free)
+
+    def state(motion: Motion) -> NDArray:
+        sliders = motion.w.reshape(*motion.q.shape[:-1], -1)[..., moving] / reach
+        return np.concatenate([motion.q[..., free], motion.v[..., free] / omega, sliders], axis=-1)
+
+    def after(z: NDArray) -> NDArray:
+        q, v = np.zeros((2, len(z), start.q.size))
+        q[:, free], v[:, free] = z[:, :n], z[:, n : 2 * n] * omega
+        sliders = np.tile(w.ravel(), (len(z), 1))
+        sliders[:, moving] = z[:, 2 * n :] * reach
+        motion = Motion(q, v, sliders.reshape(len(z), *w.shape))
+        return state(ring.march(motion, omega, steps, tolerance=EXACT).motion)
+
+    z = state(start._replace(w=w))
+    small = difference * np.abs(z).max()
+    ahead, behind = np.split(after(np.vstack([z + small * np.eye(len(z)), z - small * np.eye(len(z))])), 2)
+    return (ahead - behind).T / (2.0 * small), after(z[None])[0] - z
 
 
 def stability_of_points(
-    system: HarmonicSystem,
+    system: Equations[Sector],
     unknowns: NDArray,
     omega: NDArray,
-    others: Mapping[int, Mapping[int, HarmonicBasis]] | None = None,
-    oscillating: bool = True,
     branch: NDArray | None = None,
 ) -> Stability:
     """Stability of several solutions of one system.
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
     unknowns : (n, n_unknowns) float
     omega : (n,) float, rad/s
-    others : mapping of d to mapping of l to HarmonicBasis, optional
-        Modes of further disturbances of a travelling wave, those of nodal diameters ``d + l EO``.
-    oscillating : bool
-        Whether disturbances of a travelling wave that oscillate while they grow are counted; otherwise the sign of
-        ``det J`` is taken.  Multipliers cover them in any case.
     branch : (n,) int, optional
         Points that follow each other with one value lie on one branch; those of a wave are then judged as
         :mod:`bdamper.stability.wave` describes.  By default each is judged by itself.
     """
     started = time.perf_counter()
+    refuse(system.structure.points.own, "stability")
     n = len(omega)
     largest = np.full(n, np.nan)
-    exact_events = np.isin(system.arrays["law"], (0, 1)).all()  # those of the motion, however its forces were found
+    # events are those of the motion, however its forces were found
+    exact_events = np.isin(system.structure.arrays["law"], (0, 1)).all()
     if has_one_real_basis(system):
         for i in range(n):
             if exact_events:
@@ -229,14 +244,13 @@ def stability_of_points(
             "all disturbances, multipliers of motion and sliders" + ("" if exact_events else " by shooting"),
             time.perf_counter() - started,
         )
-    massless = _one_shape(system) and (np.asarray(system.arrays["mass"]) <= 0.0).any()
-    without_events = np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
-    if not oscillating or without_events or massless:
+    massless = _one_shape(system) and (np.asarray(system.structure.arrays["mass"]) <= 0.0).any()
+    without_events = np.isin(system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
+    if without_events or massless:
         stable = np.array([_positive_determinant(system, u, w) for u, w in zip(unknowns, omega)], bool).reshape(n)
         note = "sign of det J: disturbances of the wave itself that grow without oscillating"
         return Stability(stable, largest, "determinant", note, time.perf_counter() - started)
-    classes: list[Mapping[int, HarmonicBasis] | None] = [None, *(others or {}).values()]
-    judge = Judge(system, unknowns, omega, classes, NEUTRAL / TWO_PI)
+    judge = Judge(system, unknowns, omega, NEUTRAL / TWO_PI)
     moving = np.array([not rests(system, u) for u in unknowns], bool).reshape(n)
     grows, asked = judged_along(
         judge,
@@ -246,12 +260,11 @@ def stability_of_points(
     )
     stable = grows == 0
     for i in map(int, np.flatnonzero(grows < 0)):
-        stable[i] = _positive_determinant(system, unknowns[i], omega[i]) and max(judge(i).counts) <= 0
+        stable[i] = _positive_determinant(system, unknowns[i], omega[i]) and judge(i).count <= 0
     for i, verdict in judge.known.items():
         largest[i] = np.exp(TWO_PI * verdict.growth)
-    beside = f" and beside it by {', '.join(map(str, others))}" if others else ""
     highest = f"up to {system.n_harmonics + 1} times the frequency"
-    note = f"disturbances in the nodal diameters of the wave{beside}, oscillating or not, {highest}"
+    note = f"disturbances in the nodal diameters of the wave, oscillating or not, {highest}"
     counted, between = int(asked.sum()), int((moving & ~asked).sum())
     note += f"; of {n} points {n - moving.sum()} rest, {counted} counted, {between} between points of one count"
     if unknown := int((grows < 0).sum()):
@@ -259,7 +272,7 @@ def stability_of_points(
     return Stability(stable, largest, "exponents", note, time.perf_counter() - started)
 
 
-def _positive_determinant(system: HarmonicSystem, u: NDArray, omega: float) -> bool:
+def _positive_determinant(system: Equations[Sector], u: NDArray, omega: float) -> bool:
     _, J, _ = system.evaluate(u, omega)
     size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
     sign, _ = np.linalg.slogdet(J / size)
@@ -270,9 +283,6 @@ def _positive_determinant(system: HarmonicSystem, u: NDArray, omega: float) -> b
 def with_stability(
     problem: Problem,
     curve: Curve,
-    nodal_diameters: Sequence[int] = (),
-    oscillating: bool = False,
-    every_point: bool = False,
     in_time: bool = False,
     progress: bool = False,
 ) -> Curve:
@@ -284,18 +294,6 @@ def with_stability(
     problem : Problem
     curve : Curve
         Tracked with this problem.
-    nodal_diameters : sequence of int
-        Further disturbances of a travelling wave: by how many nodal diameters they differ from it.  The model must have
-        the modes of these nodal diameters; those of their harmonics are used where it has them.
-    oscillating : bool
-        Whether disturbances of a travelling wave that oscillate while they grow are judged as well, which takes some
-        times as long as the curve; implied by ``nodal_diameters``.  Without cyclic symmetry they always are if all
-        harmonics from the mean on are there, up to the highest (neither ``bias=False`` nor ``harmonics=(1, 3)``), with
-        the same modes and without residual modes: all disturbances are judged then.  The note of the curve says which
-        were.
-    every_point : bool
-        Count oscillating growth at every point, instead of only where :mod:`bdamper.stability.wave` asks for it; with
-        ``in_time`` march from every point.
     in_time : bool
         Ask the motion in time which solutions a blade keeps (:mod:`bdamper.stability.in_time`): a point is stable if the
         motion that starts there keeps its amplitude to 5 %.  Where it remains
@@ -303,35 +301,25 @@ def with_stability(
     progress : bool
         Show a bar of the points marched in time; mostly about half of them are.
     """
-    problem = matching(problem, validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    validate.instance("curve", curve, Curve, "a tracking curve")
     check_curve(problem, curve)
-    oscillating, every_point = validate.flag("oscillating", oscillating), validate.flag("every_point", every_point)
     in_time = validate.flag("in_time", in_time)
-    others = {int(d): bases_beside(problem, int(d)) for d in validate.wholes("nodal_diameters", nodal_diameters)}
     omega, system, judge = TWO_PI * curve.frequency, problem.system(curve.preload), None
     if in_time:
-        ring = problem.model.n_blades, int(problem.engine_order)
-        judge = InTimeJudge(system, curve.unknowns, omega, *ring, validate.flag("progress", progress))
-    result = stability_of_points(
-        system,
-        curve.unknowns,
-        omega,
-        others,
-        oscillating or bool(others),
-        None if every_point else curve.branch,
-    )
+        judge = InTimeJudge(problem, curve, validate.flag("progress", progress))
+    result = stability_of_points(system, curve.unknowns, omega, curve.branch)
     note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
     judged = replace(curve, stable=result.stable, stability_note=note, in_time=None)
-    return _judged_in_time(judge, judged, every_point) if judge else judged
+    return _judged_in_time(judge, judged) if judge else judged
 
 
-def _judged_in_time(judge: InTimeJudge, curve: Curve, every_point: bool) -> Curve:
+def _judged_in_time(judge: InTimeJudge, curve: Curve) -> Curve:
     """A curve with stability from the harmonics, judged by the motion in time as well."""
     watch, system = Stopwatch(), judge.system
     moving = np.array([not rests(system, u) for u in curve.unknowns], bool).reshape(len(curve))
-    branch = np.arange(len(curve)) if every_point else np.asarray(curve.branch)
+    omega = TWO_PI * curve.frequency
     verdicts, _ = judged_along(
-        judge, lambda i: _positive_determinant(system, curve.unknowns[i], judge.omega[i]), moving, branch
+        judge, lambda i: _positive_determinant(system, curve.unknowns[i], omega[i]), moving, np.asarray(curve.branch)
     )
     assert curve.stable is not None
     open_ = verdicts == COUNTS[UNDECIDED]
@@ -343,26 +331,3 @@ def _judged_in_time(judge: InTimeJudge, curve: Curve, every_point: bool) -> Curv
     )
     ratios = np.where(moving, judge.ratios(verdicts, curve.branch), 1.0)
     return replace(curve, stable=stable, stability_note=note, in_time=ratios)
-
-
-def bases_beside(problem: Problem, d: int, highest: int | None = None) -> dict[int, HarmonicBasis]:
-    """Modes of the nodal diameters ``d + l EO`` that the model has, by l up to the highest harmonic."""
-    for setting, beside in (
-        ('contact_stiffness="residual_modes"', problem.contact.residual is not None),
-        (f'friction_axes="{problem.friction_axes}"', problem.friction_axes != "contact"),
-        ("single_basis=True", problem.single_basis),
-        ("separation=False", not problem.separation),
-        ("variable_normal_load=False", not problem.variable_normal_load),
-    ):
-        if beside:
-            raise SettingError(f"nodal_diameters cannot be combined with {setting}")
-    waves = replace(problem.coupling, engine_order=1)
-    have = set.intersection(*(set(b.bases) for b in problem.model.bodies.values() if b.kind == "constrained"))
-    out = {}
-    highest = problem.harmonic_numbers[-1] if highest is None else highest
-    for l in range(-highest, highest + 1):
-        order = (d + l * int(problem.engine_order)) % problem.model.n_blades
-        if problem.model.folded_nodal_diameter(order)[0] in have:
-            out[l] = problem.damped(waves.basis(order))
-    validate.require(0 in out, "nodal_diameters", f"those whose modes the model has, {sorted(have)}", d)
-    return out

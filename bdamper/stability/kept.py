@@ -1,19 +1,27 @@
-"""What a blade keeps: a march in time that walks along the upper branch toward its tip until the motion falls.
+"""The highest amplitude in time: a march along the upper branch toward its tip until the motion falls.
 
 A peak of the harmonic balance says where a periodic solution is highest, and not whether a motion stays there.  Where
 contacts open, or where a fold is near, it often does not: motions beat, and fall to a lower level before the tip or beyond
 it.  So a march starts beside the tip, where no lower solution exists at the same frequency, and goes toward it in quarters
 of the half width of the resonance, each step from the motion before.  After each step the motion *stays* if the mean of its
 last periods is nearer to this branch than to the next lower solution and does not drift.  Where it falls the last step is
-halved twice.  The highest mean of the motions that stay is what a blade keeps; it is marched again in steps of half the
-length, since coarse steps damp beats.
+halved twice, and around the highest place the steps are halved down to :attr:`Rules.fine`.
+
+**All blades.**  An amplitude is that of the highest blade.  Blades of a tuned wheel need not vibrate alike, and a symmetric
+motion would part from rounding alone: waves of every nodal diameter are added at the first place and once more at the
+highest one (``Ring.seeded``), and the last march goes on while they grow.  Blades have parted where the same ones are high
+in both halves of it.
+
+**Several answers.**  Places are marched with n steps, the highest motion with 2n and from there with 4n, since contacts may
+chatter in shorter steps alone.  Its place is reached from the other side, and if asked for, from other disturbances and
+tractions.  Where these amplitudes differ by more than :attr:`Rules.settled` the answer is their range.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import takewhile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +29,18 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_NORMAL
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.problem.problem import Problem, matching
+from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import March
-from bdamper.stability.time_integration import STEPS, Motion, Ring, ring_of
+from bdamper.stability.time_integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.kept import Kept
+from bdamper.util.errors import SettingError
+from bdamper.util.kept import Marched
 from bdamper.util.progress import LongWork
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
-from bdamper.util.text import amount
+from bdamper.util.text import amount, span
 
 
 @dataclass(frozen=True)
@@ -43,33 +51,44 @@ class Rules:
     ----------
     window : int
         Periods over which a mean is taken: beats leave 2 to 3 % of scatter in means of 20.
+    brief : int
+        Periods of a sweep between two places, and of a visit in which no blade scatters by more than ``scatter`` (standard
+        deviation) or drifts by more than ``steady``, or the motion has fallen; a drift that small hides up to 2 %.
     fewest, most : int
-        Periods at a frequency at which there is a lower solution to fall to, two windows elsewhere; and those after which a
-        mean that still drifts is taken as it is.
+        Periods where there is a lower solution to fall to, two windows elsewhere; and after which a mean may still drift.
     drift : float
         Relative change between two means above which a motion has not settled.
     lower : float
         Another solution below this part of the amplitude is another level, and no ripple of the branch.
     drop, grown : float
-        Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none, and
-        above which it has grown: 23 times where residual modes had masses of rounding.
-    apart : float
-        From the tip, relative to its frequency, at least, where a response so flat that it has no half width is begun with.
-    near : float
-        Relative distance from its branch within which a motion beyond the tip goes on along it.
+        Part of the amplitude that was expected below which a motion has fallen, and above which it has grown.
+    apart, fine, near : float
+        Least distance from a tip without half width where the march begins, distance of places around the highest one (both
+        relative to the frequency), and distance from its branch within which a motion beyond the tip goes on along it.
+    settled : float
+        Relative difference of two answers above which none of them is one.
+    seed, grows : float
+        Size of the waves that are added, relative to the amplitude, and growth of what is not the wave of the excitation
+        between two windows, from which on a march goes on.
     memory, stretch : float
-        Periods in which a transient falls to 1/e from which on all numbers of periods grow with it, and how far at most:
-        within a part of a transient no mean is one of the motion that is to come.
+        Periods in which a transient falls to 1/e from which on all numbers of periods grow with it, and how far at most.
     """
 
     window: int = 40
+    brief: int = 20
     fewest: int = 120
     most: int = 400
     drift: float = 0.03
+    scatter: float = 0.01
+    steady: float = 0.003
     lower: float = 0.9
     drop: float = 0.7
     grown: float = 4.0
     apart: float = 0.01
+    fine: float = 1.2e-3
+    settled: float = 0.05
+    seed: float = 0.01
+    grows: float = 1.1
     near: float = 0.1
     memory: float = 100.0
     stretch: float = 4.0
@@ -77,22 +96,42 @@ class Rules:
     def stretched(self, memory: float) -> Rules:
         """With the periods that a memory takes."""
         factor = min(max(1.0, memory / self.memory), self.stretch)
-        window, fewest, most = (2 * round(0.5 * factor * n) for n in (self.window, self.fewest, self.most))
-        return replace(self, window=window, fewest=fewest, most=most)
+        window, brief, fewest, most = (
+            2 * round(0.5 * factor * n) for n in (self.window, self.brief, self.fewest, self.most)
+        )
+        return replace(self, window=window, brief=brief, fewest=fewest, most=most)
 
 
 RULES = Rules()
 
 
 class Place(NamedTuple):
-    """What was found at one frequency (Hz): amplitudes (m) of the last periods, whether the motion stays, where it is, and
-    the relative change between its last two means."""
+    """What was found at one frequency.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    amplitude : (n_periods,) float, m
+        Of the highest blade in the last periods.
+    stays : bool
+        Whether the motion stays at its level.
+    motion : Motion
+        At the end.
+    drift : float
+        Relative change between the last two means.
+    march : March, optional
+        With all periods.
+    origin : float, Hz
+        Where the motion came from.
+    """
 
     frequency: float
     amplitude: NDArray
     stays: bool
     motion: Motion
     drift: float = 0.0
+    march: March | None = None
+    origin: float = float("nan")
 
     @property
     def mean(self) -> float:
@@ -102,6 +141,8 @@ class Place(NamedTuple):
 def stay(march: March, own: float, limit: float, alone: bool = False, long: bool = False) -> Place:
     """March until a motion near the level ``own`` (m) stays or has fallen below a limit.
 
+    Disturbances that grow make a long march go on.
+
     Parameters
     ----------
     march : March
@@ -110,14 +151,15 @@ def stay(march: March, own: float, limit: float, alone: bool = False, long: bool
     alone : bool
         Whether it is known that there is no lower solution to fall to.
     long : bool
-        Whether amplitudes are those of the last two windows, not of one.
+        Whether amplitudes are those of the last two windows, not of one, and no visit is brief.
     """
     rules, drift = RULES.stretched(march.memory), np.inf
     most = RULES.grown * own
     while True:
-        march.run(len(march.harmonics) + rules.window // 2)
+        march.run(len(march.harmonics) + rules.brief // 2)
         n, amplitude = len(march.harmonics), march.amplitude
-        if march.overflowed:
+        if not long and n >= rules.brief and _brief(np.abs(march.blades[-rules.brief :]), limit, rules):
+            drift = 0.0
             break
         if n < 2 * rules.window:
             continue
@@ -127,10 +169,29 @@ def stay(march: March, own: float, limit: float, alone: bool = False, long: bool
         )
         drift = last / before - 1.0
         gone = (last < limit and before < limit) or (last > most and before > most)
-        if gone or n >= rules.most or ((n >= rules.fewest or alone) and abs(drift) <= rules.drift):
+        enough = (n >= rules.fewest or alone) and abs(drift) <= rules.drift
+        if gone or n >= rules.most or (enough and not (long and growth(march, rules)[0] > rules.grows)):
             break
     kept = amplitude[-(2 if long else 1) * rules.window :]
-    return Place(march.omega / TWO_PI, kept, bool(limit <= kept.mean() <= most), march.motion, drift)
+    return Place(march.omega / TWO_PI, kept, bool(limit <= kept.mean() <= most), march.motion, drift, march)
+
+
+def _brief(blades: NDArray, limit: float, rules: Rules) -> bool:
+    """Whether a few periods show that a motion has settled, or fallen below a limit for good."""
+    before, last = (half.mean(axis=0) for half in np.array_split(blades, 2))
+    fallen = float(blades.max()) < limit and float(last.max()) <= float(before.max())
+    steady = np.abs(last - before).max() <= rules.steady * last.min()
+    return bool(fallen or (steady and blades.std(axis=0).max() <= rules.scatter * last.min()))
+
+
+def growth(march: March, rules: Rules) -> tuple[float, float]:
+    """What does not belong to the wave of the excitation: its growth between two windows, and its share in the last.
+
+    A share below a tenth of ``rules.seed`` does not count as growing.
+    """
+    away = march.ring.departure(march.blades[-2 * rules.window :])
+    before, last = (float(np.sqrt((half**2).mean())) for half in np.array_split(away, 2))
+    return (last / before if last > 0.1 * rules.seed and before > 0.0 else 0.0), last
 
 
 class Levels:
@@ -207,28 +268,29 @@ class Walk:
     def __init__(self, ring: Ring, levels: Levels, steps: int) -> None:
         self.ring, self.levels, self.steps = ring, levels, steps
         self.places: list[Place] = []
+        self.answers: dict[str, float] = {}
         self.fall = float("nan")
         self.astray = ""
         self.periods = 0
 
-    def visit(self, frequency: float, start: NDArray | Motion, own: float, finer: int = 1) -> Place:
+    def visit(self, frequency: float, start: NDArray | Motion, own: float, finer: int = 1, long: bool = False) -> Place:
         """March at one frequency until a motion near the level ``own`` (m) stays or has fallen."""
         march = March(self.ring, TWO_PI * frequency, start, finer * self.steps)
         lower = self.levels.lower(frequency, own)
-        place = stay(march, own, max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own), not lower, finer > 1)
+        place = stay(march, own, max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own), not lower, long or finer > 1)
         self.periods += len(march.harmonics)
         return place
 
     def go(self, start: float, step: float) -> None:
         """From the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
         own, tip, ends = self.levels.at(start)[0], self.levels.frequency[self.levels.top], self.levels.frequency
-        here = self.visit(start, self.levels.start(start), own)
+        motion = self.ring.start(self.levels.start(start), TWO_PI * start, self.steps)
+        here = self.visit(start, self.ring.seeded(motion, RULES.seed, 0), own)
         if not here.stays:
             at, has = f"at {start:.6g} Hz, beside the peak,", f"where the balance has {amount(own, 'm')}"
             falls = f"{at} a blade comes to {amount(here.mean, 'm')} in time {has}: use more harmonics"
-            to = f"to {amount(here.mean, 'm')}" if np.isfinite(here.mean) else "without bound"
-            gains = f"{at} the march grows {to} {has}, an error of its steps and no motion: use more steps_per_period"
-            self.astray = falls if here.mean <= RULES.grown * own else gains
+            gains = f"{at} the march grows to {amount(here.mean, 'm')} {has}, an error of its steps and no motion"
+            self.astray = falls if here.mean <= RULES.grown * own else f"{gains}: use more steps_per_period"
         while here.stays:
             self.places.append(here)
             beyond = (here.frequency - tip) * np.sign(step) > 0.0
@@ -246,20 +308,43 @@ class Walk:
             else:
                 self.fall = here.frequency
 
+    def refine(self) -> None:
+        """Add places around the highest one, between it and its neighbours, from its motion with disturbances."""
+        fallen: list[float] = []
+        motion: Motion | None = None
+        first = self.places[0].frequency if self.places else 0.0
+        while len(self.places) > 1:
+            top = max(self.places, key=lambda p: p.mean)
+            gaps = [f - top.frequency for f in self.beside(top.frequency) if f not in fallen]
+            gap = max(gaps, key=abs, default=0.0)
+            if abs(gap) <= 1.5 * RULES.fine * top.frequency:
+                break
+            motion = self.ring.seeded(top.motion, RULES.seed, 0) if motion is None else top.motion
+            here = self.follow(top._replace(motion=motion), top.frequency + 0.5 * gap)
+            if here.stays:
+                self.places.append(here)
+            else:
+                fallen.append(top.frequency + gap)
+            if here.march is not None and len(here.march.harmonics) > 2 * RULES.stretched(here.march.memory).window:
+                break  # it beats, by more than places so near differ
+        self.places.sort(key=lambda p: abs(p.frequency - first))  # along the way
+
+    def beside(self, frequency: float) -> list[float]:
+        """The next places to both sides of a frequency (Hz), as far as there are any."""
+        f = np.array([p.frequency for p in self.places])
+        return [*map(float, (*np.sort(f[f > frequency])[:1], *np.sort(f[f < frequency])[-1:]))]
+
     def follow(self, last: Place, frequency: float) -> Place:
         """From one place to the next, where the motion is expected to change as the curve does, by a quarter at most.
 
-        The frequency goes there over one window: at once it would throw off a motion that a slow sweep keeps.
+        The frequency goes there over a few periods: at once it would throw off a motion that a slow sweep keeps.
         """
         now, then = (float(max(self.levels.at(f), default=last.mean)) for f in (frequency, last.frequency))
         own = last.mean * float(np.clip(now / then, 0.8, 1.25))
         march = March(self.ring, TWO_PI * last.frequency, last.motion, self.steps)
-        try:
-            march.sweep((march.omega, TWO_PI * frequency), RULES.stretched(march.memory).window, lambda: None)
-        except BdamperError:  # it grew without bound on the way
-            return Place(float(frequency), np.array([np.nan]), False, march.motion, np.inf)
+        march.sweep((march.omega, TWO_PI * frequency), RULES.stretched(march.memory).brief, lambda: None)
         self.periods += len(march.harmonics)
-        return self.visit(frequency, march.motion, own)
+        return self.visit(frequency, march.motion, own)._replace(origin=last.frequency)
 
     def best(self) -> Place | None:
         """The highest motion that stays in steps of half the length, too; it falls where the next one does not.
@@ -275,16 +360,38 @@ class Walk:
             if not found.stays:
                 fallen.append(place.frequency)
             elif best is None or found.mean > best.mean:
-                best = found
+                best = found._replace(origin=place.origin)
+                self.answers = {f"{2 * self.steps} steps": best.mean}
         if best is not None:
             at, way = best.frequency, self.places[-1].frequency - self.places[0].frequency
             self.fall = min((f for f in fallen if (f - at) * way > 0.0), key=lambda f: abs(f - at), default=self.fall)
         return best
 
+    def finer(self, best: Place) -> float:
+        """Mean amplitude (m) at a place in two windows with 4n steps, after a few periods that are left out."""
+        march = March(self.ring, TWO_PI * best.frequency, best.motion._replace(a=None), 4 * self.steps)
+        march.run(RULES.brief + 2 * RULES.window)
+        self.periods += len(march.harmonics)
+        return float(march.amplitude[-2 * RULES.window :].mean())
+
+    def others(self, best: Place, starts: int) -> None:
+        """Answers at the highest place with 4n steps, from its neighbour on the other side, and from other starts."""
+        self.answers[f"{4 * self.steps} steps"] = self.finer(best)
+        sides = [f for f in self.beside(best.frequency) if (f - best.frequency) * (best.origin - best.frequency) < 0.0]
+        for side, last in ((p.frequency, p) for p in self.places if p.frequency in sides):
+            here = self.follow(last, best.frequency)
+            if here.stays and abs(here.mean / best.mean - 1.0) > 0.5 * RULES.settled:  # it may still be on its way
+                here = self.visit(best.frequency, here.motion, here.mean, long=True)
+            if here.stays:
+                self.answers[f"from {side:.5g} Hz"] = here.mean
+        tractions = self.ring.tractions(best.motion)
+        for k in range(1, starts):
+            name = list(tractions)[(k - 1) % len(tractions)]
+            motion = self.ring.seeded(best.motion._replace(w=tractions[name]), RULES.seed, k)
+            self.answers[f"start {k}, {name}"] = self.visit(best.frequency, motion, best.mean, long=True).mean
+
     def open_end(self, best: Place) -> str:
         """What says that a higher motion may be kept; "" if nothing does."""
-        if self.ring.unsolved:
-            return self.ring.unsolved
         if abs(best.drift) > RULES.drift:
             return f"its mean still changes by {100.0 * best.drift:+.2g} % within {len(best.amplitude) // 2} periods"
         if self.fall != self.fall and best.frequency == self.places[-1].frequency:
@@ -293,12 +400,13 @@ class Walk:
 
 
 @one_thread
-def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None) -> Kept:
-    """The highest amplitude that a blade keeps at the preload of a tracking curve.
+def kept(
+    problem: Problem, curve: Curve, *, steps_per_period: int | None = None, blades: int | None = None, starts: int = 1
+) -> Marched:
+    """The highest amplitude in time at the preload of a tracking curve.
 
-    All sectors that the engine order tells apart are marched, with all nodal diameters that the model carries, whatever
-    the harmonics of the study (:mod:`bdamper.stability.kept`).  Where contacts stay closed and no fold lies within a half
-    width of the peak nothing is marched: the peak is kept.
+    Amplitudes are those of the highest blade (:mod:`bdamper.stability.kept`).  Where contacts stay closed and no fold lies
+    within a half width of the peak nothing is marched: the peak stays.
 
     Parameters
     ----------
@@ -306,20 +414,26 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     curve : Curve
         Tracked with this problem, from one flank of the resonance to the other.
     steps_per_period : int, optional
-        256 by default; what is kept is marched again with twice as many.
+        256 by default; the highest motion is marched again with twice as many.
+    blades : int, optional
+        Of the ring: by default as many as the engine order tells apart.  More have more nodal diameters and patterns.
+    starts : int
+        Motions from which the highest one is marched: its own, and others with disturbances of their own (their numbers are
+        the seeds of the phases) and friction that begins without traction, or at its limit either way.
 
     Returns
     -------
-    Kept
-        After Ctrl-C the highest motion so far that stays; "not found" where none does; "incomplete" where its mean still
-        drifts, contact forces were not found in some steps, the curve is so itself or ends before the motion falls.
+    Marched
+        "not found" where no motion stays or a march fails; "incomplete" where answers differ, the mean still drifts or the
+        curve ends before the motion falls; after Ctrl-C the highest motion so far that stays.
 
     Raises
     ------
     SettingError
         If the curve has no peak, or the settings describe something else than a structure in time.
     """
-    problem = matching(problem, validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    starts = validate.whole("starts", starts, least=1)
+    validate.instance("curve", curve, Curve, "a tracking curve")
     check_curve(problem, curve)
     if curve.peak_at_end:
         raise SettingError(f"kept: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
@@ -327,7 +441,7 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     sides = [levels.side(sign) for sign in (1.0, -1.0)]
     width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
     near = np.abs(curve.frequency - top.frequency) <= width
-    found = Kept(
+    found = Marched(
         *(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, settings=problem.record(),
         model_hash=problem.model.hash,
     )  # fmt: skip
@@ -339,26 +453,54 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     if not ways:
         return replace(none, status=because(NOT_FOUND, "the branch is alone nowhere beside its tip; follow more of it"))
     step, start = min(ways, key=lambda side: abs(side[1] - top.frequency))
-    ring = ring_of(problem, curve.preload)
+    ring = ring_of(problem, curve.preload, blades)
     walk, best = Walk(ring, levels, STEPS if steps_per_period is None else steps_per_period), None
     with LongWork() as work:
-        walk.go(start, -step / 4.0)
-        best = walk.best()
+        try:
+            walk.go(start, -step / 4.0)
+            walk.refine()
+            best = walk.best()
+            if best is not None:
+                walk.others(best, starts)
+        except MarchFailed as error:
+            walk.places, walk.astray = [], str(error)
     if work.interrupted and best is None:
         best = max(walk.places, key=lambda p: p.mean, default=None)
-    carried, all_ = len(ring.nodal_diameters), ring.n // 2 + 1
-    short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
-    left = (walk.open_end(best) or part) if best is not None else ring.unsolved or walk.astray
-    cost = replace(ring.cost, **watch.read())
-    none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=cost)
+    none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=replace(ring.cost, **watch.read()))
+    none = replace(none, direction="up" if step < 0.0 else "down", fall=walk.fall, answers=walk.answers)
+    return _found(none, walk, best, part, work.interrupted)
+
+
+def _found(none: Marched, walk: Walk, best: Place | None, part: str, interrupted: bool) -> Marched:
+    """The result of a walk, from one without amplitudes; ``part`` says what the curve leaves open."""
+    left = walk.astray or (walk.open_end(best) or part if best is not None else "")
     if best is None:
         why = left or "no motion stays in steps of half the length: use more steps_per_period"
-        return replace(none, status=INTERRUPTED if work.interrupted else because(NOT_FOUND, why))
-    return replace(
-        none, mean=best.mean, lowest=float(best.amplitude.min()), highest=float(best.amplitude.max()), fall=walk.fall,
-        frequency=best.frequency, direction="up" if step < 0.0 else "down",
-        status=INTERRUPTED if work.interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, short),
+        status = INTERRUPTED if interrupted else because(NOT_FOUND, why)
+        return replace(none, direction="", fall=np.nan, answers={}, status=status)
+    around, answers = best.amplitude, np.array([*walk.answers.values()])
+    if len(answers) and np.ptp(answers) > RULES.settled * answers.min():
+        ends = span(float(answers.min()), float(answers.max()), "m")
+        left = f"not settled: {ends}{f'; {left}' if left else ''}"
+        around = np.append(around, answers)
+    carried, all_ = len(walk.ring.nodal_diameters), walk.ring.n // 2 + 1
+    short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
+    found = replace(
+        none, mean=best.mean, lowest=float(around.min()), highest=float(around.max()), frequency=best.frequency,
+        status=INTERRUPTED if interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, short),
     )  # fmt: skip
+    return found if best.march is None else replace(found, **of_blades(best.march, len(best.amplitude)))
+
+
+def of_blades(march: March, periods: int) -> dict[str, Any]:
+    """What a result says of all blades in the last periods of a march."""
+    blades, rules = march.blades[-periods:], RULES.stretched(march.memory)
+    ratio = growth(march, rules)[0] if len(blades) >= 2 * rules.window else 0.0
+    return {
+        "blade": march.blade, "blades": np.abs(blades), "waves": march.ring.waves(blades),
+        "energy": tuple(float(x) for x in np.mean(march.energy[-periods:], axis=0)),
+        "growth": float(np.log(ratio)) / rules.window if ratio else float("nan"),
+    }  # fmt: skip
 
 
 def _opens(problem: Problem, curve: Curve, near: NDArray) -> bool:
@@ -366,7 +508,7 @@ def _opens(problem: Problem, curve: Curve, near: NDArray) -> bool:
     if (np.asarray(curve.shares)[near, 2] > 0.0).any():
         return True
     system = problem.system(curve.preload)
-    if not (np.asarray(system.points.law) == LAW_NORMAL).any():
+    if not (np.asarray(system.structure.points.law) == LAW_NORMAL).any():
         return False
     shares = (system.contact(u)[2][:, 4] for u in np.asarray(curve.unknowns)[near])
     return any(((open_ > 0.0) & (open_ < 1.0)).any() for open_ in shares)

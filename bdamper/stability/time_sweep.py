@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve, track
-from bdamper.problem.problem import Problem, matching
+from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.kept import Levels
 from bdamper.stability.march import BOUNDS, March
@@ -32,12 +32,12 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.plotting import Plottable
+from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INTERRUPTED
 from bdamper.util.tables import ROW, Followed, Hertz, Metres, Quantity, Tabular
-from bdamper.util.text import amount, height
+from bdamper.util.text import amount, height, percent
 
 RATE = 0.1
 """Half bandwidths of the least damped mode that the frequency goes within the memory of its transients."""
@@ -82,7 +82,7 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
     frequency : (n,) float, Hz
         In the middle of each turn of the excitation, in the order of time.
     harmonics : (n, n_harmonics + 1) complex, m
-        Response amplitudes of each turn; the first column is the mean.
+        Response amplitudes of each turn, those of the blade that is highest in it; the first column is the mean.
     preload : float, N
     rate : float, Hz/s
         Positive upward.
@@ -91,7 +91,6 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
     steps_per_period, sectors : int
     status : {"complete", "interrupted"}
     reason : str
-        Also in how many steps contact forces were not found, if in any.
     cost : Cost
         That of the sweep at twice the rate included.
     beside : tuple of TimeSweep
@@ -206,28 +205,16 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
         jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
         return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {height(a, f)}{jumps}."
 
-    def details(self) -> str:
-        f, a = self.highest
-        lines = [
-            f"sweep in time from {self.frequency[0]:.6g} to {self.frequency[-1]:.6g} Hz at {abs(self.rate):.3g} Hz/s, "
-            f"preload {self.preload:g} N: {self.status}{f' ({self.reason})' if self.reason else ''}",
-            f"  highest {a:.6g} m at {f:.6g} Hz",
-            f"  {len(self)} turns of {self.steps_per_period} steps, {self.sectors} sectors",
-            *(f"  {jump}" for jump in self.jumps),
-        ]
+    def facts(self) -> tuple[Fact, ...]:
+        """Rate, jumps, and what the sweep at twice the rate says of them."""
+        out = [Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps)]
         if self.faster is None:
-            lines.append("  error of the rate not known: no sweep at twice the rate")
-        else:
-            f, b = self.faster.highest
-            elsewhere = f"amplitudes within {100.0 * self.error:.2g} % elsewhere"
-            there = ", ".join(f"{jump.frequency:.6g}" for jump in self.faster.jumps)
-            lines.append(
-                f"  twice the rate: highest {b:.6g} m at {f:.6g} Hz ({100.0 * (b / a - 1.0):+.2g} %)"
-                + (f", jumps at {there} Hz" if there else "")
-                + f", {elsewhere if np.isfinite(self.error) else 'too fast to compare amplitudes'}"
-                + (f", {self.faster.status}" if self.faster.interrupted else "")
-            )
-        return "\n".join([*lines, f"  {self.cost}"])
+            return (*out, Fact("error of the rate", "not known: no sweep at twice the rate"))
+        f, a = self.faster.highest
+        there = ", ".join(f"{jump.frequency:.6g}" for jump in self.faster.jumps)
+        error = percent(self.error) if np.isfinite(self.error) else "too fast to compare amplitudes"
+        out += [Fact("highest at twice the rate", height(a, f)), Fact("jumps at twice the rate", there and f"{there} Hz")]
+        return (*out, Fact("error of the rate", error))
 
 
 @one_thread
@@ -282,7 +269,7 @@ def sweep_in_time(
         If a number does not fit, no rate is given where nothing is damped, or the settings describe something else than a
         structure in time.
     BdamperError
-        If no solution is found at the first frequency, or the march overflows.
+        If no solution is found at the first frequency, or the march fails.
     """
     preload, (low, high) = problem.check_preload(preload), validate.interval("frequency", frequency)
     for name, value in (("up", up), ("check", check), ("progress", progress)):
@@ -308,7 +295,7 @@ def sweep_in_time(
     parts = _marched(march, ends, settling, plans, progress)
     if not parts:
         raise KeyboardInterrupt
-    them, empty = zip((1, 2), parts, plans), replace(empty, reason=ring.unsolved)
+    them = zip((1, 2), parts, plans)
     sweep, *beside = (_filled(empty, factor, part, planned, ends) for factor, part, planned in them)
     return replace(sweep, beside=tuple(beside), cost=replace(ring.cost, **watch.read()))
 
@@ -323,7 +310,7 @@ def _start(
             raise validate.unfit("index", "a point of a curve that is given (start)", index)
         start = track(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
     else:
-        problem = matching(problem, validate.instance("start", start, Curve, "a tracking curve").settings)
+        validate.instance("start", start, Curve, "a tracking curve")
         check_curve(problem, start)
         if start.preload != preload:
             raise validate.unfit("start", f"a curve at {preload:g} N", start.preload)
@@ -341,7 +328,7 @@ def _start(
 
 
 def _marched(march: March, ends: tuple[float, float], settling: int, plans: list[int], progress: bool) -> list[NDArray]:
-    """Harmonics of the turns of each sweep, from the motion that has settled at the first frequency."""
+    """Harmonics of the highest blade in the turns of each sweep, from the motion that has settled at the beginning."""
     first, last = TWO_PI * ends[0], TWO_PI * ends[1]
     sweeps: list[March] = []
     with LongWork(), counter(progress, settling + sum(plans), 0, "marching", "turn") as count:
@@ -349,7 +336,8 @@ def _marched(march: March, ends: tuple[float, float], settling: int, plans: list
         for planned in plans:
             sweeps.append(March(march.ring, first, march.motion, march.steps))
             sweeps[-1].sweep((first, last), planned, count)
-    return [np.array(sweep.harmonics) for sweep in sweeps if sweep.harmonics]
+    found = [np.array(sweep.harmonics) for sweep in sweeps if sweep.harmonics]
+    return [x[np.arange(len(x)), np.abs(x[:, :, 1]).argmax(axis=1)] for x in found]
 
 
 def _filled(empty: TimeSweep, factor: int, harmonics: NDArray, turns: int, ends: tuple[float, float]) -> TimeSweep:
@@ -364,5 +352,4 @@ def _filled(empty: TimeSweep, factor: int, harmonics: NDArray, turns: int, ends:
     )
     if done == turns:
         return out
-    reason = f"by the user after {done} of {turns} turns"
-    return replace(out, status=INTERRUPTED, reason="; ".join(part for part in (reason, out.reason) if part))
+    return replace(out, status=INTERRUPTED, reason=f"by the user after {done} of {turns} turns")

@@ -16,15 +16,15 @@ over; points that are all given a branch of their own are all judged.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.system import Sector
 from bdamper.stability.disturbances import WaveDisturbances
 
 STRIDE = 4
@@ -38,21 +38,21 @@ class Verdict:
 
     Parameters
     ----------
-    counts : tuple of int
-        Growing disturbances of each class; -1 where they could not be counted.
+    count : int
+        Growing disturbances; -1 where they could not be counted.
     growth : float, 1/rad
         Largest real part of an exponent over omega; NaN where it is not known.
     """
 
-    counts: tuple[int, ...]
+    count: int
     growth: float
 
 
-def rests(system: HarmonicSystem, u: NDArray) -> bool:
+def rests(system: Equations[Sector], u: NDArray) -> bool:
     """Whether no slider moves and every contact is closed or open all through the cycle, on springs that only resist."""
-    if not system.exact:
+    if not system.structure.exact:
         return False
-    a = system.arrays
+    a = system.structure.arrays
     if min(a["kt"].min(initial=0.0), a["kn"].min(initial=0.0), a["damping"].min(initial=0.0)) < 0.0:
         return False
     _, _, shares = system.contact(np.asarray(u))
@@ -66,48 +66,32 @@ class Judge:
 
     Parameters
     ----------
-    system : HarmonicSystem
+    system : Equations[Sector]
     unknowns : (n, n_unknowns) float
     omega : (n,) float, rad/s
-    classes : sequence of (mapping of l to HarmonicBasis, or None)
-        Disturbances to judge; None are those in the nodal diameters of the wave.
     neutral : float, 1/rad
         Growth that counts as none.
     """
 
-    def __init__(
-        self,
-        system: HarmonicSystem,
-        unknowns: NDArray,
-        omega: NDArray,
-        classes: Sequence[Mapping[int, HarmonicBasis] | None],
-        neutral: float,
-    ) -> None:
-        self.system, self.unknowns, self.omega, self.classes, self.neutral = system, unknowns, omega, classes, neutral
+    def __init__(self, system: Equations[Sector], unknowns: NDArray, omega: NDArray, neutral: float) -> None:
+        self.system, self.unknowns, self.omega, self.neutral = system, unknowns, omega, neutral
         self.known: dict[int, Verdict] = {}
-        self._roots: dict[int, list[NDArray | None]] = {}
+        self._roots: dict[int, NDArray] = {}
 
     def __call__(self, i: int) -> Verdict:
         if i not in self.known:
             near = min(self._roots, key=lambda j: abs(j - i), default=-1)
-            starts = self._roots.get(near, [None] * len(self.classes))
-            omega, counts, growth, found = float(self.omega[i]), [], -np.inf, []
+            omega = float(self.omega[i])
             rate, band = self.neutral * omega, (self.system.n_harmonics + 1) * omega
-            for bases, start in zip(self.classes, starts):
-                disturbed = WaveDisturbances(self.system, self.unknowns[i], omega, bases)
-                try:
-                    count, roots = disturbed.growing(rate, band, start)
-                except FloatingPointError:
-                    counts.append(-1)
-                    found.append(start)
-                    growth = np.nan
-                    continue
-                fastest = disturbed.fastest(roots, band)
-                growth = max(growth, fastest / omega) if count == disturbed.right(roots, rate, band) else np.nan
-                counts.append(count)
-                found.append(roots)
-            self._roots[i] = found
-            self.known[i] = Verdict(tuple(counts), float(growth))
+            disturbed = WaveDisturbances(self.system, self.unknowns[i], omega)
+            try:
+                count, roots = disturbed.growing(rate, band, self._roots.get(near))
+            except FloatingPointError:
+                self.known[i] = Verdict(-1, np.nan)
+                return self.known[i]
+            known = count == disturbed.right(roots, rate, band)
+            self._roots[i] = roots
+            self.known[i] = Verdict(count, disturbed.fastest(roots, band) / omega if known else np.nan)
         return self.known[i]
 
 
@@ -137,10 +121,6 @@ def judged_along(
     n = len(moving)
     grows, asked = np.zeros(n, int), np.zeros(n, bool)
 
-    def total(i: int) -> int:
-        counts = judge(i).counts
-        return -1 if min(counts) < 0 else sum(counts)
-
     @cache
     def sign(i: int) -> bool:
         return positive(i)
@@ -154,14 +134,14 @@ def judged_along(
             places = sorted({*range(start, end, STRIDE), end})
             stack = list(zip(places, places[1:]))[::-1]
             for i in places:
-                grows[i], asked[i] = total(i), True
+                grows[i], asked[i] = judge(i).count, True
             while stack:
                 a, b = stack.pop()
                 if b - a < 2:
                     continue
                 if _doubtful(judge(a), judge(b), b - a) or len({sign(i) for i in range(a, b + 1)}) > 1:
                     middle = (a + b) // 2
-                    grows[middle], asked[middle] = total(middle), True
+                    grows[middle], asked[middle] = judge(middle).count, True
                     stack += [(middle, b), (a, middle)]
                 else:
                     grows[a + 1 : b] = grows[a]
@@ -171,7 +151,7 @@ def judged_along(
 
 def _doubtful(a: Verdict, b: Verdict, apart: int) -> bool:
     """Whether the count may change and change back between two verdicts so many points apart."""
-    if a.counts != b.counts or min(a.counts) < 0:
+    if a.count != b.count or a.count < 0:
         return True
     change, least = abs(a.growth - b.growth), min(abs(a.growth), abs(b.growth))
     return change > FACTOR * least if np.isfinite(change) else apart > 2

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 class Counted(Protocol):
     """A system of equations whose core counts what it does."""
 
-    core: Any
+    @property
+    def core(self) -> Any:
+        """With a count of what it does, ``cost``."""
+        ...
 
     @property
     def work(self) -> NDArray:
@@ -23,7 +26,7 @@ class Counted(Protocol):
 
 @dataclass(frozen=True)
 class Cost:
-    """Where the time went.
+    """Processor and wall-clock time by kind of work.
 
     Parameters
     ----------
@@ -68,6 +71,10 @@ class Cost:
     def python(self) -> float:
         """Seconds outside the C core."""
         return max(0.0, self.seconds - self.core)
+
+    def __add__(self, other: Cost) -> Cost:
+        """What both have taken, one after the other."""
+        return Cost(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
 
     def __sub__(self, before: Cost) -> Cost:
         """What was spent since an earlier reading."""
@@ -120,7 +127,9 @@ class CostMeter:
         self.failed_steps += failed_steps
 
     def watch(self, system: Counted) -> None:
-        self.systems.append((system, system.core.cost))
+        """Count what a system does from now on, once."""
+        if all(system.core is not other.core for other, _ in self.systems):
+            self.systems.append((system, system.core.cost))
 
     @property
     def work(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Fact, Summarised
-from bdamper.util.repr import brief, short
+from bdamper.util.repr import brief, plain
 from bdamper.util.text import aligned, percent
 
 MISSING = "not there"
@@ -19,7 +19,7 @@ MISSING = "not there"
 @brief
 @dataclass(frozen=True)
 class Differences(Summarised):
-    """What differs between two studies or results.
+    """Differences between two studies or results.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Differences(Summarised):
 
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Name, first, second, and relative change of numbers, as texts."""
-        out = [(name, _text(a), _text(b), _change(a, b)) for name, a, b in self.settings]
+        out = [(name, plain(a), plain(b), _change(a, b)) for name, a, b in self.settings]
         return out + [(a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)) for a, b in self.outcomes]
 
     def __str__(self) -> str:
@@ -53,10 +53,6 @@ class Differences(Summarised):
         return [("", "first", "second", "change"), *self.rows()]
 
 
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else short(value)
-
-
 def _change(a: Any, b: Any) -> str:
     numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b))
     return percent(b / a - 1.0, True) if numbers and a and np.isfinite([a, b]).all() else ""
@@ -66,7 +62,7 @@ class Comparable(Summarised):
     """A study or a result that can be compared with another one; a mixin."""
 
     def compare(self, other: Any) -> Differences:
-        """What differs between this and another study or result: settings, model, and what they come to.
+        """Differences between this and another study or result: settings, model and values.
 
         Parameters
         ----------

@@ -30,7 +30,7 @@ def mismatch(item: str, expected: str, found: object) -> ModelError:
 
 
 def shortened(found: object) -> str:
-    """What was found, in one line of at most 300 characters."""
+    """Text of a value in one line of at most 300 characters."""
     return cut(" ".join(str(found).split()), 300)
 
 

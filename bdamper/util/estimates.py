@@ -45,6 +45,11 @@ class SourceError:
         """The larger of both relative changes; NaN where they are not known."""
         return float(np.fmax(abs(self.amplitude), abs(self.frequency))) if self.known else float("nan")
 
+    def __str__(self) -> str:
+        change = f"amplitude {percent(self.amplitude, True)}, frequency {percent(self.frequency, True)}"
+        miss = f", may miss {percent(self.uncertainty)}" if self.uncertainty > 0.05 * self.size else ""
+        return f"{self.source}: {f'{change}{miss} ({self.against})' if self.known else f'not estimated: {self.against}'}"
+
 
 @brief
 @dataclass(frozen=True)
@@ -67,6 +72,8 @@ class ErrorEstimates(Summarised):
     amplitude: float
     sources: tuple[SourceError, ...]
     seconds: float = field(default=0.0, compare=False)
+
+    _told = ("sources",)
 
     def __getitem__(self, source: str) -> SourceError:
         for item in self.sources:
@@ -91,7 +98,7 @@ class ErrorEstimates(Summarised):
 
     @property
     def line(self) -> str:
-        """All of it in one line, in percent; sources of less than a hundredth of the sum are not named."""
+        """All of it in one line, in per cent; sources of less than a hundredth of the sum are not named."""
         known = sorted((s for s in self.sources if s.known), key=lambda s: -s.size)
         if not known:
             return "error not estimated"
@@ -103,15 +110,7 @@ class ErrorEstimates(Summarised):
         peak = f"{height(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
         return f"{self.line[0].upper()}{self.line[1:]} of the peak of {peak}."
 
-    def details(self) -> str:
-        lines = [f"peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N: {self.line}"]
-        for s in self.sources:
-            change = f"amplitude {percent(s.amplitude, True)}, frequency {percent(s.frequency, True)}"
-            miss = f", may miss {percent(s.uncertainty)}" if s.uncertainty > 0.05 * s.size else ""
-            lines.append(f"  {s.source}: {f'{change}{miss} ({s.against})' if s.known else f'not estimated: {s.against}'}")
-        return "\n".join(lines)
-
 
 def error_line(errors: ErrorEstimates | None) -> str:
-    """What a result prints of its error: one line of estimates, or that there are none."""
+    """Printed error of a result: one line of estimates, or that there are none."""
     return "error not estimated" if errors is None else errors.line

@@ -23,6 +23,7 @@ import h5py
 import numpy as np
 
 from bdamper.util.errors import BdamperError, shortened
+from bdamper.util.marks import declarations
 from bdamper.util.status import Translated
 from bdamper.util.versions import HERE, Versions
 
@@ -35,6 +36,26 @@ _READERS: dict[str, Callable[[FilePath], Any]] = {}
 def enter_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
     """Let :func:`load` read files of a format with a function of their path."""
     _READERS[kind] = read
+
+
+_FORMER: dict[str, Callable[[h5py.Group], dict[str, Any]]] = {}
+"""What makes fields of today's result from the group of a kind that has gone, by a field that this kind alone had."""
+
+
+def enter_former(kind: str, mark: str, today: type[Storable], fields_of: Callable[[h5py.Group], dict[str, Any]]) -> None:
+    """Let :func:`load` read files of a kind that has gone as results of another type.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the format.
+    mark : str
+        Field that this kind alone had.
+    today : type
+    fields_of : callable
+        From the group of a file the fields that are not there under their names.
+    """
+    _READERS[kind], _FORMER[mark] = partial(_read, today, 1, 2), fields_of
 
 
 def load(path: FilePath) -> Any:
@@ -56,9 +77,10 @@ def load(path: FilePath) -> Any:
         If the file is damaged, not one of bdamper, or of a version that cannot be read.
     """
     with opened(path, "a file written by bdamper") as file:
-        kind = _text(file.attrs.get("format", "none"))
+        kind, made_with = _text(file.attrs.get("format", "none")), Versions.stored(file.attrs)
     if kind not in _READERS:
-        raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'")
+        since = f", written by {made_with}, which this version cannot read" if kind.startswith("bdamper-") else ""
+        raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'{since}")
     return _READERS[kind](path)
 
 
@@ -72,17 +94,22 @@ class Storable:
         Name of the format.
     version, oldest : int
         Version of the format that is written, and the oldest one that is read; bdamper 0.1 wrote version 1.
+    former : mapping of str to int
+        Formats of earlier versions of bdamper that hold the same fields, and the oldest version of each that is read.
     """
 
     _format: ClassVar[tuple[str, int]]
     made_with: Versions = field(default=HERE, kw_only=True, repr=False, compare=False)
     """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
 
-    def __init_subclass__(cls, *, kind: str = "", version: int = 2, oldest: int = 1, **options: Any) -> None:
+    def __init_subclass__(
+        cls, *, kind: str = "", version: int = 2, oldest: int = 1, former: Mapping[str, int] | None = None, **options: Any
+    ) -> None:
         super().__init_subclass__(**options)
         if kind:  # what derives from a result is saved as that
             cls._format = kind, version
-            enter_reader(kind, partial(_read, cls, oldest, version))
+            for name, least in {kind: oldest, **(former or {})}.items():
+                enter_reader(name, partial(_read, cls, least, version))
 
     def save(self, path: FilePath) -> None:
         """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
@@ -127,7 +154,7 @@ def check_folder(path: FilePath) -> None:
 
 @contextmanager
 def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
-    """A new HDF5 file, which takes the place of an existing one in a single step once all of it is written."""
+    """A new HDF5 file, which replaces an existing one in a single step once all of it is written."""
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
@@ -213,19 +240,14 @@ class Formerly:
     name: str
 
 
-def _marks(cls: Any) -> Iterator[tuple[str, Any]]:
-    """Names of fields with what their annotated types are marked by."""
-    for name, hint in get_type_hints(cls, include_extras=True).items():
-        yield from ((name, mark) for mark in getattr(hint, "__metadata__", ()))
-
-
-def _take(cls: type[Any], group: h5py.Group, made_with: Versions) -> Any:
+def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
     """A result from the fields in a file, made with the versions that it names, or else with those given."""
-    hints, former = get_type_hints(cls), {name: m.name for name, m in _marks(cls) if isinstance(m, Formerly)}
+    hints, own = get_type_hints(cls), declarations(cls)
     made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
     found: dict[str, Any] = {"made_with": made_with}
     for name in (f.name for f in fields(cls)):
-        leaf, item = _leaf(hints[name]), group.get(name, group.get(former.get(name, name)))
+        former = own[name].mark(Formerly)
+        leaf, item = _leaf(hints[name]), group.get(name, group.get(former.name if former else name))
         if isinstance(item, h5py.Group):
             if _is_stored(leaf):
                 found[name] = tuple(_take(leaf, item[key], made_with) for key in sorted(item, key=int))
@@ -236,15 +258,15 @@ def _take(cls: type[Any], group: h5py.Group, made_with: Versions) -> Any:
             found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
         elif name in group.attrs:
             found[name] = _typed(hints[name], _from_attribute(hints[name], group.attrs[name]))
+    for mark in _FORMER.keys() & group.keys():
+        found |= _FORMER[mark](group)
     return cls(**_translated(cls, found))
 
 
 def _translated(cls: Any, found: dict[str, Any]) -> dict[str, Any]:
     """Fields of a result in today's words for statuses."""
-    for name, mark in _marks(cls):
-        if isinstance(mark, Translated) and name in found:
-            found[name] = mark.read(found[name])
-    return found
+    marks = {name: own.mark(Translated) for name, own in declarations(cls).items() if name in found}
+    return found | {name: mark.read(found[name]) for name, mark in marks.items() if mark is not None}
 
 
 def _from_attribute(hint: Any, value: Any) -> Any:
@@ -255,7 +277,7 @@ def _from_attribute(hint: Any, value: Any) -> Any:
 
 
 def typed(hint: object, value: object) -> Any:
-    """What JSON has made of a value, in the type that a field is annotated with."""
+    """Convert a value read from JSON to the annotated type of its field."""
     return _typed(hint, value)
 
 

@@ -13,15 +13,18 @@ import html
 import importlib
 import re
 import textwrap
-from collections.abc import Callable, Sequence
-from dataclasses import fields
-from functools import wraps
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple, fields, is_dataclass
+from functools import reduce, wraps
 from typing import Any, NamedTuple, TypeVar, cast
 
+import numpy as np
+
 from bdamper.util import validate
+from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
-from bdamper.util.status import left_undone
-from bdamper.util.tables import Tabular, quantities
+from bdamper.util.status import FAILED, left_undone, word
+from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
 from bdamper.util.text import UNITS, aligned, amount, spaced
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
@@ -76,7 +79,7 @@ class Fact(NamedTuple):
     @property
     def known(self) -> bool:
         """Whether there is something to show: a number that is not NaN, or a text."""
-        return isinstance(self.value, int | float | str) and str(self.value) not in ("", "nan")
+        return str(self.value) not in ("", "nan")
 
     @property
     def text(self) -> str:
@@ -96,30 +99,50 @@ class Summarised:
     which has everything; a notebook shows the same with a picture, and the details folded away.
     """
 
+    _told: tuple[str, ...] = ()
+
     def bottom_line(self) -> str:
-        """What it comes to, in one or two sentences."""
+        """Summary in one or two sentences."""
         return ""
 
     def facts(self) -> tuple[Fact, ...]:
-        """The few things to know besides, in order."""
-        return ()
+        """The few things to know besides, in order: what is named in ``_told``."""
+        return tuple(fact for name in self._told for fact in self._said(name))
+
+    def _said(self, name: str) -> Iterator[Fact]:
+        """What there is to say of a field or property, or with dots of a part of it; nothing of arrays and None."""
+        mark = quantities(cast(Any, type(self))).get(name, Quantity())
+        value = reduce(lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self))
+        if mark.parts and np.ndim(value) == 1:
+            return (Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value))
+        unit = mark.unit or UNITS.get(name.rpartition(".")[2], "")
+        return _facts(spaced(mark.name or name), value, unit, several=name in self._told)
 
     def details(self) -> str:
         """Everything that there is to say, in lines: facts, single values, a short table, notes, warnings and cost."""
         if not self.bottom_line():
             return str(self)
-        facts = [(fact.name, fact.to_digits(6)) for fact in self.facts() if fact.known]
-        told = {"model hash", *(fact.name for fact in self.facts())}
-        marked = quantities(cast(Any, type(self))) if isinstance(self, Tabular) else {}
-        units = UNITS | {name: mark.unit for name, mark in marked.items()}
-        single = [Fact(spaced(f.name), getattr(self, f.name), units.get(f.name, "")) for f in fields(cast(Any, self))]
-        facts += [(fact.name, fact.to_digits(6)) for fact in single if fact.known and fact.name not in told]
-        texts = [text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text]
+        facts = [fact for fact in self.facts() if fact.known]
+        names = {"model hash", *(fact.name for fact in facts)}
+        plain = int | float | str  # of these a field that has its default says nothing
+        own = (
+            f.name
+            for f in fields(cast(Any, self))
+            if f.name not in ("cost", "made_with")
+            and not (isinstance(f.default, plain) and getattr(self, f.name) == f.default and f.name != "status")
+        )
+        single = [fact for name in own for fact in self._said(name)]
+        facts += [fact for fact in single if fact.known and fact.name not in names]
+        texts = [text for name in ("notes", "warnings") for text in dict.fromkeys(getattr(self, name, ())) if text]
+        texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
-        texts += left_undone(status, "parts") if isinstance(status, tuple) else []
-        table = self.as_lines() if hasattr(self, "as_lines") else []
-        texts += [] if isinstance(cost, tuple) else [str(cost).strip()]
-        lines = [self.bottom_line(), *aligned(facts, "  "), *table, *texts]
+        if isinstance(status, tuple):
+            texts += left_undone(status, "parts") + [s for s in dict.fromkeys(status) if word(s) == FAILED]
+        table = self.as_lines() if isinstance(self, Tabular) else []
+        if isinstance(cost, tuple) and cost:  # of each part
+            cost = Cost(*map(sum, zip(*map(astuple, cost))))
+        texts += [str(cost or "").strip()]
+        lines = [self.bottom_line(), *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "), *table, *texts]
         return "\n".join(line for line in lines if line)
 
     def __str__(self) -> str:
@@ -151,6 +174,34 @@ class Summarised:
         first = f"<p><b>{html.escape(self.bottom_line())}</b></p>" if self.bottom_line() else ""
         rest = f"<details><summary>details</summary><pre>{html.escape(self.details())}</pre></details>" if first else ""
         return f"<div>{first}{text}{picture}{rest}</div>"
+
+
+def _facts(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
+    """A value as facts: a single one, those of a small record, or one for each of several where these are asked for."""
+    plain = value.item() if isinstance(value, np.generic) else value
+    if isinstance(plain, int | float | str):
+        yield Fact(label, plain, unit)
+    elif isinstance(value, Summarised):
+        yield Fact(label, value.bottom_line() if several else "")
+    elif is_dataclass(value) and type(value).__str__ is not object.__str__:
+        yield Fact(label, str(value))
+    elif is_dataclass(value) or hasattr(value, "_fields"):
+        for name in getattr(value, "_fields", None) or [f.name for f in fields(value)]:
+            if isinstance(item := getattr(value, name), int | float | str):
+                yield Fact(f"{label} {spaced(name)}", item, UNITS.get(name, ""))
+    elif several and isinstance(value, np.ndarray):
+        yield Fact(label, len(value))
+    elif several and isinstance(value, Mapping):
+        yield from (Fact(f"{label} {key}", item, unit) for key, item in value.items())
+    elif several and isinstance(value, tuple | list):
+        texts = [_in_words(item) for item in value]
+        texts = [", ".join(texts)] if all(isinstance(item, int) for item in value) else texts
+        yield from (Fact(f"{label} {i}" if len(texts) > 1 else label, text) for i, text in enumerate(texts, 1))
+
+
+def _in_words(value: Any) -> str:
+    """One line of a part of a result: its bottom line, or its text."""
+    return value.bottom_line() if isinstance(value, Summarised) else str(value)
 
 
 def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -66,24 +67,19 @@ def counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator
     if not show:
         yield lambda: None
         return
-    from tqdm.auto import tqdm
-
-    with tqdm(total=total, initial=done, desc=what, unit=unit) as bar:
+    with _bar(total=total, initial=done, desc=what, unit=unit) as bar:
         yield bar.update
 
 
 @contextmanager
 def stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
     """A bar, as a function of the stage that the work has reached, the units done and those that there are so far."""
-    from tqdm.auto import tqdm
-
-    with tqdm(desc=what, unit=unit) as bar:
+    with _bar(desc=what, unit=unit) as bar:
 
         def report(stage: str, done: int, total: int) -> None:
-            bar.total = total
+            bar.total = max(total, bar.total or 0)
             bar.set_description(f"{what}: {stage}", refresh=False)
-            bar.update(done - bar.n)
-            bar.refresh()
+            bar.update(max(done - bar.n, 0))
 
         yield report
 
@@ -92,24 +88,39 @@ def each(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
     """The items, with a bar that counts them if it is to be shown."""
     if not show:
         return items
-    from tqdm.auto import tqdm
-
-    bar: Iterable[T] = tqdm(items, desc=what, unit=unit)
+    bar: Iterable[T] = _bar(items, desc=what, unit=unit)
     return bar
 
 
 @contextmanager
 def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any], None] | None]:
-    """Progress over the frequency interval, or nothing."""
+    """Progress over the frequency interval, or nothing; a path that turns back does not take the bar back."""
     if not show:
         yield None
         return
-    from tqdm.auto import tqdm
-
-    with tqdm(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]") as bar:
+    with _bar(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]") as bar:
 
         def update(point: Any) -> None:
-            bar.n = max(0.0, min(100.0, 100.0 * (point.y[-1] - low) / (high - low)))
-            bar.refresh()
+            reached = min(100.0, 100.0 * (point.y[-1] - low) / (high - low))
+            bar.update(max(reached - bar.n, 0.0))
 
         yield update
+
+
+def _bar(*items: Any, **given: Any) -> Any:
+    """A bar; where standard error is no terminal, one line at each tenth of what there is to do."""
+    from tqdm.auto import tqdm
+
+    if sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules:
+        return tqdm(*items, **given)
+
+    class Lines(tqdm):  # type: ignore[misc]
+        told = 0
+
+        def display(self, msg: str | None = None, pos: int | None = None) -> None:
+            tenth = int(10.0 * self.n / self.total + 1e-9) if self.total else 0
+            if tenth > self.told:
+                self.told = tenth
+                self.fp.write(f"{self.desc}{': ' * (not self.desc.endswith(': '))}{10 * tenth} %\n")
+
+    return Lines(*items, **given, mininterval=0.0, miniters=1, leave=False)

@@ -12,8 +12,6 @@ from bdamper.util.text import cut
 
 T = TypeVar("T", bound=type)
 
-LONGEST = 60
-"""Characters of one item."""
 
 
 def brief(cls: T) -> T:
@@ -32,17 +30,23 @@ def _as_items(self: Any) -> str:
     return f"{type(self).__name__}({', '.join(f'{f.name}={short(getattr(self, f.name))}' for f in shown)})"
 
 
+def plain(value: object) -> str:
+    """A text as it is, anything else by :func:`short`."""
+    return value if isinstance(value, str) else short(value)
+
+
 def short(value: Any) -> str:
     """One item: an array by its shape, a mapping by its names, a longer sequence by its length."""
     if isinstance(value, np.ndarray):
         return repr(value.item()) if value.ndim == 0 else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
+    longest = 60  # characters of one item
     if isinstance(value, Mapping):
         text = "{" + ", ".join(f"{key!r}: {short(item)}" for key, item in value.items()) + "}"
-        return text if len(text) <= LONGEST else f"<{len(value)} by name: {cut(', '.join(map(str, value)), LONGEST)}>"
+        return text if len(text) <= longest else f"<{len(value)} by name: {cut(', '.join(map(str, value)), longest)}>"
     if isinstance(value, (list, tuple)):
         text = ("[{}]" if isinstance(value, list) else "({})").format(", ".join(short(item) for item in value))
-        return text if len(text) <= LONGEST else f"<{len(value)} items>"
+        return text if len(text) <= longest else f"<{len(value)} items>"
     if is_dataclass(value) and not isinstance(value, type):
         text = repr(value)
-        return text if len(text) <= LONGEST and "\n" not in text else f"{type(value).__name__}(...)"
-    return cut(repr(value), LONGEST) if not isinstance(value, (int, float, complex, np.generic)) else repr(value)
+        return text if len(text) <= longest and "\n" not in text else f"{type(value).__name__}(...)"
+    return cut(repr(value), longest) if not isinstance(value, (int, float, complex, np.generic)) else repr(value)

@@ -20,7 +20,7 @@ import numpy as np
 
 
 class Root(NamedTuple):
-    """Where the search for a root ended.
+    """Result of a search for a root.
 
     Parameters
     ----------

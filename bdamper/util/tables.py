@@ -18,17 +18,18 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import BdamperError, needed
 from bdamper.util.hdf5 import FilePath, check_folder, plain
+from bdamper.util.marks import declarations
 from bdamper.util.status import COMPLETE, INTERRUPTED
 from bdamper.util.text import PREFIXES, aligned, fitting, spaced
 from bdamper.util.versions import HERE
@@ -102,23 +103,16 @@ Places = Annotated[NDArray, Quantity("m", parts=("X", "Y", "Z"))]
 Kinds = Annotated[tuple[str, ...], Quantity(name="kind")]
 
 
-def _marked(hints: Mapping[str, Any], name: str) -> Quantity | None:
-    """The mark on the type of a field, be it ``Numbers`` or ``Numbers | None``."""
-    hint = hints.get(name)
-    marks = [mark for kind in (hint, *get_args(hint)) for mark in getattr(kind, "__metadata__", ())]
-    return next((mark for mark in reversed(marks) if isinstance(mark, Quantity)), None)
-
-
 @cache
 def quantities(cls: Any) -> dict[str, Quantity]:
     """Fields and properties of a type that are columns: its first one, what is derived, then the other fields."""
-    own = get_type_hints(cls, include_extras=True)
-    of_fields = {f.name: mark for f in fields(cls) if (mark := _marked(own, f.name)) is not None}
+    own = declarations(cls)
+    of_fields = {f.name: mark for f in fields(cls) if (mark := own[f.name].mark(Quantity)) is not None}
     derived: dict[str, Quantity] = {}
     for name, item in (pair for base in reversed(cls.__mro__) for pair in vars(base).items()):
         getter = item.fget if isinstance(item, property) else item.func if isinstance(item, cached_property) else None
-        mark = None if getter is None else _marked(get_type_hints(getter, include_extras=True), "return")
-        if mark is not None:
+        returned = None if getter is None else declarations(getter).get("return")
+        if returned is not None and (mark := returned.mark(Quantity)) is not None:
             derived[name] = mark
     first = next(iter(of_fields), "")
     return {name: of_fields[name] for name in (first,) if name} | derived | of_fields
@@ -175,16 +169,21 @@ class Tabular:
         return {name: column for name, column in self.columns().items() if not column.dims}
 
     def as_lines(self) -> list[str]:
-        """The table as lines, if it is no longer than :data:`FEW_ROWS`."""
+        """The table as lines; of one longer than :data:`FEW_ROWS` the least and the largest value of each column."""
         table = self._flat()
         values = [np.asarray(column.values).tolist() for column in table.values()]
+        if not values or not values[0]:
+            return []
         largest = [max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0) for column in values]
         scale = [fitting(most, column.unit) if most < np.inf else " " for most, column in zip(largest, table.values())]
         cells = [[f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
-        if not cells or len(cells[0]) > FEW_ROWS:
-            return []
         head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]
-        return aligned([head, *zip(*cells)], "  ")
+        if len(values[0]) <= FEW_ROWS:
+            return aligned([head, *zip(*cells)], "  ")
+        known = [[v for v in column if isinstance(v, float) and v == v] for column in values]
+        ends = [(h, v.index(min(k)), v.index(max(k)), c) for h, v, k, c in zip(head, values, known, cells) if k]
+        first = f"{len(values[0])} {self._dimension()}s", "least", "largest"
+        return aligned([first, *((h, c[i], c[j]) for h, i, j, c in ends)], "  ")
 
     def _attributes(self) -> dict[str, Any]:
         """What the table is of: kind of result, settings, model, version."""
@@ -266,7 +265,7 @@ class Followed:
 
     @property
     def complete(self) -> bool:
-        """Whether solutions cover all that was asked for, on a curve but for gaps of a thousandth; see ``left_out``."""
+        """Whether solutions cover all that was asked for, on a curve except for gaps of a thousandth; see ``left_out``."""
         return self.status == COMPLETE
 
     @property
@@ -302,7 +301,7 @@ def from_rows(rows: Sequence[Any]) -> dict[str, Column]:
 
 
 def label(of: Any, name: str, unit: str = "") -> str:
-    """What an axis says of a column of a type of result: its label, or its name in words, and its unit."""
-    mark = quantities(of)[name]
+    """Axis label of a field or property of a type of result: its label or name, and its unit."""
+    mark = quantities(of).get(name, Quantity())
     text, unit = mark.label or spaced(mark.name or name).capitalize(), unit or mark.unit
     return f"{text} ({unit})" if unit else text

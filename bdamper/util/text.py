@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 
 def percent(value: float, sign: bool = False) -> str:
-    """A relative number with two digits; from 100 % on in whole percent."""
+    """A relative number with two digits; from 100 % on in whole per cent."""
     if not np.isfinite(value):
         return "unknown"
     return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"
@@ -17,7 +18,10 @@ def percent(value: float, sign: bool = False) -> str:
 UNITS = {
     "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
     "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
-    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "load": "N",
+    "stuck_frequency": "Hz", "tuned_amplitude": "m", "tuned_frequency": "Hz", "excitation.amplitude": "N",
+    "excitation.phase": "rad", "load": "N", "linear_to": "m", "highest": "m", "scales_to": "N", "normal_force": "N",
+    "speed": "rad/s", "fixed_speed": "rad/s", "fixed_speed_amplitude": "m", "amplitude_by_mass": "m",
+    "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "slip_offset": "m",
 }  # fmt: skip
 """Units of settings and answers; what is not listed is a plain number or a name."""
 FITTING = {"m": "nµm ", "N": "m kM", "N/m": " kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}
@@ -32,7 +36,7 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     ----------
     value : float
     unit : str
-        Without a prefix, besides kg; "" for a mere number, "%" for percent, with "per ..." behind it where needed.
+        Without a prefix, besides kg; "" for a mere number, "%" for per cent, with "per ..." behind it where needed.
     digits : int
     """
     base, per, rest = unit.partition(" per ")
@@ -41,6 +45,14 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     number = np.copysign(size / PREFIXES[prefix], value)
     whole = int(np.log10(np.clip(abs(number), 1.0, 1e9))) + 1 if np.isfinite(number) else 1
     return f"{number:.{max(digits, whole if whole < 7 else 0)}g} {prefix.strip()}{base}{per}{rest}".rstrip()
+
+
+def span(low: float, high: float, unit: str, near: float | None = None) -> str:
+    """Two numbers in one unit that fits the second, or another number: "149 to 276 µm"."""
+    size = high if near is None else near
+    digits, name = amount(size, unit).split(" ", 1)
+    scale = 10.0 ** round(np.log10(float(digits) / size)) if size else 1.0
+    return f"{scale * low:.3g} to {scale * high:.3g} {name}"
 
 
 def fitting(size: float, unit: str) -> str:
@@ -71,3 +83,14 @@ def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
 def cut(text: str, most: int) -> str:
     """The text in at most so many characters."""
     return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def shares_of(loads: Mapping[str, float] | None) -> str:
+    """Loads per newton of preload: "front 1, rear 0.6"; empty where every loaded body has the preload."""
+    return ", ".join(f"{name} {load:.6g}" for name, load in (loads or {}).items())
+
+
+def preloaded(preload: float, settings: Mapping[str, Any]) -> str:
+    """A preload (N) in words, with what it loads where the settings of a result say so."""
+    shares = shares_of(settings.get("loads"))
+    return f"a preload of {amount(preload, 'N')}{f' ({shares})' if shares else ''}"

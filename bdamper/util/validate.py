@@ -2,23 +2,34 @@
 
 Every check takes the name first and raises a :class:`~bdamper.util.errors.SettingError` of the form
 ``name: expected ..., found ...``.  Texts and booleans do not pass for numbers, nor numbers for booleans.
+
+Dataclasses declare the checks of their fields in the annotated types (:class:`Checked`)::
+
+    class Options(Checked):
+        step: Positive
+        tolerance: Annotated[float, Limits(above=0.0, below=1e-2)]
+        patience: Annotated[int, partial(whole, least=2)]
+        scale: Literal["linear", "logarithmic"]
+        budget: Count | None
+        locate: bool
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from difflib import get_close_matches
-from functools import wraps
+from functools import cache, partial, reduce, wraps
 from numbers import Real
-from operator import ge, gt, le, lt
-from typing import Any, TypeVar
+from operator import and_, ge, gt, le, lt
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import SettingError, shortened
+from bdamper.util.marks import Declared, declarations
 
 T = TypeVar("T")
 
@@ -65,25 +76,39 @@ def _plain_number(value: Any) -> float | None:
     return out if np.isfinite(out) else None
 
 
-def _limits(above: float | None, least: float | None, below: float | None, most: float | None, unit: str) -> str:
-    given = [(">", above), (">=", least), ("<", below), ("<=", most)]
-    text = " and ".join(f"{sign} {limit:g}" for sign, limit in given if limit is not None)
-    if above is not None and below is not None:
-        text = f"between {above:g} and {below:g}"
-    return f"{text} {unit}".strip() if text or not unit else f"in {unit}"
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of numbers, ``above`` and ``below`` excluded, in a unit; they print as in an error."""
+
+    above: float | None = None
+    least: float | None = None
+    below: float | None = None
+    most: float | None = None
+    unit: str = ""
+
+    def hold(self, values: float | NDArray) -> Any:
+        """Whether a number, or each number of an array, lies within."""
+        limits = ((gt, self.above), (ge, self.least), (lt, self.below), (le, self.most))
+        return reduce(and_, (holds(values, limit) for holds, limit in limits if limit is not None), True)
+
+    def __call__(self, name: str, value: object) -> float:
+        """One finite number within them."""
+        return number(name, value, **asdict(self))
+
+    def __str__(self) -> str:
+        given = [(">", self.above), (">=", self.least), ("<", self.below), ("<=", self.most)]
+        text = " and ".join(f"{sign} {limit:g}" for sign, limit in given if limit is not None)
+        if self.above is not None and self.below is not None:
+            text = f"between {self.above:g} and {self.below:g}"
+        return f"{text} {self.unit}".strip() if text or not self.unit else f"in {self.unit}"
 
 
-def number(
-    name: str, value: Any, *, above: float | None = None, least: float | None = None, below: float | None = None,
-    most: float | None = None, unit: str = "",
-) -> float:  # fmt: skip
-    """One finite number within limits, those of ``above`` and ``below`` excluded."""
-    out = _plain_number(value)
-    limits = ((gt, above), (ge, least), (lt, below), (le, most))
-    if out is None or not all(holds(out, limit) for holds, limit in limits if limit is not None):
-        kind = "a number" if above is not None and below is not None else "a finite number"
-        words = (kind, _limits(above, least, below, most, unit))
-        raise unfit(name, " ".join(word for word in words if word), value)
+def number(name: str, value: Any, **limits: Any) -> float:
+    """One finite number within :class:`Limits`."""
+    out, within = _plain_number(value), Limits(**limits)
+    if out is None or not within.hold(out):
+        kind = "a number" if within.above is not None and within.below is not None else "a finite number"
+        raise unfit(name, f"{kind} {within}".strip(), value)
     return out
 
 
@@ -120,7 +145,7 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     return value
 
 
-def spelt(called: T, also: Iterable[str] = ()) -> T:
+def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
     """A function or a class that answers a keyword it does not have with the one that was meant.
 
     Parameters
@@ -128,14 +153,16 @@ def spelt(called: T, also: Iterable[str] = ()) -> T:
     called : function or class
     also : iterable of str
         Keywords that a function takes beyond those it names.
+    name : str
+        In errors, instead of that of the function or class.
     """
     if isinstance(called, type):
-        called.__init__ = spelt(called.__init__)  # type: ignore[misc]
+        called.__init__ = spelt(called.__init__, also, name)  # type: ignore[misc]
         return called
     function: Callable[..., Any] = called  # type: ignore[assignment]
     signature = inspect.signature(function)
     takes_any = not also and any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
-    name, known = function.__qualname__.removesuffix(".__init__"), [*signature.parameters, *also]
+    name, known = name or function.__qualname__.removesuffix(".__init__"), [*signature.parameters, *also]
     needed = [
         n for n, p in signature.parameters.items() if n != "self" and p.default is p.empty and p.kind != p.VAR_KEYWORD
     ]
@@ -183,20 +210,17 @@ def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[s
     return value
 
 
-def numbers(
-    name: str, value: Any, n: int | None = None, *, above: float | None = None, least: float | None = None, unit: str = ""
-) -> NDArray:
-    """(n,) finite numbers within limits; at least one if their number is free."""
-    out = None
+def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
+    """(n,) finite numbers within :class:`Limits`; at least one if their number is free."""
+    out, within = None, Limits(**limits)
     if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
         given = [_plain_number(v) for v in value] if np.ndim(value) != 0 else [None]
-        good = [g for g in given if g is not None and (above is None or g > above) and (least is None or g >= least)]
+        good = [g for g in given if g is not None and within.hold(g)]
         if len(good) == len(given) and (len(good) == n if n is not None else good):
             out = np.array(good)
     if out is None:
         count = "a sequence of one or more" if n is None else str(n)
-        words = (count, "finite numbers", _limits(above, least, None, None, unit))
-        raise unfit(name, " ".join(word for word in words if word), value)
+        raise unfit(name, f"{count} finite numbers {within}".strip(), value)
     return out
 
 
@@ -218,7 +242,55 @@ def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
     return low, high
 
 
-def fields(record: Any, check: Callable[..., Any], *attributes: str, **limits: Any) -> None:
+def fields(record: Any, check: Callable[..., Any], *attributes: str, prefix: str = "", **limits: Any) -> None:
     """Check attributes of a frozen dataclass, and keep them in the form in which they are used."""
     for name in attributes:
-        object.__setattr__(record, name, check(name, getattr(record, name), **limits))
+        object.__setattr__(record, name, check(f"{prefix}{name}", getattr(record, name), **limits))
+
+
+def checked(record: object, prefix: str = "") -> None:
+    """Check the fields of a frozen dataclass as :class:`Checked` does; errors have the prefix before their names."""
+    cls: Callable[..., Any] = type(record)
+    for name, check in _checks(cls).items():
+        fields(record, check, name, prefix=prefix)
+
+
+class Checked:
+    """A frozen dataclass whose fields are checked when it is made, by their annotated types; a mixin.
+
+    A mark that is a function of name and value checks a field and returns the value in the form in which it is used;
+    without one, ``bool`` takes True and False and ``Literal`` one of its values.  Other fields are not checked, nor is None
+    where the type allows it.
+    """
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@cache
+def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
+    """Checks by the names of fields."""
+    found = {name: (_check_of(own), own.optional) for name, own in declarations(cls).items()}
+    return {name: partial(_given, check, optional) for name, (check, optional) in found.items() if check is not None}
+
+
+def _check_of(own: Declared) -> Callable[[str, Any], Any] | None:
+    plain: Callable[[str, Any], Any] | None = flag if own.kind is bool else None
+    if get_origin(own.kind) is Literal:
+        plain = partial(choice, choices=get_args(own.kind))
+    return next((mark for mark in reversed(own.marks) if callable(mark)), plain)
+
+
+def _given(check: Callable[[str, Any], Any], optional: bool, name: str, value: Any) -> Any:
+    return None if optional and value is None else check(name, value)
+
+
+Positive = Annotated[float, Limits(above=0.0)]
+NotNegative = Annotated[float, Limits(least=0.0)]
+Share = Annotated[float, Limits(least=0.0, below=1.0)]
+Force = Annotated[float, Limits(least=0.0, unit="N")]
+Length = Annotated[float, Limits(least=0.0, unit="m")]
+Speed = Annotated[float, Limits(above=0.0, unit="rad/s")]
+Natural = Annotated[int, whole]
+Count = Annotated[int, partial(whole, least=1)]
+Interval = Annotated[tuple[float, float], interval]

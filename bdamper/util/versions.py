@@ -24,12 +24,12 @@ class Versions:
 
     @classmethod
     def stored(cls, attributes: Mapping[str, Any]) -> Versions:
-        """Those that stand in the attributes of a file."""
+        """Versions stored in the attributes of a file."""
         names = {name: attributes.get(f"{name}_version") for name in asdict(cls())}
         return cls(**{name: str(value) for name, value in names.items() if value is not None})
 
     def attributes(self) -> dict[str, str]:
-        """What is written to a file."""
+        """Versions as attributes of a file."""
         return {f"{name}_version": version for name, version in asdict(self).items()}
 
     def __str__(self) -> str:

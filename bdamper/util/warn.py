@@ -11,7 +11,7 @@ _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
 
 
 class BdamperWarning(UserWarning):
-    """What a user should know before trusting an answer."""
+    """Warning about the reliability of a result."""
 
 
 class PlausibilityWarning(BdamperWarning):

@@ -3,7 +3,6 @@
 In: a problem whose model has a sector-local basis.  Out: curves and peaks of every blade, and statistics of many wheels.
 """
 
-from bdamper.wheel.kept import WheelKept
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
 from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.peak import WheelPeakOptions
@@ -20,7 +19,6 @@ __all__ = [
     "Mistuning",
     "Wheel",
     "WheelCurve",
-    "WheelKept",
     "WheelOptimalCurve",
     "WheelPeak",
     "WheelPeakOptions",

@@ -20,7 +20,7 @@ def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
     peak.  The band holds the resonances of all waves of the tuned wheel, and is wider by the standard deviation of the
     blades' frequencies and by two widths at each end.
     """
-    tuned, s = wheel.tuned(), wheel.structure
+    tuned, s = wheel.structure.tuned, wheel.structure
     top = wheel.tuned_peak(preload)
     system = tuned.system(preload)
     X, F, _ = system.contact(top.y[:-1])

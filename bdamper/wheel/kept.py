@@ -1,4 +1,4 @@
-"""Whether a blade of a wheel keeps its peak: all blades and dampers marched in time as one structure.
+"""Steady-state amplitude in time of a wheel: all blades and dampers integrated as one structure.
 
 The march is that of a sector (:mod:`bdamper.stability.time_integration`), of which the whole wheel is a single one: its
 coordinates are the modes of blades and disk with all deviations, and the coordinates of all dampers.  It starts at the peak
@@ -8,57 +8,28 @@ that of each mode of the wheel by itself: what couples them is at most 2.1 % of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import tau
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.stability.kept import RULES, stay
 from bdamper.stability.march import March
-from bdamper.stability.time_integration import STEPS, Ring
+from bdamper.stability.time_integration import STEPS, MarchFailed, Ring
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Stopwatch
 from bdamper.util.errors import SettingError
-from bdamper.util.kept import Kept
-from bdamper.util.plotting import Fact, Plottable
-from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, NOT_FOUND, because
+from bdamper.util.kept import Marched
+from bdamper.util.status import NOT_FOUND, because
 from bdamper.util.text import amount
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.system import WheelSystem
 from bdamper.wheel.wheel_problem import WheelProblem
-
-MOST_BLADES = 13
-"""Of a wheel that is marched: what a period takes grows with the third power of them (docs/measured.md, "Peaks of unequal
-wheels")."""
-
-
-@brief
-@dataclass(frozen=True)
-class WheelKept(Kept, Plottable, kind="bdamper-wheel-kept"):
-    """What the highest blade of a wheel keeps of its peak.
-
-    ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_kept`).
-
-    Parameters
-    ----------
-    blade : int
-        That of the peak, whose amplitudes ``mean``, ``lowest`` and ``highest`` are.
-    blades : (n_periods, n_blades) float, m
-        Amplitudes of all blades in periods behind the last of these.
-    """
-
-    blade: int = -1
-    blades: NDArray = field(default_factory=lambda: np.zeros((0, 0)))
-
-    def facts(self) -> tuple[Fact, ...]:
-        """Which blade it is, and what it keeps."""
-        return (Fact("blade", self.blade), *super().facts())
 
 
 class OneStructure:
@@ -72,7 +43,8 @@ class OneStructure:
     """
 
     def __init__(self, system: WheelSystem, blade: int) -> None:
-        s, N, (_, n_coef, size) = system.structure, system.shape[0], system.shape
+        scene, s = system.structure, system.structure.structure
+        N, n_coef, size = scene.shape
         n, nd, every = s.n, s.n_damper, np.arange(N)
 
         def whole(own: NDArray | float, waves: NDArray) -> NDArray:
@@ -94,32 +66,24 @@ class OneStructure:
             (), np.append(squares, np.tile(s.damper_stiffness, N)), np.zeros(N * size), motion.reshape(-1, 3, N * size), 0,
             np.append(np.ones(N * n), s.damper_mass), np.append(damping, np.tile(s.damper_damping, N)),
         )  # fmt: skip
-        self.rows = np.einsum("i,bik->bk", system.response_row, self.modes[:, :n])
-        force = self._taken(system.force, self.modes)
-        one = HarmonicSystem([basis] * (n_coef // 2 + 1), system.points, force, [self.rows[blade]] * (n_coef // 2 + 1))
-        self.ring = Ring(one, 1, 0)
+        rows = np.einsum("i,bik->bk", scene.response_row, self.modes[:, :n])
+        force = self._taken(scene.force, self.modes)
+        one = Sector([basis] * (n_coef // 2 + 1), scene.points, force, [rows[blade]] * (n_coef // 2 + 1))
+        self.ring = Ring(one.equations, 1, 0, rows=np.hstack([rows, np.zeros_like(rows)]))
 
     def _taken(self, u: NDArray, rows: NDArray) -> NDArray:
         """Coefficients (n_blades, n_coefficients, n_sector) times rows (n_blades, n_sector, n_modes), as unknowns."""
-        return np.asarray(np.tensordot(self.system.array(u).transpose(1, 0, 2), rows, 2).ravel())
+        return np.asarray(np.tensordot(self.system.structure.array(u).transpose(1, 0, 2), rows, 2).ravel())
 
     def start(self, u: NDArray) -> NDArray:
         """Unknowns of the one structure from those of the wheel."""
         return self._taken(u, self.inverse)
 
-    def amplitudes(self, march: March, periods: int) -> NDArray:
-        """(periods, n_blades) amplitudes of all blades while a march goes on."""
-        turn, out, motion = 2.0 / march.steps * np.exp(-1j * tau * np.arange(march.steps) / march.steps), [], march.motion
-        for _ in range(periods):
-            done = self.ring.march(motion, march.omega, march.steps, trace=True)
-            motion = done.motion
-            out.append(np.abs(turn @ done.trace[:, : self.ring.n_coordinates] @ self.rows.T))
-        return np.array(out)
 
-
+@validate.spelt
 @one_thread
-def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> WheelKept:
-    """Whether the highest blade keeps its peak, by a march of all blades that starts there.  Ctrl-C leaves no result.
+def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> Marched:
+    """Steady-state amplitude of the highest blade in time, of all blades from the peak.  Ctrl-C leaves no result.
 
     Parameters
     ----------
@@ -131,9 +95,9 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
 
     Returns
     -------
-    WheelKept
-        "not found" where the blade falls, to another level or none, or grows, or where contact forces were not found in a
-        step: the amplitudes are NaN, the status says where it comes to, and ``blades`` has those of all.
+    Marched
+        "not found" where the motion leaves the peak: the amplitudes are NaN, the status says where
+        it comes to, and ``blades`` has those of all.  Also where the march fails: then ``blades`` is NaN.
 
     Raises
     ------
@@ -141,30 +105,41 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
         If the wheel has more than thirteen blades, or the peak is of another wheel or not found.
     """
     watch, system = Stopwatch(), wheel.system(validate.instance("peak", peak, WheelPeak).preload)
-    if wheel.n_blades > MOST_BLADES:
+    # of a wheel that is marched: what a period takes grows with the third power of them (docs/measured.md, "Peaks of
+    # unequal wheels")
+    most_blades = 13
+    if wheel.n_blades > most_blades:
         raise SettingError(
-            f"kept: expected a wheel of at most {MOST_BLADES} blades, some five minutes of the processor that grow with "
+            f"kept: expected a wheel of at most {most_blades} blades, some five minutes of the processor that grow with "
             f"the third power of their number, found {wheel.n_blades}"
         )
     if not np.isfinite(peak.amplitude):
         raise SettingError(f"kept: expected a peak that was found, found {peak.status!r}")
     settings, model_hash = wheel.record()["settings"], wheel.study.model.hash
-    if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.shape, model_hash, settings):
+    if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.structure.shape, model_hash, settings):
         raise SettingError("kept: expected a peak of this wheel on whole blades")
     one = OneStructure(system, peak.blade)
     steps, limit = STEPS if steps_per_period is None else steps_per_period, RULES.drop * peak.amplitude
-    march = March(one.ring, tau * peak.frequency, one.start(system.flat(peak.unknowns)), steps)
-    place, periods = stay(march, peak.amplitude, limit), len(march.harmonics)
-    if place.stays:
-        march = March(one.ring, march.omega, place.motion._replace(a=None), 2 * steps)
-        place = stay(march, peak.amplitude, limit, long=True)
-        periods += len(march.harmonics)
-    blades = one.amplitudes(march, RULES.window)
-    comes = f"blade {peak.blade} comes to {amount(float(blades[:, peak.blade].mean()), 'm')} in time"
-    why = one.ring.unsolved or ("" if place.stays else f"{comes} where the balance has {amount(peak.amplitude, 'm')}")
-    amplitudes = place.mean, float(place.amplitude.min()), float(place.amplitude.max())
-    return WheelKept(
-        *((np.nan,) * 3 if why else amplitudes), peak.frequency, peak.preload, peak.amplitude, periods=periods,
-        status=because(NOT_FOUND, why) if why else COMPLETE, settings=settings, model_hash=model_hash, blade=peak.blade,
-        blades=blades, cost=replace(one.ring.cost, **watch.read()),
+    none = Marched(
+        *(np.nan,) * 3, peak.frequency, peak.preload, peak.amplitude, settings=settings, model_hash=model_hash,
+        blade=peak.blade, blades=np.full((1, wheel.n_blades), np.nan),
     )  # fmt: skip
+    try:
+        march = March(one.ring, tau * peak.frequency, one.start(system.structure.flat(peak.unknowns)), steps, peak.blade)
+        place, periods = stay(march, peak.amplitude, limit), len(march.harmonics)
+        if place.stays:
+            march = March(one.ring, march.omega, place.motion._replace(a=None), 2 * steps, peak.blade)
+            place = stay(march, peak.amplitude, limit, long=True)
+            periods += len(march.harmonics)
+        if not place.stays:  # a visit ends as soon as the motion falls: to where?
+            march.run(len(march.harmonics) + 2 * RULES.window)
+            periods += 2 * RULES.window
+    except MarchFailed as error:
+        return replace(none, status=because(NOT_FOUND, error), cost=replace(one.ring.cost, **watch.read()))
+    blades = np.abs(march.blades[-2 * RULES.window :])
+    found = replace(none, periods=periods, blades=blades, cost=replace(one.ring.cost, **watch.read()))
+    if place.stays:
+        mean, lowest, highest = place.mean, float(place.amplitude.min()), float(place.amplitude.max())
+        return replace(found, mean=mean, lowest=lowest, highest=highest)
+    comes = f"blade {peak.blade} comes to {amount(float(blades[:, peak.blade].mean()), 'm')} in time"
+    return replace(found, status=because(NOT_FOUND, f"{comes} where the balance has {amount(peak.amplitude, 'm')}"))

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_NORMAL
 from bdamper.contact.points import PointArrays
 from bdamper.wheel.mistuning import DamperVariation
-from bdamper.wheel.static import static_wheel
+from bdamper.wheel.static import Loading, static_wheel
 from bdamper.wheel.structure import Structure
-from bdamper.wheel.system import WheelSystem
+from bdamper.wheel.system import WheelScene, WheelSystem
 
 
 def wheel_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
@@ -87,7 +87,7 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     pinned, points = given.missing, wheel_points(structure, given)
     modal, shift = tuned.damper_load
     load = np.tile(local_vector(structure, preload * modal, True), (N, 1))
-    constant = np.tile(local_vector(structure, tuned.constant_force, True), (N, 1))
+    constant = np.tile(local_vector(structure, tuned.fixed_load[0], True), (N, 1))
     factor = np.where(pinned, 0.0, given.mass)
     load[:, n:] *= factor[:, None]
     constant[pinned, n:] = 0.0
@@ -98,7 +98,8 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
         slider, force = np.tile(state.slider, (N, 1)), np.tile(state.force, (N, 1))
     else:
         mean[pinned, n:] = 0.0
-        mean, slider, force = static_wheel(structure, points, load, moved, constant, pinned, tuned.load_history, mean)
+        loading = Loading(load, constant, moved, tuned.settings.load_history)
+        mean, slider, force = static_wheel(structure, points, loading, pinned, mean)
     slider = np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider)
     points = replace(points, slider=slider, shift=moved.reshape(-1, 3))
     return Loaded(points, load + constant, mean, force.reshape(N, -1, 3), pinned)
@@ -111,9 +112,9 @@ def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, respo
     pressed = structure.gathered(state.force)
     largest = max(float(np.abs(state.load).max()), float(np.abs(pressed).max()), scale)
     shift = state.points.shift
-    if not tuned.bias:
+    if not tuned.settings.bias:
         shift = shift + structure.motion(state.mean).reshape(-1, 3)
-    return WheelSystem(
-        structure, replace(state.points, shift=shift), tuned.active_harmonics, state.load, excitation, response_row,
-        state.missing, (largest, scale), state.mean, tuned.evaluation,
-    )  # fmt: skip
+    return WheelScene(
+        structure, replace(state.points, shift=shift), tuned.settings.active_harmonics, state.load, excitation,
+        response_row, state.missing, (largest, scale), state.mean, tuned.settings.evaluation,
+    ).equations  # fmt: skip

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from bdamper.util import validate
 from bdamper.util.cost import CostMeter
 from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, HELD, Statuses
+from bdamper.util.status import Statuses
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Tabular
 from bdamper.util.text import amount
 from bdamper.wheel.peak import WheelPeakOptions, peak
@@ -84,21 +84,6 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
         """Number of the preload at which the highest blade is lowest, among those computed; None where that is open."""
         return int(self.candidates[0]) if len(self.candidates) == 1 else None
 
-    def facts(self) -> tuple[Fact, ...]:
-        """Where the highest blade is lowest."""
-        found, held = (sum(status in names for status in self.status) for names in ((COMPLETE, HELD), (HELD,)))
-        head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads have a peak, {held} held")
-        i = self.best
-        if i is None:
-            return (head,)
-        return (
-            head,
-            Fact("best preload computed", float(self.preload[i]), "N"),
-            Fact("highest amplitude there", float(self.amplitude[i]), "m"),
-            Fact("of blade", int(self.blade[i])),
-            Fact("amplification factor there", float(self.amplification[i])),
-        )
-
     def bottom_line(self) -> str:
         i = self.best
         if i is None:
@@ -109,6 +94,7 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
         return f"The highest blade is lowest at {amount(self.preload[i], 'N')} of {len(self)} preloads: {top}, {tuned}."
 
 
+@validate.spelt
 def optimal_curve(
     wheel: WheelProblem, preloads: Sequence[float], *, options: WheelPeakOptions | None = None
 ) -> WheelOptimalCurve:

@@ -39,16 +39,13 @@ from bdamper.wheel.search import WEAKER, Climbed, Search
 from bdamper.wheel.system import WheelSystem
 from bdamper.wheel.wheel_problem import WheelProblem
 
-SURROGATE = 0.03
-"""Largest difference of a peak of the reduced wheel that was not found on the whole one.  On the shipped disk (65 blades,
-2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN."""
-
 MISSED = 0.045
 """How much higher a peak may be that no climb has reached, where the sweep has more maxima than were climbed: of 188
-searches with three times the climbs those that found more than any other error covers found 2.0, 2.1, 3.4 and 4.3 %
-(docs/measured.md, "Peaks of unequal wheels")."""
+searches with three times as many attempts those that found more than any other error covers found 2.0, 2.1, 3.4 and 4.3 %
+(docs/measured.md, "Peaks of mistuned wheels")."""
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class WheelPeakOptions:
     """Settings of the search for the highest peak.
@@ -58,9 +55,9 @@ class WheelPeakOptions:
     spacing : float
         Of the points of the sweep, relative to the width of the tuned peak at half its power.
     climbs : int
-        Peaks that are climbed.  Eight climbs from 30 points take 15 % fewer evaluations than twelve from 60, and miss
+        Local searches, one for each peak.  Eight from 30 points take 15 % fewer evaluations than twelve from 60, and miss
         peaks by more than 1 % that these find in 124 of 723 searches on 65 blades, and find more in 73 (docs/measured.md,
-        "Peaks of unequal wheels").
+        "Peaks of mistuned wheels").
     least, most : int
         Points of the sweep.
     reduced : bool
@@ -105,7 +102,7 @@ class _Equations:
     def of(cls, wheel: WheelProblem, preload: float, reduced: bool) -> _Equations:
         whole, s = wheel.system(preload), wheel.structure
         state, n = wheel.state(preload), s.n
-        if not reduced or n <= SHAPES + 1 or not wheel.tuned().bias:
+        if not reduced or n <= SHAPES + 1 or not wheel.structure.tuned.settings.bias:
             return cls(whole, whole, None, state.mean[:, :n])
         omega = tau * wheel.tuned_peak(preload).frequency
         shapes = family_shapes(s, omega)
@@ -119,12 +116,13 @@ class _Equations:
         """A point of the whole wheel from one of the search."""
         if self.shapes is None:
             return y
-        X, m = self.system.array(y[:-1]), self.shapes.shape[1]
+        X, m = self.system.structure.array(y[:-1]), self.shapes.shape[1]
         U = X[..., :m] @ self.shapes.T
         U[:, 0] += self.mean
-        return np.append(self.whole.flat(np.concatenate([U, X[..., m:]], axis=2)), y[-1])
+        return np.append(self.whole.structure.flat(np.concatenate([U, X[..., m:]], axis=2)), y[-1])
 
 
+@validate.spelt
 @one_thread
 def peak(
     wheel: WheelProblem,
@@ -153,7 +151,7 @@ def peak(
         as high as those of the tuned wheel, and ``reason`` says so: a lumped wheel of six blades (engine order 2, 100 N)
         had "held" 1.9 mm with an error of 20 % where its sector rattles at 118 mm.  It is "held" if the peak was found
         only with springs on the mean of dampers, ``springs`` of their stiffness when stuck, or only on the reduced wheel;
-        and "not found", the amplitude NaN, if no climb converges.  Peaks beyond the band do not count.
+        and "not found", the amplitude NaN, if no local search converges.  Peaks beyond the band do not count.
     """
     meter = CostMeter(time.perf_counter())
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
@@ -187,19 +185,17 @@ def peak(
         blade=-1 if top is None else top.blade,
         tuned_frequency=tuned.frequency,
         tuned_amplitude=tuned.amplitude,
-        response=np.zeros((wheel.n_blades, 0)) if system is None or u is None else system.responses(u),
-        climbs=np.array(
-            [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
-        ).reshape(-1, 5),
+        response=np.zeros((wheel.n_blades, 0)) if system is None or u is None else system.structure.responses(u),
+        climbs=np.array([(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]).reshape(-1, 5),
         sweep_frequency=np.array([y[-1] for y in met]) / tau,
         status=_status(top, bool(higher or gap), changed is None and equations.shapes is not None),
-        reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks climbed from {len(met)} of {n} points") + higher,
+        reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks from {len(met)} of {n} points") + higher,
         residual=np.nan if top is None else top.at.residual,
         springs=0.0 if top is None else top.springs[-1],
         error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
         connected=joined,
         interval=(low, high),
-        unknowns=np.zeros(equations.whole.shape) if system is None or u is None else system.array(u),
+        unknowns=np.zeros(equations.whole.structure.shape) if system is None or u is None else system.structure.array(u),
         cost=meter.read(time.perf_counter()),
         **wheel.record(),
     )
@@ -215,8 +211,9 @@ def _corrected(
     """
     best: Climbed | None = None
     changed: float | None = None
+    guess = 1e-3  # change of a peak from the reduced to the whole wheel that is expected where one has changed by less
     for peak in sorted(peaks, key=lambda p: -p.height):
-        if best is not None and (changed is None or peak.height * (1.0 + max(changed, GUESS)) <= best.height):
+        if best is not None and (changed is None or peak.height * (1.0 + max(changed, guess)) <= best.height):
             break
         found = whole.settled(peak, equations.expanded(peak.at.y)) if equations.shapes is not None else search.settled(peak)
         if found is None:
@@ -228,14 +225,15 @@ def _corrected(
     settled = (search.settled(peak) for peak in sorted(peaks, key=lambda p: -p.height))
     return next((peak for peak in settled if peak is not None), None), None
 
-
-GUESS = 1e-3
 """Change of a peak from the reduced to the whole wheel that is expected where one has changed by less."""
 
 
 def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations: _Equations, all_climbed: bool) -> float:
     """How much higher the highest peak may be than the one found, relative: by springs, by what was reduced or missed."""
-    reduced = 0.0 if equations.shapes is None else SURROGATE if changed is None else changed
+    # largest difference of a peak of the reduced wheel that was not found on the whole one. On the shipped disk (65
+    # blades, 2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
+    surrogate = 0.03
+    reduced = 0.0 if equations.shapes is None else surrogate if changed is None else changed
     rivals = [c.highest * (1.0 + reduced) / top.height - 1.0 for c in peaks if c.last]
     return max([top.error, 0.0 if changed is not None else reduced, 0.0 if all_climbed else MISSED, *rivals])
 

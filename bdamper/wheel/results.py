@@ -15,15 +15,13 @@ from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, HELD, Status
-from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
+from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
 from bdamper.util.text import amount, height
-
-CONNECTED = {"unknown": "unknown: its curve was not followed to an end of the band or back to itself"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class OfWheel(Recorded):
-    """What all results of a wheel have.
+    """Base of all results of a wheel.
 
     Parameters
     ----------
@@ -38,7 +36,7 @@ class OfWheel(Recorded):
 
 @brief
 @dataclass(frozen=True)
-class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
+class WheelCurve(OfWheel, Plottable, Followed, Tabular, Storable, kind="bdamper-wheel-curve"):
     """Response of all blades of a wheel over frequency at one preload; every point is a converged solution.
 
     ``plot`` draws the envelope over the blades (:func:`bdamper.plot.plot_wheel_curve`).
@@ -70,14 +68,6 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     reason: str
     branch: NDArray = field(default_factory=lambda: np.zeros(0, int))
     left_out: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.frequency)
-
-    @property
-    def complete(self) -> bool:
-        """Whether there are solutions at every frequency of the interval."""
-        return self.status == COMPLETE
 
     @property
     def amplitude(self) -> Annotated[NDArray, Quantity("m", dims=(ROW, "sector"))]:
@@ -111,20 +101,6 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
         """Draw the amplitude of every blade over frequency as a map (:func:`bdamper.plot.plot_wheel_map`)."""
         return draw(self, "plot_map", *arguments, **options)
 
-    def facts(self) -> tuple[Fact, ...]:
-        """What the curve is of and where it is highest."""
-        head = Fact("preload", self.preload, "N"), Fact("curve of a wheel", f"{self.status}, {len(self)} points")
-        if not len(self):
-            return (*head, Fact("reason", self.reason))
-        i, blade = self.highest
-        return (
-            *head,
-            Fact("highest amplitude", float(self.amplitude[i, blade]), "m"),
-            Fact("at the frequency", float(self.frequency[i]), "Hz"),
-            Fact("of blade", blade),
-            Fact("folds", len(self.folds)),
-        )
-
     def bottom_line(self) -> str:
         if not len(self):
             return f"No point of this curve was found: {self.reason}."
@@ -154,8 +130,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     response : (n_blades, n_harmonics + 1) complex, m
         Of all blades there, the mean first.
     climbs : (n, 5) float
-        Of every peak that was climbed: blade, frequency (Hz) and amplitude (m) with the mean of dampers held as in the
-        sweep; the weakest springs with which it was found, and its amplitude (m) then.
+        Of every peak found by a local search: blade, frequency (Hz) and amplitude (m) with the mean of dampers held as in
+        the sweep; the weakest springs with which it was found, and its amplitude (m) then.
     sweep_frequency : (n,) float, Hz
         Of the coarse sweep's solutions.
     status, reason : str
@@ -168,8 +144,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     error : float
         Estimate of how much higher the highest peak with free dampers may be, relative: from what weaker springs have
-        changed, what the reduced wheel of the search is off the whole one, and what climbs may have missed; 0 where dampers
-        are free and all maxima of the sweep were climbed.
+        changed, what the reduced wheel of the search is off the whole one, and what local searches may have missed; 0 where
+        dampers are free and all maxima of the sweep were examined.
     connected : {"yes", "no", "unknown", "not asked"}
         Whether the curve through the peak leads to an end of the band, as far as it was followed: not on reduced wheels.
     interval : (low, high), Hz
@@ -224,18 +200,11 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         return draw(self, "plot_wheel", model, *arguments, **options)
 
     def facts(self) -> tuple[Fact, ...]:
-        """The highest blade, and how much higher it is than those of the tuned wheel."""
-        head = Fact("preload", self.preload, "N"), Fact("status", self.status)
-        if not np.isfinite(self.amplitude):
-            return head
+        """How exact the peak is as the highest one, and what was not asked."""
         return (
-            *head,
-            Fact("highest amplitude", self.amplitude, "m"),
-            *([Fact("the highest may be higher by", 100.0 * self.error, "%")] if self.error else []),
-            Fact("at the frequency", self.frequency, "Hz"),
-            Fact("of blade", self.blade),
+            Fact("the highest may be higher by", 100.0 * self.error, "%"),
             Fact("amplification factor", self.amplification),
-            Fact("connected with an end of the band", CONNECTED.get(self.connected, self.connected)),
+            Fact("connected with an end of the band", self.connected),
             Fact("kept in time", "not tested: ask kept of a small wheel"),
         )
 

@@ -4,35 +4,36 @@ Wheel ``k`` has the deviations (and dampers) that are drawn with the seed ``(see
 standard deviation, so that wheels are the same at every preload and every standard deviation, and the same in a study with
 more harmonics.  A sample can be continued with more wheels in the same results file.
 
-**Audit.**  The highest peak is that of a coarse sweep and some climbs (:mod:`bdamper.wheel.search`), which can miss it.  So
-a share of the wheels, drawn by their numbers before any result is known, is searched again with half the spacing and three
-times the climbs; and after the sample so is the same share of the highest wheels in each cell, since the tail is what is
-quoted.  Both searches free their dampers, and it is the freed peaks that are compared.
+**Audit.**  The highest peak is that of a coarse sweep and local searches (:mod:`bdamper.wheel.search`), which can miss it.
+So a share of the wheels, drawn by their numbers before any result is known, is searched again with half the spacing and
+three times as many searches; and after the sample so is the same share of the highest wheels in each cell, since the tail
+is what is quoted.  Both searches free their dampers, and it is the freed peaks that are compared.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.workers import check_executor, run_stored
+from bdamper.design.workers import Record, check_executor, recorded, run_stored
+from bdamper.peaks.newton import Peak
+from bdamper.problem.asked import Asking, problem_of
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
-from bdamper.util.progress import LongWork
 from bdamper.util.results_file import ResultsFile
-from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, because, word
+from bdamper.util.status import NOT_RUN, word
 from bdamper.util.versions import HERE
 from bdamper.wheel.mistuning import DISTRIBUTIONS, DamperVariation, Mistuning
 from bdamper.wheel.peak import WheelPeakOptions
@@ -46,51 +47,82 @@ _VARIED = ("mass", "friction_coefficient", "contact_stiffness", "gap", "missing"
 
 
 @dataclass(frozen=True)
-class _Job:
-    """What all wheels have in common."""
+class _Sample:
+    """The wheels that are asked for, and the search that each is asked by.
+
+    Parameters
+    ----------
+    wheel : Wheel
+        Without mistuning.
+    mistuning : callable
+        Deviations of a standard deviation and a seed.
+    drawn : mapping
+        How wheels are drawn, as their result keeps it.
+    frequency, options
+        Of the search.
+    over : mapping
+        Wheels, standard deviations and preloads.
+    """
 
     wheel: Wheel
-    distribution: str | Mistuning
-    mean: str
-    modes: int | None
-    dampers: Mapping[str, Any] | None
+    mistuning: Callable[..., Mistuning]
+    drawn: Mapping[str, Any]
     frequency: tuple[float, float] | None
     options: WheelPeakOptions
-    seed: int
+    over: Mapping[str, Sequence[Any]]
 
-    def drawn(self, k: int, standard_deviation: float) -> Wheel:
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(len(values) for values in self.over.values())
+
+    def draw(self, k: int, standard_deviation: float) -> Wheel:
         """Wheel k."""
-        n, seed = self.wheel.n_blades, (self.seed, k)
-        mistuning = Mistuning.drawn(n, standard_deviation, self.distribution, modes=self.modes, seed=seed)
-        changes: dict[str, Any] = {"mistuning": mistuning.without_mean() if self.mean == "taken out" else mistuning}
-        if self.dampers is not None:
-            changes["dampers"] = DamperVariation.drawn(n, **self.dampers, seed=seed)
+        how, seed = self.drawn, (self.drawn["seed"], k)
+        mistuning = self.mistuning(standard_deviation, seed=seed)
+        changes: dict[str, Any] = {"mistuning": mistuning.without_mean() if how["mean"] == "taken out" else mistuning}
+        if how["dampers"]:
+            changes["dampers"] = DamperVariation.drawn(self.wheel.n_blades, **how["dampers"], seed=seed)
         return self.wheel.with_(**changes)
 
-    def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
+    def points(self) -> tuple[list[dict[str, Any]], list[str]]:
+        """Every wheel at every standard deviation and preload, wheel by wheel, and their names in the results file."""
+        cells = list(itertools.product(*self.over.values()))
+        return [dict(zip(self.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
+
+    def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
+        """Numbers of the points that are searched again: of wheels drawn before, and of the highest once all are known."""
+        if any(word(r["status"]) == NOT_RUN for r in peaks):
+            return []
+        height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(self.shape)
+        chosen = highest_wheels(height, share) | np.isin(self.over["wheel"], drawn)[:, None, None]
+        return [int(i) for i in np.flatnonzero(chosen) if "interval" in peaks[i]["values"]]
+
+    def run(self, settings: Mapping[str, Any]) -> Record:
         """Highest peak of one wheel at one preload, by a thorough search where an interval is given."""
-        status, cost = COMPLETE, Cost()
-        values: dict[str, Any] = {}
-        try:
-            with LongWork() as work:
-                wheel = self.drawn(settings["wheel"], settings["standard_deviation"])
-                options = thorough(self.options) if "interval" in settings else replace(self.options, connected=False)
-                peak = wheel.peak(settings["preload"], settings.get("interval", self.frequency), options=options)
-                if not peak.found:
-                    raise BdamperError(f"{peak.status}: {peak.reason}")
-                cost, values = peak.cost, {name: getattr(peak, name) for name in OF_PEAKS}
-                values |= {
-                    "climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)
-                }  # fmt: skip
-            if work.interrupted:
-                raise KeyboardInterrupt
-        except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-            status = because(FAILED, error)
-        return {"status": status, "values": values, "seconds": cost.seconds, "cost": asdict(cost)}
+        return recorded(lambda: self._peak(**settings))
+
+    def _peak(
+        self, wheel: int, standard_deviation: float, preload: float, interval: tuple[float, float] | None = None
+    ) -> Mapping[str, Any]:
+        options = thorough(self.options) if interval else replace(self.options, connected=False)
+        peak = self.draw(wheel, standard_deviation).peak(preload, interval or self.frequency, options=options)
+        if not peak.found:
+            raise BdamperError(f"{peak.status}: {peak.reason}")
+        found = {"climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)}
+        return {name: getattr(peak, name) for name in OF_PEAKS} | found | {"cost": peak.cost}
+
+    def header(self) -> dict[str, Any]:
+        """Header that identifies a sample in its results file, which also serves more wheels."""
+        over = {name: values for name, values in self.over.items() if name != "wheel"}
+        return {
+            "format": "bdamper-wheel-sample", "version": 4, **HERE.attributes(),
+            "study": study_fingerprint(problem_of(self.wheel.study)), **self.drawn, **over, "frequency": self.frequency,
+            "options": repr(self.options),
+        }  # fmt: skip
 
 
 def thorough(options: WheelPeakOptions) -> WheelPeakOptions:
-    """A search with which another one is audited: half the spacing, three times the climbs."""
+    """A search with which another one is audited: half the spacing, three times as many local searches."""
     return replace(
         options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most,
         connected=False,
@@ -103,9 +135,10 @@ def audit_wheels(wheels: Sequence[int], share: float, seed: int = 0) -> NDArray:
     return np.array([k for k in wheels if np.random.default_rng([seed, k, _AUDIT]).random() < share], int)
 
 
+@validate.spelt
 @one_thread
 def mistuned_sample(
-    study: Problem,
+    study: Asking | Problem,
     standard_deviation: float | Sequence[float] | NDArray,
     preload: float | Sequence[float] | NDArray,
     wheels: int | Sequence[int] = 1000,
@@ -167,105 +200,76 @@ def mistuned_sample(
     deviations = validate.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validate.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
     numbers = validate.wholes("wheels", wheels if np.ndim(wheels) else range(validate.whole("wheels", wheels, least=1)))
-    if not isinstance(distribution, Mistuning):
-        validate.choice("distribution", distribution, DISTRIBUTIONS)
-    validate.choice("mean", mean, ("kept", "taken out"))
-    seed = validate.whole("seed", seed)
+    drawn = _drawn(distribution, mean, modes, dampers, validate.whole("seed", seed))
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     frequency = None if frequency is None else validate.interval("frequency", frequency)
     check_executor(executor)
     validate.flag("progress", progress)
-    given = None if dampers is None else dict(validate.mapping("dampers", dampers, _VARIED, "variations of dampers"))
-    job = _Job(wheel, distribution, mean, modes, given, frequency, options, seed)
-    job.drawn(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
-    asked = _Asked(numbers, deviations, preloads, float(audit), audit_wheels(numbers, audit, seed))
-    for value in preloads:
-        wheel.tuned_peak(float(value))  # made before the job is sent out
-    kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, asked), "sample of wheels"))
+    over = {"wheel": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
+    mistuning = partial(Mistuning.drawn, wheel.n_blades, distribution=distribution, modes=modes)
+    asked = _Sample(wheel, mistuning, drawn, frequency, options, over)
+    asked.draw(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
+    audited = audit_wheels(numbers, audit, drawn["seed"])
+    tuned = [wheel.tuned_peak(value) for value in over["preload"]]  # made before the job is sent out
+    kept = nullcontext() if resume is None else closing(ResultsFile(resume, asked.header(), "sample of wheels"))
     with kept as store:
-        return _result(job, asked, *_records(job, asked, executor, store, progress))
+        run = partial(run_stored, asked, executor=executor, store=store, progress=progress)
+        peaks, curves = _records(asked, audit, audited, run)
+    return _result(asked, peaks, curves, tuned=tuned, audited=audited, audit_share=float(audit))
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """Wheels, standard deviations, preloads, share of the audits, and the wheels to be audited whatever they show."""
-
-    wheels: tuple[int, ...]
-    deviations: NDArray
-    preloads: NDArray
-    audit: float
-    audited: NDArray
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        return len(self.wheels), len(self.deviations), len(self.preloads)
-
-    def points(self) -> list[dict[str, Any]]:
-        """Every wheel at every standard deviation and preload, wheel by wheel."""
-        grid = itertools.product(self.wheels, self.deviations.tolist(), self.preloads.tolist())
-        return [dict(zip(("wheel", "standard_deviation", "preload"), cell)) for cell in grid]
-
-
-def _header(job: _Job, asked: _Asked) -> dict[str, Any]:
-    """What identifies a sample in its results file."""
+def _drawn(
+    distribution: str | Mistuning, mean: str, modes: int | None, dampers: Mapping[str, Any] | None, seed: int
+) -> dict[str, Any]:
+    """How wheels are drawn, as results and their files keep it."""
+    if not isinstance(distribution, Mistuning):
+        validate.choice("distribution", distribution, DISTRIBUTIONS)
     return {
-        "format": "bdamper-wheel-sample", "version": 4, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
-        **_drawn(job), "standard_deviation": asked.deviations.tolist(), "preload": asked.preloads.tolist(),
-        "frequency": job.frequency, "options": repr(job.options),
-    }  # fmt: skip
-
-
-def _drawn(job: _Job) -> dict[str, Any]:
-    """How the wheels were drawn."""
-    pattern = job.distribution.deviation.tolist() if isinstance(job.distribution, Mistuning) else job.distribution
-    return {
-        "distribution": pattern, "mean": job.mean, "modes": job.modes or 1, "dampers": job.dampers or {}, "seed": job.seed
-    }  # fmt: skip
+        "distribution": distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution,
+        "mean": validate.choice("mean", mean, ("kept", "taken out")),
+        "modes": modes or 1,
+        "dampers": {} if dampers is None else dict(validate.mapping("dampers", dampers, _VARIED, "variations of dampers")),
+        "seed": seed,
+    }
 
 
 def _records(
-    job: _Job, asked: _Asked, executor: Executor | None, store: ResultsFile | None, progress: bool
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    asked: _Sample, audit: float, audited: NDArray, run: Callable[..., list[Record]]
+) -> tuple[list[Record], list[Record]]:
     """Records of all peaks and of the thorough searches, empty where none was asked for."""
-    points = asked.points()
-    names = [" ".join(str(value) for value in point.values()) for point in points]
-    peaks = run_stored(job, points, names, executor, store, progress, "wheels", "peak")
-    curves: list[dict[str, Any]] = [{} for _ in points]
-    if any(word(r["status"]) == NOT_RUN for r in peaks):
-        return peaks, curves
-    height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(asked.shape)
-    whole = highest_wheels(height, asked.audit) | np.isin(asked.wheels, asked.audited)[:, None, None]
-    at = [int(i) for i in np.flatnonzero(whole) if "interval" in peaks[i]["values"]]
-    audited = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
-    again = [f"audit {names[i]}" for i in at]
-    for i, record in zip(at, run_stored(job, audited, again, executor, store, progress, "audit", "search")):
-        curves[i] = record
-    return peaks, curves
+    points, names = asked.points()
+    peaks = run(points, names, what="wheels", unit="peak")
+    at = asked.audits(peaks, audit, audited)
+    again = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
+    found = dict(zip(at, run(again, [f"audit {names[i]}" for i in at], what="audit", unit="search")))
+    return peaks, [found.get(i, {}) for i in range(len(points))]
 
 
-def _result(job: _Job, asked: _Asked, peaks: list[dict[str, Any]], curves: list[dict[str, Any]]) -> MistunedSample:
-    tuned = [job.wheel.tuned_peak(float(p)) for p in asked.preloads]
+def _result(
+    asked: _Sample, peaks: list[Record], curves: list[Record], *, tuned: list[Peak], **audit: Any
+) -> MistunedSample:
+    """The sample from the records of all searches, thorough ones empty where they were not asked for."""
 
-    def array(records: list[dict[str, Any]], name: str, of: str = "values", missing: float = np.nan) -> NDArray:
+    def array(records: list[Record], name: str, of: str = "values", missing: float = np.nan) -> NDArray:
         return np.array([r.get(of, {}).get(name, missing) for r in records], float).reshape(asked.shape)
 
     columns: dict[str, Any] = {name: array(peaks, name) for name in OF_PEAKS}
+    wheels, deviations, preloads = map(np.array, asked.over.values())
     return MistunedSample(
-        n_blades=job.wheel.n_blades,
-        wheels=np.array(asked.wheels),
-        standard_deviation=asked.deviations,
-        preload=asked.preloads,
+        n_blades=asked.wheel.n_blades,
+        wheels=wheels,
+        standard_deviation=deviations,
+        preload=preloads,
         **columns,
+        **audit,
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
         tuned_frequency=np.array([p.frequency for p in tuned]),
         status=tuple(r["status"] for r in peaks),
-        audited=asked.audited,
-        audit_share=asked.audit,
         curve_amplitude=array(curves, "amplitude"),
         curve_status=tuple(str(r.get("status", "not asked")) for r in curves),
         processor=array(peaks, "processor", "cost", 0.0),
         curve_processor=array(curves, "processor", "cost", 0.0),
-        drawn=_drawn(job),
-        settings=job.wheel.tuned().record(),
-        model_hash=job.wheel.study.model.hash,
+        drawn=dict(asked.drawn),
+        settings=asked.wheel.structure.tuned.record(),
+        model_hash=asked.wheel.study.model.hash,
     )

@@ -18,9 +18,6 @@ from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Reson
 from bdamper.util.text import amount
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 
-RESAMPLES = 2000
-"""Of a bootstrap over wheels."""
-
 
 def highest_wheels(height: NDArray, audit: float) -> NDArray:
     """(n_wheels, ...) bool: a share of the wheels, the highest in each cell."""
@@ -32,7 +29,7 @@ def highest_wheels(height: NDArray, audit: float) -> NDArray:
 @brief
 @dataclass(frozen=True)
 class Audit:
-    """Highest peaks of a search beside those of one with three times the climbs on the same wheels, dampers freed in both.
+    """Highest peaks of a search beside those of a wider one on the same wheels, dampers freed in both.
 
     Parameters
     ----------
@@ -87,7 +84,7 @@ class Audit:
     def __str__(self) -> str:
         n, missed, found = len(np.unique(self.wheel)), self.missed, self.share
         lines = [
-            f"audit of {n} wheels ({self.kind}), {len(missed)} searches with three times the climbs: {int(missed.sum())} "
+            f"audit of {n} wheels ({self.kind}), {len(missed)} wider searches: {int(missed.sum())} "
             f"higher by more than {100.0 * self.tolerance:g} %, {int((missed & ~self.covered).sum())} beyond their error, "
             f"{int(self.undecided.sum())} not decided; {100.0 * found.value:.3g} % of the wheels with any "
             f"({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %)"
@@ -111,9 +108,10 @@ class BestPreload:
     standard_deviation : float
     preload : float, N
     amplitude : Interval, m
-        The percentile there, with its interval of 95 %.
+        The percentile there, with its interval of 95 %, which has the errors of the amplitudes.
     low, high : float, N
-        Range of the best preload in 95 % of the samples drawn again from the wheels, whole wheels at a time (bootstrap).
+        Range of the preloads that may be the best, whatever the errors of the amplitudes, in 95 % of the samples drawn
+        again from the wheels, whole wheels at a time (bootstrap).
     kind : {"interior", "end"}
         Whether the preload lies within the range of the sample or at one end of it.
     tuned_preload, tuned_amplitude : float, N and m
@@ -227,10 +225,14 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     def percentile(self, q: float, quantity: str = "amplification") -> NDArray:
         """(3, n_deviations, n_preloads): lower end, estimate, upper end of a percentile over the wheels.
 
-        Intervals are those of order statistics (:mod:`bdamper.wheel.statistics`), infinite where the sample is too small.
+        Intervals are those of order statistics (:mod:`bdamper.wheel.statistics`) of amplitudes that may be off by their
+        ``error``, and infinite where the sample is too small.
         """
         values = getattr(self, validate.choice("quantity", quantity, ("amplification", "amplitude", "frequency")))
-        cells = [[percentile(values[:, i, j], q) for j in range(values.shape[2])] for i in range(values.shape[1])]
+        error = 0.0 * self.error if quantity == "frequency" else self.error
+        cells = [
+            [percentile(values[:, i, j], q, error[:, i, j]) for j in range(values.shape[2])] for i in range(values.shape[1])
+        ]
         return np.moveaxis(np.array(cells), -1, 0)
 
     def tail(self, standard_deviation: float | None = None, preload: float | None = None, tail: float = 0.5) -> WeibullTail:
@@ -264,22 +266,26 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
             If no wheel is known at every preload.
         """
         i, _ = self.cell(standard_deviation, None)
-        height = self.amplitude[:, i]
+        height, error = self.amplitude[:, i], self.error[:, i]
         whole = np.isfinite(height).all(axis=1)
-        known = height[whole]
-        if not len(known):
+        n = int(whole.sum())
+        if not n:
             raise BdamperError("best preload: expected wheels with a peak at every preload, found none")
-        ends = [percentile(column, q) for column in np.where(whole[:, None], height, np.nan).T]
+        ends = [percentile(x, q, e) for x, e in zip(np.where(whole[:, None], height, np.nan).T, error.T)]
         k = int(np.argmin([one.value for one in ends]))
         generator = np.random.default_rng(0)
-        drawn = (known[generator.integers(len(known), size=len(known))] for _ in range(RESAMPLES))
-        again = [int(np.argmin(np.quantile(some, q / 100.0, axis=0, method="median_unbiased"))) for some in drawn]
-        low, high = np.quantile(self.preload[again], [0.025, 0.975], method="nearest")
+        bounds = np.stack([height * (1.0 - error), height * (1.0 + error)])[:, whole]
+        resamples = 2000  # of a bootstrap over wheels
+        drawn = (bounds[:, generator.integers(n, size=n)] for _ in range(resamples))
+        again = (np.quantile(some, q / 100.0, axis=1, method="median_unbiased") for some in drawn)
+        best = [self.preload[least <= most.min()] for least, most in again]
+        low = np.quantile([p.min() for p in best], 0.025, method="nearest")
+        high = np.quantile([p.max() for p in best], 0.975, method="nearest")
         edge = self.preload[k] in (self.preload.min(), self.preload.max())
-        t = int(np.argmin(self.tuned_amplitude))
+        t = int(np.argmin(np.nan_to_num(self.tuned_amplitude, nan=np.inf)))
         return BestPreload(
             q, float(self.standard_deviation[i]), float(self.preload[k]), ends[k], float(low), float(high),
-            "end" if edge else "interior", float(self.preload[t]), float(self.tuned_amplitude[t]), len(known),
+            "end" if edge else "interior", float(self.preload[t]), float(self.tuned_amplitude[t]), n,
         )  # fmt: skip
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:

@@ -12,26 +12,45 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC
 from bdamper.contact.points import PointArrays
-from bdamper.harmonic_balance.system import OK
+from bdamper.harmonic_balance.equations import OK
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.wheel.structure import Structure
-from bdamper.wheel.system import WheelSystem
+from bdamper.wheel.system import WheelScene
 
 STEPS = 8
 LEFT = 1e-10
 """On the residual, relative to the load."""
 
 
+class Loading(NamedTuple):
+    """What presses the dampers of a wheel.
+
+    Parameters
+    ----------
+    load, constant : (n_blades, n_sector) float
+        Static forces, and those that do not grow with the load.
+    shift : (n_blades, n_points, 3) float, m
+        Motion that the coordinates do not carry, under the whole load.
+    history : sequence of float
+        Factors of the load through which it passes.
+    """
+
+    load: NDArray
+    constant: NDArray
+    shift: NDArray
+    history: Sequence[float]
+
+
 def static_wheel(
-    structure: Structure, points: PointArrays, load: NDArray, shift: NDArray, constant: NDArray, pinned: NDArray,
-    history: Sequence[float], alike: NDArray,
-) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
+    structure: Structure, points: PointArrays, loading: Loading, pinned: NDArray, alike: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
     """State after the load has passed through factors of itself.
 
     Parameters
@@ -39,12 +58,8 @@ def static_wheel(
     structure : Structure
     points : PointArrays
         Of all sectors.
-    load, constant : (n_blades, n_sector) float
-        Static forces, and those that do not grow with the load.
-    shift : (n_blades, n_points, 3) float, m
-        Motion that the coordinates do not carry, under the whole load.
+    loading : Loading
     pinned : (n_blades,) bool
-    history : sequence of float
     alike : (n_blades, n_sector) float
         State under the whole load of dampers that do not differ.
 
@@ -61,6 +76,7 @@ def static_wheel(
     SettingError
         If there are cubic springs.
     """
+    load, constant, shift, history = loading
     if (points.law == LAW_CUBIC).any():
         raise SettingError("dampers: expected all alike in a model with cubic springs, found dampers that differ")
     pressed = float(points.n0.max(initial=0.0))
@@ -73,10 +89,10 @@ def static_wheel(
         while done != target:
             now = target if abs(target - done) <= 1.000001 * abs(step) else done + step
             at = replace(points, slider=slider, shift=now * shift.reshape(-1, 3))
-            system = WheelSystem(
+            system = WheelScene(
                 structure, at, (0,), now * load + constant, still, np.zeros(structure.n), pinned, (scale, scale),
                 0.0 * load,
-            )  # fmt: skip
+            ).equations  # fmt: skip
             start = now / done * u if done else now * alike.ravel()
             found = system.correct_at(start, 1.0, np.full(len(u) + 1, max(float(np.abs(start).max()), 1e-9)), LEFT, 60, 2)
             if found.status != OK:

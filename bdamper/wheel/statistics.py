@@ -1,7 +1,8 @@
 """Statistics of a sample of wheels: percentiles and shares with confidence intervals, and the tail of a distribution.
 
 Intervals of percentiles are those of order statistics, which assume nothing of the distribution: of n independent values
-the number below the percentile is binomial, so that two of the sorted values enclose it with at least 95 %.  Where the
+the number below the percentile is binomial, so that two of the sorted values enclose it with at least 95 %.  Values with
+errors of their own are sorted at the lower ends of these for the lower one, at the upper ends for the upper one.  Where the
 sample is too small for an upper end, the interval is open.  Intervals of shares are those of Clopper and Pearson
 (Biometrika 26, 1934), which cover with at least their confidence.
 """
@@ -9,7 +10,7 @@ sample is too small for an upper end, the interval is open.  Intervals of shares
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy  # scipy.stats is loaded where it is used: half a second
@@ -19,9 +20,6 @@ from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 from bdamper.util.text import amount
-
-FEWEST_IN_TAIL = 10
-"""Values that a fit of three parameters needs at least."""
 
 
 class Interval(NamedTuple):
@@ -40,7 +38,7 @@ class Interval(NamedTuple):
         return f"{amount(self.value, unit, 4)} ({low} to {high})"
 
 
-def percentile(values: NDArray, q: float) -> Interval:
+def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Interval:
     """A percentile of the distribution that independent values are drawn from.
 
     Parameters
@@ -49,6 +47,8 @@ def percentile(values: NDArray, q: float) -> Interval:
         NaN where it is not known: those may lie anywhere, and the interval holds wherever they do.
     q : float
         Between 0 and 100.
+    error : (n,) float, optional
+        Relative error of each value, either way; the interval holds wherever within it the value lies.
 
     Returns
     -------
@@ -56,18 +56,18 @@ def percentile(values: NDArray, q: float) -> Interval:
         The value is the median-unbiased estimate of those that are known, within the sample; NaN without values.
     """
     q = validate.number("percentile", q, above=0.0, below=100.0) / 100.0
-    known = np.sort(values[np.isfinite(values)])
-    n = len(values)
+    known = values[np.isfinite(values)]
     if not len(known):
         return Interval(np.nan, np.nan, np.nan)
-    # at the lower end all that are not known count as below the others, at the upper end as above
-    low = int(scipy.stats.binom.ppf(0.025, n, q)) - 1 - (n - len(known))
-    high = int(scipy.stats.binom.ppf(0.975, n, q))
-    return Interval(
-        float(known[low]) if low >= 0 else -np.inf,
-        float(np.quantile(known, q, method="median_unbiased")),
-        float(known[high]) if high < len(known) else np.inf,
-    )
+
+    def bounds(side: float) -> Any:
+        """Interval where all values lie at the same end of their errors, and those not known beyond all others."""
+        moved = values * (1.0 + side * error)
+        return scipy.stats.quantile_test(np.where(np.isnan(moved), side * np.inf, moved), p=q).confidence_interval(0.95)
+
+    low, high = bounds(-1.0).low, bounds(1.0).high
+    value = float(np.quantile(known, q, method="median_unbiased"))
+    return Interval(-np.inf if np.isnan(low) else float(low), value, np.inf if np.isnan(high) else float(high))
 
 
 def share(count: int, n: int) -> Interval:
@@ -75,9 +75,8 @@ def share(count: int, n: int) -> Interval:
     count = validate.whole("count", count, most=validate.whole("n", n))
     if n == 0:
         return Interval(0.0, np.nan, 1.0)
-    low = float(scipy.stats.beta.ppf(0.025, count, n - count + 1)) if count > 0 else 0.0
-    high = float(scipy.stats.beta.ppf(0.975, count + 1, n - count)) if count < n else 1.0
-    return Interval(low, count / n, high)
+    low, high = scipy.stats.binomtest(count, n).proportion_ci(0.95)
+    return Interval(float(low), count / n, float(high))
 
 
 @brief
@@ -155,8 +154,9 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
     n = len(known)
     probability = (np.arange(n) + 0.5) / max(n, 1)
     x = known[n - round(tail * n) :]
-    if len(np.unique(x)) < FEWEST_IN_TAIL:
-        expected = f"at least {FEWEST_IN_TAIL} different values in the tail"
+    fewest_in_tail = 10  # values that a fit of three parameters needs at least
+    if len(np.unique(x)) < fewest_in_tail:
+        expected = f"at least {fewest_in_tail} different values in the tail"
         raise SettingError(f"tail: expected {expected}, found {len(np.unique(x))} of {n}")
     below, low, top = n - len(x), x[0], x[-1]
     unit, law = top - low, scipy.stats.weibull_max

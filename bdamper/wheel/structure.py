@@ -19,11 +19,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from bdamper.contact.own_law import refuse
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.loads import direction_vector
 from bdamper.model.local import LocalBasis
 from bdamper.model.local_model import local_model
 from bdamper.problem.problem import Problem
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 from bdamper.wheel.mistuning import Mistuning
@@ -98,7 +100,7 @@ class Structure:
     @property
     def damping_ratio(self) -> float:
         """The least of the tuned wheel's modes."""
-        ratio = self.tuned.damping_ratio
+        ratio = self.tuned.settings.damping_ratio
         return float(np.min(self.local.damping_ratio if ratio is None else ratio))
 
     def motion(self, x: NDArray) -> NDArray:
@@ -146,9 +148,10 @@ class Structure:
             full[reverse] = full[reverse].conj()
             return full
 
-        ratio = None if tuned.damping_ratio is None else float(tuned.damping_ratio)
+        ratio = None if tuned.settings.damping_ratio is None else float(tuned.settings.damping_ratio)
         damping = of_waves(np.array([local.damping(d, ratio) for d in range(N // 2 + 1)]))
-        basis = tuned.damped(tuned.coupling.basis(1))
+        validate.require(tuned.settings.aerodynamic_damping is None, "aerodynamic_damping", "None in a wheel", "some")
+        basis = tuned.damped(tuned.coupling.basis(1), None)
         own = np.array([c.body != blade.name for c in basis.coordinates], bool)
         return cls(
             tuned=tuned,
@@ -183,7 +186,7 @@ class Structure:
             self, stiffness=T @ self.stiffness @ shapes, mass=T @ self.mass @ shapes, damping=T @ self.damping @ shapes,
             disk_stiffness=root.T @ self.disk_stiffness @ root, disk_mass=root.T @ self.disk_mass @ root,
             rows=np.concatenate([self.rows[..., : self.n] @ shapes, self.rows[..., self.n :]], axis=2),
-            n_kept=KEPT if max(self.tuned.active_harmonics) > 1 else 1,
+            n_kept=KEPT if max(self.tuned.settings.active_harmonics) > 1 else 1,
         )  # fmt: skip
 
     def wave(self, d: int, springs: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -237,11 +240,12 @@ def tuned_problem(study: Problem) -> Problem:
     """
     served = {"single_basis": False, "friction_axes": "contact", "separation": True, "variable_normal_load": True}
     for name, value in served.items():
-        if getattr(study, name) != value:
-            raise SettingError(f"{name}: expected {value!r} for a wheel, found {getattr(study, name)!r}")
+        if getattr(study.settings, name) != value:
+            raise SettingError(f"{name}: expected {value!r} for a wheel, found {getattr(study.settings, name)!r}")
+    refuse(study.own_laws, "a wheel")
     model = local_model(study.model)
     local = next(body.local for body in model.bodies.values() if body.local is not None)
-    given = study.contact_stiffness
+    given = study.settings.contact_stiffness
     if given is None or given == "residual_modes" or isinstance(given, ResidualModes):
         given = "model" if local.flexibility is None else "unit_traction"
     return study.with_(model=model, blade_modes=local.n, contact_stiffness=given)

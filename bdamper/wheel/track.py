@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.coverage import Coverage, ending, evaluation_budget, in_order
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.conditions import Fixed
-from bdamper.harmonic_balance.system import OK
+from bdamper.harmonic_balance.equations import OK
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
@@ -20,17 +20,16 @@ from bdamper.wheel.results import WheelCurve
 from bdamper.wheel.system import WheelSystem
 from bdamper.wheel.wheel_problem import WheelProblem
 
-EASING = (1.0, 0.1, 0.01, 0.0)
-"""Springs on the mean of dampers with which a first point is looked for, each solution from the one before."""
-
 
 def first_point(system: WheelSystem, omega: float) -> NDArray | None:
     """A solution at one frequency (rad/s) from the static state, or by way of dampers held by springs, or None."""
-    for way in (EASING[-1:], EASING):
-        y = np.append(system.at_rest, omega)
+    # springs on the mean of dampers with which a first point is looked for, each solution from the one before
+    easing = (1.0, 0.1, 0.01, 0.0)
+    for way in (easing[-1:], easing):
+        y = np.append(system.structure.at_rest, omega)
         for held in way:
-            eased = system.held(held) if held else system
-            c = eased.solve(y, Fixed(), eased.units_about(y, omega), 1e-9, 60, 2)
+            eased = system.structure.held(held) if held else system
+            c = eased.solve(y, Fixed(), eased.structure.units_about(y, omega), 1e-9, 60, 2)
             y = c.y
         if c.status == OK:
             return np.asarray(y)
@@ -45,6 +44,7 @@ def _turns(omega: NDArray, branch: NDArray) -> NDArray:
     return out
 
 
+@validate.spelt
 @one_thread
 def track(
     wheel: WheelProblem,
@@ -96,7 +96,7 @@ def track(
     at, branch = np.array([p.y[-1] for p, _ in ordered]), np.array([piece.branch for _, piece in ordered], int)
     return WheelCurve(
         frequency=at / tau,
-        response=np.array([whole.responses(p.y[:-1]) for p, _ in ordered]).reshape(
+        response=np.array([whole.structure.responses(p.y[:-1]) for p, _ in ordered]).reshape(
             len(ordered), wheel.n_blades, whole.n_harmonics + 1
         ),
         residual=np.array([p.residual for p, _ in ordered]),

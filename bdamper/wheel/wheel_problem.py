@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.newton import Peak
+from bdamper.problem.asked import Asking, like, problem_of
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -27,7 +28,7 @@ from bdamper.wheel.system import WheelSystem
 class WheelProblem:
     """A wheel with its equations at a preload; parameters are those of :class:`~bdamper.wheel.wheel.Wheel`."""
 
-    study: Problem
+    study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None
     dampers: DamperVariation | None = None
     forces: ArrayLike | None = None
@@ -36,7 +37,7 @@ class WheelProblem:
     _structure: Structure | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        validate.instance("study", self.study, Problem, "a Study")
+        problem = problem_of(self.study)
         n = self.study.model.n_blades
         object.__setattr__(self, "mistuning", mistuning := Mistuning.of(n, self.mistuning))
         if self.dampers is not None:
@@ -53,7 +54,7 @@ class WheelProblem:
             object.__setattr__(self, "forces", forces)
         shared = self._structure
         if shared is None:
-            shared = Structure.of(self.study, mistuning)
+            shared = Structure.of(problem, mistuning)
         if self.dampers is not None:
             shared = shared.with_damper_mass(self.dampers.mass)
         object.__setattr__(self, "_structure", shared)
@@ -84,15 +85,17 @@ class WheelProblem:
         """(n_blades, n_modes) float: frequency deviations of the blades."""
         return Mistuning.of(self.n_blades, self.mistuning).deviation.reshape(self.n_blades, -1)
 
-    def tuned(self) -> Problem:
+    def tuned(self) -> Asking | Problem:
         """The study of one sector that spans the same space as this wheel, with the same contact stiffness."""
-        return self.structure.tuned
+        return like(self.study, self.structure.tuned)
 
     @cached_property
     def excitation(self) -> NDArray:
         """(n_blades, n_sector) complex forces on the coordinates, first harmonic."""
         s, tuned = self.structure, self.structure.tuned
         e = tuned.excitation
+        plain = tuned.settings.acts_at_location and not e.beside
+        validate.that(plain, "excitation of a wheel", "one force at a location", e)
         row = s.location_rows(e.location, e.direction, "excitation")
         n = np.arange(self.n_blades)
         turned = (int(tuned.engine_order) * n) % self.n_blades / self.n_blades
@@ -106,12 +109,12 @@ class WheelProblem:
     @cached_property
     def response_row(self) -> NDArray:
         """(n,) blade coordinates to the response."""
-        place = self.structure.tuned.response_location
+        place = self.structure.tuned.settings.response_location
         return self.structure.location_rows(place.location, place.direction, "response")
 
     def state(self, preload: float) -> Loaded:
         """The static state under a preload (N)."""
-        preload = self.tuned().check_preload(preload)
+        preload = self.structure.tuned.check_preload(preload)
         if preload not in self._states:
             self._states[preload] = loaded(self.structure, preload, self.dampers)
         return self._states[preload]
@@ -122,16 +125,17 @@ class WheelProblem:
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:
-        """Highest peak of the tuned wheel at a preload, by its one sector."""
+        """Highest peak of the tuned wheel at a preload, by its one sector; its amplitude is NaN where there is none."""
         if preload not in self._tuned_peaks:
-            self._tuned_peaks[preload] = highest_peak(self.tuned(), preload)
+            peak = highest_peak(self.structure.tuned, preload)
+            self._tuned_peaks[preload] = peak if peak.converged else replace(peak, amplitude=np.nan)
         return self._tuned_peaks[preload]
 
     def record(self) -> dict[str, Any]:
-        """What all results keep of the wheel."""
+        """Record of the wheel for all results."""
         return {
             "deviation": self.deviation, "model_hash": self.study.model.hash,
-            "settings": self.tuned().record() | {"mistuning": str(self.mistuning), "dampers": str(self.dampers)},
+            "settings": self.structure.tuned.record() | {"mistuning": str(self.mistuning), "dampers": str(self.dampers)},
         }  # fmt: skip
 
     def __str__(self) -> str:

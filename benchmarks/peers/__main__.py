@@ -53,7 +53,7 @@ def ours(problem: dict[str, Any], there: np.ndarray) -> tuple[float, bd.Curve, n
         started = time.process_time()
         curve = study.track(0.0, (low, high), options=options)
         seconds.append(time.process_time() - started)
-    system, amplitudes = study.system(0.0), []
+    system, amplitudes = study.problem.system(0.0), []
     for omega in there:
         near = curve.unknowns[np.argmin(np.abs(curve.frequency - omega / (2.0 * np.pi)))]
         scale = np.full(len(near) + 1, np.linalg.norm(near))

@@ -31,7 +31,7 @@ def write_and_run(folder: Path, fe: SectorFE) -> None:
     blade, damper = decks.blade_sets(fe), decks.damper_sets(fe)
     decks.run_job(decks.matrix_input(fe.blade, blade, clamped="BORE"), folder, "sector")
     decks.run_job(decks.matrix_input(fe.damper.body, damper), folder, "damper")
-    cyclic = decks.sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, ENGINE_ORDER, 5)
+    cyclic = decks.sector_input(fe, ENGINE_ORDER, 5)
     decks.run_job(cyclic, folder, "sector_cyclic")
 
 

@@ -51,11 +51,7 @@ def deck_of(body: Discretisation) -> str:
 
 
 def sector_input(
-    body: Discretisation,
-    left: NDArray,
-    right: NDArray,
-    clamped: NDArray,
-    n_sectors: int,
+    fe: SectorFE,
     nodal_diameter: int,
     n_modes: int,
     omega: float = 0.0,
@@ -66,12 +62,12 @@ def sector_input(
     brings stress stiffening and spin softening, as a perturbation step does in CalculiX.
     """
     # A degree of freedom of a clamped node must not be tied as well.
-    left, right = np.setdiff1d(left, clamped), np.setdiff1d(right, clamped)
+    left, right = (np.setdiff1d(nodes, fe.clamped) for nodes in (fe.faces.independent, fe.faces.dependent))
     return "\n".join(
         [
-            deck_of(body),
+            deck_of(fe.blade),
             "*NSET, NSET=CLAMPED",
-            numbers_of(clamped),
+            numbers_of(fe.clamped),
             "*NSET, NSET=LEFT",
             numbers_of(left),
             "*NSET, NSET=RIGHT",
@@ -84,7 +80,7 @@ def sector_input(
             "RIGHT,",
             "*TIE, NAME=CYCLE, CYCLIC SYMMETRY, POSITION TOLERANCE=1e-6",
             "SLEFT, SRIGHT",
-            f"*CYCLIC SYMMETRY MODEL, N={n_sectors}, NGRAPH=1, TIE=CYCLE",
+            f"*CYCLIC SYMMETRY MODEL, N={fe.geometry.n_blades}, NGRAPH=1, TIE=CYCLE",
             "0., 0., 0., 0., 0., 1.",
             *_steps(omega),
             "*FREQUENCY",
@@ -143,8 +139,8 @@ def blade_sets(fe: SectorFE) -> dict[str, NDArray]:
     ahead = fe.blade.nodes @ turn(fe.geometry.pitch).T
     return {
         "BORE": fe.clamped,
-        "LOW": fe.left,
-        "HIGH": fe.right,
+        "LOW": fe.faces.independent,
+        "HIGH": fe.faces.dependent,
         "RIGHT_UNDERSIDE": _on_face_plane(fe.blade.nodes, fe.geometry, "left"),
         "LEFT_UNDERSIDE": _on_face_plane(ahead, fe.geometry, "right"),
     }

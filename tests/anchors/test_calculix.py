@@ -30,7 +30,7 @@ def fe():
 
 
 def cyclic_frequencies(fe, d, n_modes, folder):
-    text = sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, d, n_modes)
+    text = sector_input(fe, d, n_modes)
     pairs = run(text, folder).reshape(-1, 2)
     np.testing.assert_allclose(pairs[:, 0], pairs[:, 1], rtol=1e-8)
     return pairs[:, 0]

@@ -26,7 +26,7 @@ def fe():
 
 
 def deck(fe, omega, n_modes=6, d=D):
-    return sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, d, n_modes, omega=omega)
+    return sector_input(fe, d, n_modes, omega=omega)
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ def jenkins(limit, *, c=0.02, k=1.0, kd=1.0, force=1.0, m=1.0, n_harm=1):
 
 def first_peak(system, limits, value) -> Peak:
     omega = limits[0]
-    start = np.append(system.linear_response(omega, np.ones((1, 3))), omega)
+    start = np.append(system.structure.linear.response(omega, np.ones((1, 3))), omega)
     guess = np.zeros(system.n_unknowns + 1)
     guess[0], guess[1], guess[-1] = start[0].real, -start[0].imag, omega
     path = follow(system, guess, limits, options=coarse_options())

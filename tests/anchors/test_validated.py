@@ -4,16 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.validated import PROBLEMS, available
+from tests.validated import NEEDS, PROBLEMS, available
 
 PAGE = Path(__file__).parents[2] / "docs" / "validated.md"
 LONG = {"Planar wedge", "Planar wedge, forced", "The paper's four numbers", "CalculiX", "Limit cycles"}
+LONG |= {"Finite element models by others"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in PROBLEMS])
 def test_numbers_agree(name):
     if not available(name):
-        pytest.skip("CalculiX (ccx) is not installed")
+        pytest.skip(f"without {NEEDS[name][0]}")
     problem = PROBLEMS[name]()
     text = PAGE.read_text()
     for row in problem.rows:

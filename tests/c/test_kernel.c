@@ -59,8 +59,8 @@ static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed
             for (int p = 0; p < n; ++p) sum += A[i * n + p] * inverse[p * n + j];
             CHECK_NEAR(sum, i == j ? 1.0 : 0.0, 1e-12);
         }
-    for (int lost = 0; lost < 3;
-         ++lost) { /* a column of zeros, one that is no number, and a second that is twice the first */
+    /* A column of zeros, one that is no number, and a second that is twice the first. */
+    for (int lost = 0; lost < 3; ++lost) {
         const int at = lost < 2 ? n / 2 : 1;
         memcpy(inverse, A, sizeof(double) * (size_t)(n * n));
         for (int i = 0; i < n && at < n; ++i)

@@ -40,12 +40,22 @@ typedef struct {
     bd_time time;
 } workspaces;
 
-static bd_status create_evaluator(workspaces *w) { return bd_evaluator_create(&w->evaluator, w->evaluation, 2, 64); }
+static const double own_numbers[6] = {1.0, 1.0, 0.5, 1.0, 0.5, 1.0};
+static const bd_own own_law = {
+    .function = bd_law_bouc_wen, .n_parameter = 6, .n_state = 2, .parameter = own_numbers, .memory = own_numbers};
+
+static bd_status create_evaluator(workspaces *w) {
+    const bd_status status = bd_evaluator_create(&w->evaluator, w->evaluation, 2, 64);
+    if (status != BD_OK || w->evaluation == BD_EXACT) return status;
+    const bd_status more = bd_evaluator_add_laws(&w->evaluator, 1, &own_law);
+    if (more != BD_OK) bd_evaluator_destroy(&w->evaluator);
+    return more;
+}
 
 static void destroy_evaluator(workspaces *w) { bd_evaluator_destroy(&w->evaluator); }
 
 static bd_status create_sector(workspaces *w) {
-    const int n_mode[3] = {1, 2, 0}, law[1] = {w->evaluation == BD_EXACT ? BD_LAW_SEPARABLE : BD_LAW_COUPLED};
+    const int n_mode[3] = {1, 2, 0}, law[1] = {w->evaluation == BD_EXACT ? BD_LAW_SEPARABLE : BD_LAW_USER};
     const double one[3] = {1.0, 1.0, 1.0}, G[2 * 3 * 3] = {1.0}, none[5] = {0.0};
     const bd_hbm_input input = {.n_point = 1,
                                 .n_harm = 2,
@@ -63,7 +73,8 @@ static bd_status create_sector(workspaces *w) {
                                 .shift = none,
                                 .force = none,
                                 .evaluation = w->evaluation,
-                                .n_time = 64};
+                                .n_time = 64,
+                                .own = w->evaluation == BD_EXACT ? NULL : &own_law};
     const bd_lapack lapack = bd_lapack_system();
     return bd_sector_create(&w->sector, &input, NULL, &lapack);
 }
@@ -97,7 +108,7 @@ static void destroy_other(workspaces *w) {
 }
 
 static bd_status create_time(workspaces *w) {
-    const int one = 1, none[2] = {0};
+    const int one = 1, none[2] = {0}, user = BD_LAW_USER;
     const double unit[6] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
     const bd_time_input input = {.n_sector = 1,
                                  .n_point = 1,
@@ -114,7 +125,8 @@ static bd_status create_time(workspaces *w) {
                                  .n0 = unit,
                                  .load = unit,
                                  .shift = unit,
-                                 .law = none,
+                                 .law = &user,
+                                 .own = &own_law,
                                  .held = none,
                                  .row = unit};
     return bd_time_create(&w->time, &input);

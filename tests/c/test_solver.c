@@ -4,6 +4,7 @@
 #include "bd_solver.h"
 #include "check.h"
 
+#include <limits.h>
 #include <string.h>
 
 /* Mode 0 (mean) and mode 1 (first harmonic) of one mass against a preloaded friction spring. */
@@ -193,6 +194,12 @@ static void test_peak(void) {
     double found[4], t[4];
     memcpy(found, y, sizeof y);
     memcpy(t, tangent, sizeof t);
+    bd_solver_options unbounded = usual;
+    unbounded.max_iterations = INT_MAX;
+    CHECK(bd_solve(o.equations, &peak, &unbounded, scale, found, t, &report) == BD_OK);
+    CHECK_NEAR(found[3], w, 1e-10);
+    memcpy(found, y, sizeof y);
+    memcpy(t, tangent, sizeof t);
     CHECK(bd_solve(o.equations, &peak, &usual, scale, found, t, &report) == BD_OK);
     CHECK_NEAR(found[3], w, 1e-10);
     CHECK(report.curvature < 0.0 && fabs(report.slope) < 1e-8 && report.residual <= 1e-12);
@@ -235,6 +242,40 @@ static void test_order(void) {
     finish(&o);
 }
 
+/* A product that fails, as one of equations that do not form J may. */
+static bd_status no_product(bd_equations *e, int transposed, const double *x, double *out) {
+    (void)e, (void)transposed, (void)x, (void)out;
+    return BD_SINGULAR;
+}
+
+static bd_equations_type forming;
+
+/* Forms J for the factors, and has it no more at the points beside. */
+static bd_status evaluate_once(bd_equations *e, const double *y, int derivative) {
+    static double *J = NULL;
+    if (e->J) J = e->J;
+    e->J = J;
+    const bd_status status = forming.evaluate(e, y, derivative);
+    if (y[3] != 1.2) e->J = NULL;
+    return status;
+}
+
+static void test_gradient_that_fails(void) {
+    oscillator o;
+    make(&o, 3.0, 1.0);
+    const double y[4] = {0.1, 0.5, 1.5, 1.2};
+    const bd_condition fold = {.kind = BD_STATIONARY, .curvature = -1.0, .tolerance = 1e-9, .max_step = 0.2};
+    double row[4], nu[3];
+    CHECK(bd_gradient(o.equations, &fold, ones, y, at_frequency, 1e-5, row, nu) == BD_OK);
+    forming = *o.equations->type;
+    bd_equations_type type = forming;
+    type.evaluate = evaluate_once, type.product = no_product;
+    o.equations->type = &type;
+    CHECK(bd_gradient(o.equations, &fold, ones, y, at_frequency, 1e-5, row, nu) == BD_SINGULAR);
+    o.equations->type = &forming;
+    finish(&o);
+}
+
 int main(void) {
     test_support();
     test_converges();
@@ -244,6 +285,7 @@ int main(void) {
     test_ramp();
     test_peak();
     test_order();
+    test_gradient_that_fails();
     bd_equations_destroy(NULL);
     return check_result();
 }

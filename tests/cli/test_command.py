@@ -12,27 +12,31 @@ from bdamper.cli.command import main, parser
 QUICK = {
     "track": ["--preload", "104", "--band", "630", "690"],
     "optimum": ["--preloads", "80", "160", "-n", "4"],
+    "report": ["--preloads", "80", "160", "-n", "4"],
     "crossings": ["--speeds", "9000", "9500", "--orders", "5"],
-    "margin": ["--preload", "104"],
+    "margin": ["--preload", "104", "--endurance=300", "--ultimate=1200", "--yield=900"],
 }
 
 
 @pytest.mark.parametrize("command", QUICK)
 def test_answers_are_printed_and_written(command, tmp_path, capsys):
     files = [f"--{kind}={tmp_path / f'out.{kind}'}" for kind in ("csv", "h5", "png")]
+    files += [f"--html={tmp_path / 'out.html'}"] * (command == "report")
     assert main([command, "--demo", "--harmonics", "1", *QUICK[command], *files]) == 0
     out = capsys.readouterr().out
     result = bd.load(tmp_path / "out.h5")
     assert str(result).splitlines()[0] in out
     assert (tmp_path / "out.csv").read_text().count("\n") > 2
     assert (tmp_path / "out.png").read_bytes()[1:4] == b"PNG"
+    assert (tmp_path / "out.html").exists() == (command == "report")
 
 
 def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     path, picture = tmp_path / "curve.h5", tmp_path / "curve.png"
     asked = ["--direction=axial", "--friction=0.5", "--force=2", "--harmonics=1", "--preload=104", "--band", "630", "690"]
     assert main(["track", "--demo", *asked, "--quiet", "--h5", str(path), "--png", str(picture)]) == 0
-    assert capsys.readouterr().err == f"wrote {picture}\n"
+    told, wrote = capsys.readouterr().err.splitlines()
+    assert "excitation direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
     np.testing.assert_array_equal(bd.load(path).amplitude, study.track(104.0, (630.0, 690.0)).amplitude)
 
@@ -48,7 +52,7 @@ def test_info_of_a_file(capsys, tmp_path):
     ("arguments", "code", "text"),
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
-        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "No crossing of mode 1 from 1000 to 2000 rpm"),
+        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "meets no resonance of mode 1 between 104.72 and"),
         (["track", "--demo", "--preload", "-1"], 2, "preload"),
         (["track", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],
@@ -74,6 +78,7 @@ def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, mo
         ),
         (["track", "--demo", "--csv", "nowhere/out.csv"], "found 'nowhere/out.csv'"),
         (["explore", "--demo", "--png=out.png"], "unrecognized arguments: --png"),
+        (["margin", "--demo"], "the following arguments are required: --endurance, --ultimate, --yield"),
     ],
 )
 def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeypatch):
@@ -85,7 +90,8 @@ def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeyp
 
 
 def test_help_names_units_and_defaults(capsys):
-    for command, word in {"optimum": "in N, default 20 2000", "margin": "MPa, default 300", "crossings": "rpm"}.items():
+    words = {"optimum": "in N, default 20 2000", "margin": "yield strength in MPa", "crossings": "rpm"}
+    for command, word in words.items():
         with pytest.raises(SystemExit, match="0"):
             parser().parse_args([command, "--help"])
         assert word in capsys.readouterr().out
@@ -98,9 +104,19 @@ def test_doubts_and_details(capsys, tmp_path):
     assert "--details has the rest" in out and "details()" not in out
     assert err.startswith("bdamper: frequency: plausible an interval in Hz") and "radians per second suspected\n" in err
     assert main(["track", "--demo", *asked, "--details"]) == 0
-    assert "largest residual" in capsys.readouterr().out
+    (residual,) = (line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  residual "))
+    assert 0.0 < float(residual[1]) <= float(residual[2]) < 1e-6  # the least and the largest of the points
 
 
 def test_runs_as_a_module():
     run = subprocess.run([sys.executable, "-m", "bdamper.cli", "--version"], capture_output=True, text=True)
     assert run.stdout.strip() == bd.__version__
+
+
+def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["track", "--demo", "--harmonics", "1", *QUICK["track"]]) == 0
+    assert not list(tmp_path.iterdir())
+    told = capsys.readouterr().err.splitlines()  # no terminal: a line at each tenth of the way, never back
+    tenths = [int(line.removeprefix("tracking: ").removesuffix(" %")) for line in told]
+    assert tenths == sorted(set(tenths)) and tenths[-1] == 100 and all(x % 10 == 0 for x in tenths)

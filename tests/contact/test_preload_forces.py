@@ -164,9 +164,9 @@ def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
     study = plain_study(model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4)
     began = []
 
-    def failing(system, load, q, w, status, *_):
+    def failing(system, load, w, status, *_):
         began.append((load, status.tobytes()))
-        return q, status, 1, 1.0
+        return np.zeros(len(system.force)), status, 1, 1.0
 
     monkeypatch.setattr(preload, "_step", failing)
     monkeypatch.setattr(preload, "_creep", lambda system, load, state: (state.q, state.slider, 1, 1.0))

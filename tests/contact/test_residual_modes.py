@@ -38,8 +38,8 @@ def bonded(model, blade_modes, damper_modes, contact):
         constraints=False,
         contact_stiffness=contact,
     )
-    springs = np.concatenate([study.stiffness[name].stiffness for name in study.coupling.interfaces])
-    return study.system(0.0).linear_modes(springs)[0][:5] / (2 * np.pi)
+    springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
+    return study.problem.system(0.0).structure.linear.modes(springs)[0][:5] / (2 * np.pi)
 
 
 @pytest.mark.parametrize("damper_modes", [0, 10])
@@ -122,6 +122,34 @@ def test_all_patterns_are_the_whole_flexibility():
         np.testing.assert_allclose(approximate, R, atol=1e-9 * np.abs(R).max())
 
 
+def test_all_patterns_of_points_that_share_nodes():
+    """Two contact points that move alike: half of the forces move nothing, and the others are represented exactly."""
+    model = wedge_model(n_points=2)
+    bodies = {}
+    for name, body in model.bodies.items():
+        n = 3 * len(body.bases[0].contact_modes) if body.bases else 0
+        first = np.kron(np.eye(n // 6), np.kron([[1.0, 0.0], [1.0, 0.0]], np.eye(3))) if n else None
+        bases = {
+            d: replace(
+                b, contact_modes=(first @ b.contact_modes.reshape(n, -1)).reshape(b.contact_modes.shape),
+                flexibility=first @ b.flexibility @ first.T,
+            )
+            for d, b in body.bases.items()
+        }  # fmt: skip
+        bodies[name] = replace(body, bases=bases)
+    coupling = coupling_of(replace(model, bodies=bodies))
+    friction = np.full(coupling.n_points, 0.3)
+    made = ResidualSet.make(coupling, friction, ResidualModes("all", inertia=False))
+    active = active_components(coupling, friction).ravel()
+    for harmonic in (0, 1):
+        R, basis = coupling.residual_flexibility(harmonic)[np.ix_(active, active)], made.basis(harmonic)
+        columns = basis.G.reshape(len(active), -1)[active]
+        assert columns.shape[1] == np.linalg.matrix_rank(R, 1e-9 * np.abs(R).max(), hermitian=True) == len(R) // 2
+        approximate = np.diag(made.flexibility.ravel()[active]) + (columns / basis.stiffness) @ columns.conj().T
+        equal = np.kron(np.eye(len(R) // 6), np.kron(np.full((2, 2), 0.5), np.eye(3)))  # the same force on both points
+        np.testing.assert_allclose(approximate @ equal, R @ equal, atol=1e-6 * np.abs(R).max())
+
+
 def test_mass_is_the_curvature_of_the_left_out_modes():
     """Dynamic flexibility of the residual coordinates on their patterns, to second order in frequency."""
     coupling = coupling_of(wedge_model(n_points=3, n_blade_modes=6), blade_modes=3)
@@ -159,8 +187,8 @@ def test_tracking_with_residual_modes():
         assert curve.complete
         assert curve.residual.max() < 1e-9
         peaks.append(curve.peak.amplitude)
-        assert study.bases[0].coordinates[-1].body == "residual"
-        assert curve.unknowns.shape[1] == 3 * (16 + len(study.bases[1].mass) - 16)
+        assert study.problem.bases[0].coordinates[-1].body == "residual"
+        assert curve.unknowns.shape[1] == 3 * (16 + len(study.problem.bases[1].mass) - 16)
     assert peaks[0] == pytest.approx(peaks[1], rel=0.015)
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.events import point_of
 from bdamper.continuation.follower import Follower, follow
 from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction, HarmonicSystem
+from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency
 from tests.plain import plain_study
 
 
@@ -17,7 +18,14 @@ class Equations:
     """Equations in closed form, with Newton's method in scaled unknowns as the core has it."""
 
     n_mean, n_unknowns, watched, n_harmonics, supported, spent = 0, 1, (), 1, False, False
-    vibration, units, place = HarmonicSystem.vibration, HarmonicSystem.units, HarmonicSystem.place
+
+    def vibration(self, y):
+        return InFrequency(self.n_mean).vibration(y)
+
+    def units(self, y, vibration, width):
+        return InFrequency(self.n_mean).units(y, vibration, width)
+
+    place = InFrequency(0).place
 
     def first_harmonic(self, y):
         return complex(y[self.n_mean])
@@ -77,13 +85,14 @@ def test_a_part_of_the_curve_that_runs_the_other_way_is_refused():
     assert scale[-1] == 1.0
     first = system.correct_at(start[:-1], 10.0, scale, 1e-12, 5)
     follower.sign = first.orientation
-    found, why = follower.try_step(start, first.tangent, scale, step)
+    here = point_of(replace(first, y=start), scale)
+    found, why = follower.try_step(here, step)
     assert found.status == OK
     assert found.orientation == -first.orientation
     assert why == "orientation of the curve changed"
     # without a sense of the curve it is taken
     follower.sign = 0
-    assert follower.try_step(start, first.tangent, scale, step)[1] == ""
+    assert follower.try_step(here, step)[1] == ""
 
 
 class FarAtTheEnd(Equations):
@@ -161,7 +170,7 @@ def test_a_solution_half_a_step_from_its_prediction_is_refused(off, refused):
     follower = Follower(system, (9.0, 11.0), ContinuationOptions())
     y, tangent, scale = np.array([1.0, 10.0]), np.array([0.0, 1.0]), np.ones(2)
     system.solve = lambda guess, *_, **__: Correction(OK, guess + [off * step, 0.0], tangent, 1, 0.0, 1.0, 0)
-    why = follower.try_step(y, tangent, scale, step)[1]
+    why = follower.try_step(point_of(Correction(OK, y, tangent, 0, 0.0, 1.0, 0), scale), step)[1]
     assert (why == "solution far from its prediction") == refused
 
 

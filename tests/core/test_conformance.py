@@ -223,6 +223,11 @@ def test_a_number_that_is_none_gives_a_status(kind, place):
     bad = y.copy()
     bad[place] = np.nan
     ones, row, right = np.ones(N + 1), np.append(np.zeros(N), 1.0), np.ones((1, N + 1))
+    points = SIZES.get(kind.__name__, (8, 4))[1]
+    for given, status in ((bad, NOT_FINITE), (y, OK), (bad, NOT_FINITE)):  # before any other call, and after one
+        X, F, share = np.full((points, 3, 3), 7.0), np.full((points, 3, 3), 7.0), np.full((points, 5), 7.0)
+        assert equations.contact(given, X, F, share) == status
+        assert all((np.isnan(x) if status else np.isfinite(x)).all() for x in (X, F, share))
     r = np.full(N, 7.0)
     assert equations.evaluate(bad, r) == NOT_FINITE
     assert (r == 7.0).all()
@@ -231,6 +236,7 @@ def test_a_number_that_is_none_gives_a_status(kind, place):
     out = equations.solve(bad, row.copy(), ones, 1e-9, 10, row=row)
     assert out.status == NOT_FINITE
     assert np.isinf(out.residual)
+    assert np.isnan(out.shares).all()
     # and the next call is as if nothing had been
     fresh = kind(np.random.default_rng(15))
     for one, other in zip(evaluated(equations, y), evaluated(fresh, y)):

@@ -104,6 +104,28 @@ def test_events_that_coincide(n_harm):
         np.testing.assert_allclose(exact.force, sampled.force, rtol=0, atol=1e-3 * size)
 
 
+def test_closing_where_a_bound_of_the_slider_is_extreme():
+    """u' = ± (mu kn/kt) v' at the closing of one harmonic, give or take rounding: slip begins at once, or after no time."""
+    rng = np.random.default_rng(49)
+    slipped = 0
+    for _ in range(25):
+        mu, kn, size = rng.uniform(0.2, 0.8), rng.uniform(0.5, 2.0), rng.uniform(0.5, 2.0)
+        level = rng.choice([0.0, rng.uniform(-0.9, 0.9)])
+        of_v, of_u = rng.uniform(0.0, 2.0 * np.pi, 2)
+        closing = of_v - np.arccos(-level)
+        slope = -size * np.sin(closing - of_v)  # of v, upward
+        amplitude = rng.choice([-1.0, 1.0]) * mu * kn * slope / -np.sin(closing - of_u)
+        point = Point(np.ones(2), kn, mu, kn * size * level, np.zeros(2))
+        for off in 1e-15 * rng.normal(size=20):
+            x = np.zeros((3, 3))
+            x[0, 1:] = amplitude * np.cos(of_u + off), amplitude * np.sin(of_u + off)
+            x[2, 1:] = size * np.cos(of_v), size * np.sin(of_v)
+            result, expected = evaluate(x, point), oracle.contact(x, *point.arguments)
+            np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+            slipped += result.shares[1] > 0.0
+    assert slipped > 250
+
+
 numbers = st.floats(-4.0, 4.0).map(lambda v: round(v, 3))
 
 

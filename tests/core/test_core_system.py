@@ -264,6 +264,8 @@ def test_inputs_may_share_memory_and_outputs_may_touch():
         ("solve", "tolerance", 0.0, "a finite positive number, found 0.0"),
         ("solve", "reach", -1.0, "a finite non-negative number, found -1.0"),
         ("solve", "max_iterations", -1, "at least 0, found -1"),
+        ("solve", "line_search", 99, "0, 1 or 2, found 99"),
+        ("solve", "line_search", -1, "0, 1 or 2, found -1"),
         ("fold", "curvature", np.nan, "a finite number, found nan"),
         ("peak", "tolerance", np.inf, "a finite positive number, found inf"),
         ("peak", "max_iterations", -1, "at least 0, found -1"),
@@ -276,6 +278,14 @@ def test_inputs_may_share_memory_and_outputs_may_touch():
 def test_wrong_numbers_are_named(method, name, value, expected):
     with pytest.raises(ValueError, match=f"^{name}: expected {expected}$"):
         call(method, {**CALLS[method], name: value})
+
+
+@pytest.mark.parametrize(("method", "names"), [("solve", ("row", "re", "im")), ("solve", ("row", "im")), ("peak", ("im",))])
+def test_conditions_of_two_kinds_are_refused(method, names):
+    given = {**CALLS[method], "row": SOLVE["row"], "re": PEAK["re"], "im": PEAK["im"]}
+    chosen = {k: v for k, v in given.items() if k in names or k not in ("row", "re", "im")}
+    with pytest.raises(ValueError, match=r"^row, re, im: expected row alone, re and im, or none of them$"):
+        _core.Sector(**GOOD).solve(**chosen)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
@@ -339,7 +349,7 @@ def test_a_point_that_is_not_finite_is_a_status():
     assert system.evaluate(y, r) == 4
     assert (r == 7.0).all()  # not what another call left
     study = plain_study(models.wedge_model(1), bd.Excitation("tip"), engine_order=2)
-    equations = study.system(10.0)
+    equations = study.problem.system(10.0)
     with pytest.raises(FloatingPointError, match="contact forces are not finite"):
         equations.contact(np.full(equations.n_unknowns, np.nan))
 

@@ -125,18 +125,33 @@ def test_beyond_the_nodes_there_are_no_equations():
         assert core.evaluate(np.append(u, ORDER * np.sqrt(square)), r) == status
 
 
+def test_there_are_no_nonlinear_modes_of_a_family():
+    """Its arrays are those of the speed evaluated last, and excitation and damping would be mixed anew."""
+    nodes = arrays(LAW_SEPARABLE, 0.1)
+    motion = np.ones((2, UNKNOWNS))
+    assert _core.Modes(_core.Sector(**nodes[0]), *motion, 1.0).n_unknown == UNKNOWNS + 2
+    with pytest.raises(ValueError, match=r"^sector: expected one at a fixed speed, found a family over speed$"):
+        _core.Modes(family(nodes), *motion, 1.0)
+
+
 def test_nodes_that_do_not_fit_are_refused():
     nodes = arrays(LAW_SEPARABLE, 0.1)
     systems = tuple(_core.Sector(**node) for node in nodes)
     other = _core.Sector(**arrays(LAW_NORMAL, 0.1)[0])
     infinite = _core.Sector(**(nodes[0] | {"w": np.full((POINTS, 2), np.inf)}))
-    for given in ((*systems[:3], other), (*systems[:3], infinite), (*systems[:3], family(nodes)), (*systems[:3], None)):
+    for given in ((*systems[:3], other), (*systems[:3], infinite), (*systems[:3], family(nodes))):
         with pytest.raises(ValueError, match="nodes: expected Sectors of the same sizes and contact laws"):
             _core.Sector(**nodes[0], nodes=given, squares=SPEEDS**2, order=ORDER)
     with pytest.raises(ValueError, match="at speeds of which no two are the same"):
         _core.Sector(**nodes[0], nodes=systems, squares=np.array([1.0, 1.0, 2.0, 3.0]), order=ORDER)
     with pytest.raises(TypeError, match="nodes: expected a tuple of two or more Sectors"):
         _core.Sector(**nodes[0], nodes=systems[:1], squares=SPEEDS[:1], order=ORDER)
+    for wrong in ((object(), object()), (*systems[:3], None), list(systems)):
+        with pytest.raises(TypeError, match="nodes: expected a tuple of two or more Sectors"):
+            _core.Sector(**nodes[0], nodes=wrong, squares=SPEEDS[: len(wrong)] ** 2, order=ORDER)
+    for without in ({"squares": SPEEDS**2}, {"order": ORDER}):
+        with pytest.raises(ValueError, match="squares, order: expected none without nodes"):
+            _core.Sector(**nodes[0], **without)
     for wrong in ({"squares": -SPEEDS}, {"squares": SPEEDS, "order": 0.0}):
         with pytest.raises(ValueError, match="expected"):
             _core.Sector(**nodes[0], **({"nodes": systems, "order": ORDER} | wrong))

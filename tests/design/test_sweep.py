@@ -63,14 +63,14 @@ def answers(result):
 
 def residual_norm(study, preload):
     """A quick question: size of the residual at rest."""
-    system = study.system(preload)
+    system = study.problem.system(preload)
     r, _, _ = system.evaluate(np.full(system.n_unknowns, 1e-7), 2000.0)
     return {"norm": float(np.linalg.norm(r)), "list": [float(r[0]), float(r[-1])]}
 
 
 def slow_question(study, preload):
     time.sleep(0.004)
-    return {"value": study.friction_coefficient * preload, "note": "x" * 200}
+    return {"value": study.settings.friction_coefficient * preload, "note": "x" * 200}
 
 
 def stopping_question(study, preload):
@@ -121,7 +121,7 @@ class TestAnswers:
         amplitude = serial.array("amplitude")
         for i, mu in enumerate(OVER["friction_coefficient"]):
             for j, p in enumerate(OVER["preload"]):
-                alone = highest_peak(replace(study, friction_coefficient=mu), p, INTERVAL)
+                alone = highest_peak(study.with_(friction_coefficient=mu).problem, p, INTERVAL)
                 assert amplitude[i, j] == pytest.approx(alone.amplitude, rel=1e-12)
 
     def test_threads_and_processes_give_the_same(self, study, serial):
@@ -159,7 +159,7 @@ class TestAnswers:
         over = {"model.alpha": [0.7, 0.8], "damper_mass_factor": [1.0, 2.0], "preload": [100.0]}
         result = bd.sweep(study, over=over, evaluate=residual_norm, model=thinner)
         assert result.complete, result.status
-        direct = replace(study, model=thinner(alpha=0.7))
+        direct = study.with_(model=thinner(alpha=0.7))
         assert result.array("norm")[0, 0, 0] == residual_norm(direct, 100.0)["norm"]
         assert len(np.unique(result.array("norm"))) == 4
         assert result.array("list").shape == (2, 2, 1, 2)
@@ -185,6 +185,7 @@ class TestAnswers:
         assert np.array_equal(again.seconds, serial.seconds)
         assert again.cost == serial.cost
         assert all(c.evaluations > 0 and c.iterations > 0 for c in again.cost)
+        assert f"; {sum(c.evaluations for c in again.cost)} evaluations, " in again.details()
         assert "6 points" in serial.details()
         assert len(serial.plot("amplitude").lines) == 3
 
@@ -226,7 +227,7 @@ class TestWorkers:
 
     def begun(self, pool, study, seen=True):
         """A pool whose processes were there before the job, which they would inherit."""
-        bd.sweep(replace(study, friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
+        bd.sweep(study.with_(friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
         return Parcels(pool, seen)
 
     def test_tasks_are_small_where_workers_see_the_file(self, study):
@@ -258,7 +259,7 @@ class TestInterrupted:
         assert result.status == ("complete", "complete", "not run", "not run")
         assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
         assert not result.complete
-        assert result.details().count("interrupted: 2 of 4 points were not run") == 1 and "0 failed" in result.details()
+        assert result.details().count("interrupted: 2 of 4 parts were not run") == 1 and "0 failed" in result.details()
         result.save(tmp_path / "part.h5")
         assert bd.load(tmp_path / "part.h5").status == result.status
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
@@ -282,7 +283,7 @@ class TestInterrupted:
             result = bd.sweep(study, self.over, deadly_question, executor=pool)
         assert result.status[:2] == ("complete", "complete") and result.array("value")[:2].tolist() == [100.0, 200.0]
         assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
-        assert "2 of 4 points were not run: A process" in result.details()
+        assert "2 of 4 parts were not run: A process" in result.details()
 
     def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
         """Ctrl-C while a line is forced to disk; all four points are finished by then."""
@@ -351,6 +352,7 @@ class TestInterrupted:
             bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(0), **ways)
 
     @pytest.mark.slow
+    @pytest.mark.usefixtures("interruptible")
     def test_a_signal_to_all_processes(self, tmp_path):
         """As a terminal sends it: to the process and to the workers of its pool."""
         script = tmp_path / "pool.py"
@@ -444,7 +446,7 @@ class TestResultsFile:
         self.run(study, path)
         content = path.read_bytes()
         with pytest.raises(bd.BdamperError, match="another one: study"):
-            self.run(replace(study, engine_order=60), path)
+            self.run(study.with_(engine_order=60), path)
         with pytest.raises(bd.BdamperError, match="another one: over"):
             bd.sweep(study, over={"preload": [1.0]}, evaluate=slow_question, resume=path)
         with pytest.raises(bd.BdamperError, match="another one: evaluate"):
@@ -470,18 +472,18 @@ class TestResultsFile:
         ResultsFile(tmp_path / "r.jsonl", header).close()
 
     def test_fingerprint_sees_every_setting(self, study):
-        base = study_fingerprint(study)
+        base = study_fingerprint(study.problem)
         others = [
-            replace(study, friction_coefficient=0.31),
-            replace(study, harmonics=3),
-            replace(study, excitation=replace(study.excitation, amplitude=2.0)),
-            replace(study, contact_stiffness=1e7),
-            replace(study, evaluation=bd.Sampled(64)),
-            replace(study, model=bd.reference_model(contact_points=24)),
+            study.with_(friction_coefficient=0.31),
+            study.with_(harmonics=3),
+            study.with_(excitation=replace(study.excitation, amplitude=2.0)),
+            study.with_(contact_stiffness=1e7),
+            study.with_(evaluation=bd.Sampled(64)),
+            study.with_(model=bd.reference_model(contact_points=24)),
         ]
         prints = [study_fingerprint(s) for s in others]
         assert len({base, *prints}) == len(prints) + 1
-        assert study_fingerprint(replace(study)) == base
+        assert study_fingerprint(study.another(study.problem.anew()).problem) == base
 
 
 DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_factor": stats.lognorm(0.1)}
@@ -515,13 +517,12 @@ class TestWarnings:
         assert result.complete
         assert result.array("scan").tolist() == [peak.scan]
         assert result.warnings == (f"scan {peak.scan}",)
-        assert "0 failed, 1 with a warning" in result.details()
-        assert f"first warning: scan {peak.scan}" in result.details()
+        assert "0 failed" in result.details() and result.details().count(f"\nscan {peak.scan}") == 1
 
     def test_none_of_a_whole_scan(self, serial):
         assert set(serial.array("scan").ravel()) == {"complete"}
         assert serial.warnings == ("",) * len(serial)
-        assert "0 with a warning" in serial.details()
+        assert "\nscan " not in serial.details()
 
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
         whole = optimal_curve
@@ -552,7 +553,6 @@ class TestWarnings:
 
 
 class TestUncertainty:
-
     @pytest.mark.parametrize("method", ["sobol", "latin", "random"])
     def test_draws_follow_their_distributions(self, method):
         samples = bd.draw(DISTRIBUTIONS, 1024, method=method, seed=1)
@@ -647,7 +647,7 @@ def test_models_without_a_loaded_body_say_so():
 def test_answers_do_not_depend_on_order(study):
     """To the last bit, also where only the preload varies and all points share one study."""
     loads = [5000.0, 700.0, 1500.0]
-    fresh = replace(study)
+    fresh = study.another(study.problem.anew())
     first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
-    again = bd.sweep(replace(study), over={"preload": loads[::-1]}, frequency=INTERVAL)
+    again = bd.sweep(study.another(study.problem.anew()), over={"preload": loads[::-1]}, frequency=INTERVAL)
     assert first.values == again.values[::-1]

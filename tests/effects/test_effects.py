@@ -1,6 +1,7 @@
 """What a study carries with an effect switched off: unknowns, points, kernels, and what remains of the equations."""
 
 import pickle
+import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -11,7 +12,6 @@ from bdamper.contact.laws import LAW_CONSTANT
 from bdamper.contact.preload import OPEN
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import PathPoint
-from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.model.coarsening import group_patches, unite_contact_points
 from bdamper.problem.problem import stuck_springs
 from tests import models
@@ -56,7 +56,7 @@ COUNTS = [
 
 @pytest.mark.parametrize(("changes", "unknowns", "points"), COUNTS, ids=lambda v: str(v))
 def test_unknowns_and_points_of_an_effect_that_is_off_are_gone(full, changes, unknowns, points):
-    system = full.with_effects(effects(full, **changes)).system(PRELOAD)
+    system = full.with_effects(effects(full, **changes)).problem.system(PRELOAD)
     assert (system.n_unknowns, system.n_points) == (unknowns, points)
 
 
@@ -68,13 +68,13 @@ def test_every_evaluation_of_a_curve_is_counted(full):
         assert curve.complete
         # one Jacobian for each corrector iteration, and one for the tangent of each point
         assert curve.cost.evaluations >= curve.cost.jacobians >= curve.cost.iterations + len(curve)
-        assert curve.unknowns.shape[1] == study.system(5000.0).n_unknowns
+        assert curve.unknowns.shape[1] == study.problem.system(5000.0).n_unknowns
 
 
 def state_of(study, rng, size=3e-6):
-    system = study.system(PRELOAD)
+    system = study.problem.system(PRELOAD)
     u = size * rng.standard_normal(system.n_unknowns)
-    if study.bias:
+    if study.settings.bias:
         u[: system.n_mean] = study.static(PRELOAD).q
     return system, u
 
@@ -95,7 +95,7 @@ def test_equations_that_remain_are_those_of_the_full_system(full, changes):
     rng = np.random.default_rng(1)
     study = full.with_effects(effects(full, **changes))
     cheap, u = state_of(study, rng)
-    rich = full.system(PRELOAD)
+    rich = full.problem.system(PRELOAD)
     r, J, d = cheap.evaluate(u, 2000.0)
     R, K, D = rich.evaluate(embedded(cheap, rich, u, study), 2000.0)
     index = np.flatnonzero(embedded(cheap, rich, np.ones(len(u)), study) == 1.0)
@@ -108,14 +108,14 @@ def test_equations_that_remain_are_those_of_the_full_system(full, changes):
 
 def test_shared_variant_is_the_study_made_anew(full):
     changed = effects(full, harmonics=(1, 3), bias=False)
-    a, b = full.with_effects(changed), replace(full, **changed.settings())
+    a, b = full.with_effects(changed), full.with_(**changed.settings())
     np.testing.assert_array_equal(a.track(2000.0, (780.0, 880.0)).unknowns, b.track(2000.0, (780.0, 880.0)).unknowns)
 
 
 def test_without_separation_the_normal_spring_is_two_sided(full):
     rng = np.random.default_rng(2)
     gap = np.linspace(0.0, 1e-7, 6)
-    study = replace(full.with_effects(effects(full, separation=False)), gap={"left": gap, "right": gap})
+    study = full.with_effects(effects(full, separation=False)).with_(gap={"left": gap, "right": gap})
     closed = ~(study.static(PRELOAD).status == OPEN).any(axis=1)
     friction = np.arange(18) < 12
     system, u = state_of(study, rng, 3e-5)
@@ -124,9 +124,9 @@ def test_without_separation_the_normal_spring_is_two_sided(full):
     held = np.flatnonzero(closed & friction)
     assert system.n_points == n + len(held)
     both = F[: len(held), 2] - F[n:, 2]
-    assert (study.point_gaps[held] > 0.0).any(), "no closed point has a gap: the test saw nothing"
-    expected = study.point_stiffness[held, 2, None] * X[: len(held), 2]
-    expected[:, 0] -= study.point_stiffness[held, 2] * study.point_gaps[held]
+    assert (study.problem.point_gaps[held] > 0.0).any(), "no closed point has a gap: the test saw nothing"
+    expected = study.problem.point_stiffness[held, 2, None] * X[: len(held), 2]
+    expected[:, 0] -= study.problem.point_stiffness[held, 2] * study.problem.point_gaps[held]
     np.testing.assert_allclose(both, expected, atol=1e-9 * np.abs(expected).max())
     assert np.abs(F[n:]).max() > 1e-3 * np.abs(F).max(), "no point was pulled: the test saw nothing"
     assert (share[: len(held), 4] > 0.0).any()
@@ -141,14 +141,14 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
     X, F, share = system.contact(u)
     held = np.flatnonzero(~(state.status[:12] == OPEN).any(axis=1))
     friction = slice(0, len(held))
-    assert (system.points.law[friction] == LAW_CONSTANT).all()
+    assert (system.structure.points.law[friction] == LAW_CONSTANT).all()
     np.testing.assert_array_equal(share[friction, 4], 0.0)
     assert share[friction, 1].max() > 0.1
     # with harmonics up to H the sum of the series overshoots the limit; the mean square cannot
     power = F[friction, :2, 0] ** 2 + 0.5 * (F[friction, :2, 1:] ** 2).sum(axis=2)
     limit = 0.4 * state.force[held, 2]
     assert (power <= limit[:, None] ** 2 * (1 + 1e-12)).all()
-    expected = study.point_stiffness[held, 2, None] * X[friction, 2]  # two-sided
+    expected = study.problem.point_stiffness[held, 2, None] * X[friction, 2]  # two-sided
     np.testing.assert_allclose(F[friction, 2], expected, atol=1e-9 * np.abs(expected).max())
 
 
@@ -211,20 +211,21 @@ def test_as_many_groups_as_points_change_nothing(full):
 
 
 def test_given_stiffness_is_that_of_the_points_of_the_model(full):
-    whole = replace(full, contact_stiffness=2e7)
-    united = replace(whole, contact_points=2)
-    np.testing.assert_allclose(united.point_stiffness[:2], 6e7)
-    np.testing.assert_allclose(united.point_stiffness[:4].sum(axis=0), whole.point_stiffness[:12].sum(axis=0))
-    by_name = replace(united, contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.coupling.interfaces})
-    np.testing.assert_allclose(by_name.point_stiffness[0], [3e7, 6e7, 9e7])
+    whole = full.with_(contact_stiffness=2e7)
+    united = whole.with_(contact_points=2)
+    np.testing.assert_allclose(united.problem.point_stiffness[:2], 6e7)
+    total = whole.problem.point_stiffness[:12].sum(axis=0)
+    np.testing.assert_allclose(united.problem.point_stiffness[:4].sum(axis=0), total)
+    by_name = united.with_(contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.problem.coupling.interfaces})
+    np.testing.assert_allclose(by_name.problem.point_stiffness[0], [3e7, 6e7, 9e7])
 
 
 def test_given_gap_is_that_of_the_points_of_the_model(full):
     gap = np.linspace(0.0, 5e-6, 6)
-    united = replace(full, contact_points=2, gap={"left": gap})
-    np.testing.assert_allclose(np.sort(united.point_gaps[:2]).mean(), gap.mean())
-    assert united.point_gaps[:2].min() > 0.0
-    np.testing.assert_array_equal(united.point_gaps[2:4], 0.0)
+    united = full.with_(contact_points=2, gap={"left": gap})
+    np.testing.assert_allclose(np.sort(united.problem.point_gaps[:2]).mean(), gap.mean())
+    assert united.problem.point_gaps[:2].min() > 0.0
+    np.testing.assert_array_equal(united.problem.point_gaps[2:4], 0.0)
 
 
 # ---- the interface ----
@@ -234,8 +235,8 @@ def test_effects_and_settings_are_one(full):
     chosen = bd.Effects(harmonics=(1, 3), rotation=("Z",), blade_modes=3, contact_points=3, bias=False)
     study = plain_study(full.model, bd.Excitation("tip"), engine_order=2, effects=chosen)
     assert bd.Effects.of(study) == chosen
-    assert study.harmonics == (1, 3) and study.rigid_modes == ("TX", "TY", "TZ", "RZ")
-    assert bd.Effects.of(replace(study, harmonics=2)).harmonics == 2
+    assert study.settings.harmonics == (1, 3) and study.settings.rigid_modes == ("TX", "TY", "TZ", "RZ")
+    assert bd.Effects.of(study.with_(harmonics=2)).harmonics == 2
     assert bd.Effects.of(study.with_effects(bd.Effects.of(full))) == bd.Effects.of(full)
 
 
@@ -299,11 +300,11 @@ def test_bad_effects_are_named(wrong):
 
 
 def test_coupled_friction_brings_a_sampled_evaluation(full):
-    assert full.evaluation == "exact"
+    assert full.settings.evaluation == "exact"
     coupled = full.with_effects(effects(full, friction_law="coupled"))
-    assert isinstance(coupled.evaluation, bd.Sampled) and coupled.friction_law == "coupled"
-    kept = replace(full, evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
-    assert kept.evaluation == bd.Sampled(256)
+    assert isinstance(coupled.settings.evaluation, bd.Sampled) and coupled.settings.friction_law == "coupled"
+    kept = full.with_(evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
+    assert kept.settings.evaluation == bd.Sampled(256)
 
 
 def test_an_effect_given_twice_is_refused(full):
@@ -317,8 +318,8 @@ def test_an_effect_given_twice_is_refused(full):
 @pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
 def test_bonded_points_do_not_know_of_separation(full, changes):
     """They pull as well as they push (and have no gaps, which would be refused)."""
-    bonded = replace(full, friction_law="bonded", constraints=False)
-    plain, other = bonded.system(PRELOAD), replace(bonded, **changes).system(PRELOAD)
+    bonded = full.with_(friction_law="bonded", constraints=False)
+    plain, other = bonded.problem.system(PRELOAD), bonded.with_(**changes).problem.system(PRELOAD)
     u = np.random.default_rng(5).normal(size=plain.n_unknowns)
     for a, b in zip(plain.evaluate(u, 2000.0), other.evaluate(u, 2000.0)):
         np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9 * np.abs(a).max())
@@ -327,11 +328,11 @@ def test_bonded_points_do_not_know_of_separation(full, changes):
 @pytest.mark.parametrize("changes", [{"separation": False}, {"friction_axes": "major"}], ids=str)
 def test_modes_of_a_system_are_those_of_its_points(full, changes):
     """Whatever reads the equations of a system finds the motion of its points in its modes."""
-    system = replace(full, **changes).system(PRELOAD)
+    system = full.with_(**changes).problem.system(PRELOAD)
     u = np.random.default_rng(6).normal(size=system.n_unknowns)
     X, _, _ = system.contact(u)
     for l in range(1, 4):
-        motion = np.einsum("pim,m->pi", system.bases[l].G, system.amplitudes(u, l))
+        motion = np.einsum("pim,m->pi", system.structure.bases[l].G, system.amplitudes(u, l))
         np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
 
 
@@ -339,12 +340,11 @@ def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
     interval = (600.0, 800.0)
     faces = {name: np.full((face.n_points, 3), 1e6) for name, face in full.model.interfaces.items()}
     stiffness = [1e6, 2e6, bd.PerArea(1e12), bd.PerArea((1e12, 1e12, 2e12)), faces, "unit_traction"]
-    curves = [replace(full, contact_stiffness=k).free(interval) for k in stiffness]
+    curves = [full.with_(contact_stiffness=k).free(interval) for k in stiffness]
     for i, a in enumerate(curves):
         assert all(a.settings != b.settings for b in curves[:i])
     # numbers of whatever kind can be saved
-    numbers = replace(
-        full,
+    numbers = full.with_(
         harmonics=np.int64(2),
         blade_modes=np.int64(3),
         contact_points=np.int64(2),
@@ -362,7 +362,7 @@ def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
 
 def test_studies_can_be_keys_and_be_sent_elsewhere(full):
     again = pickle.loads(pickle.dumps(full))
-    assert len({full, full, replace(full), again}) == 3
+    assert len({full, full, full.another(full.problem.anew()), again}) == 3
     assert again.model.hash == full.model.hash
     # to rounding, which depends on where arrays lie in memory
     np.testing.assert_allclose(again.static(PRELOAD).force, full.static(PRELOAD).force, rtol=0.0, atol=1e-12 * PRELOAD)
@@ -373,20 +373,20 @@ def test_a_curve_of_other_settings_is_refused(full):
     assert len(curve)
     assert full.with_stability(curve).stable is not None
     with pytest.raises(bd.SettingError, match="found one with other settings"):
-        replace(full, friction_coefficient=0.1).with_stability(curve)
+        full.with_(friction_coefficient=0.1).with_stability(curve)
 
 
 def test_linear_resonances_are_those_of_the_linear_curves(full):
     """With residual modes, which have no inertia or that of the modes left out, as well as without."""
     for method in ("unit_traction", "residual_modes"):
-        study = replace(full, contact_stiffness=method)
-        system, springs = study.system(PRELOAD), stuck_springs(study, study.static(PRELOAD))
+        study = full.with_(contact_stiffness=method)
+        system, springs = study.problem.system(PRELOAD), stuck_springs(study.problem, study.static(PRELOAD))
         low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
-        found = linear_resonances(system, (springs,), low, high)
+        found = system.structure.linear.resonances((springs,), low, high)
         assert len(found) >= 4
         for omega, width, row in found:
             near = omega + width * np.array([-1.0, 0.0, 1.0])
-            height = [abs(row @ system.linear_response(w, springs)) for w in near]
+            height = [abs(row @ system.structure.linear.response(w, springs)) for w in near]
             assert height[1] / height[0] == pytest.approx(np.sqrt(2.0), rel=0.05)
             assert height[1] / height[2] == pytest.approx(np.sqrt(2.0), rel=0.05)
 
@@ -399,36 +399,36 @@ def test_linear_resonances_are_those_of_the_linear_curves(full):
         ({"blade_modes": 2.5}, "blade_modes: expected a whole number"),
         ({"damper_modes": "1"}, "damper_modes: expected a whole number"),
         ({"gap": {"nowhere": np.zeros(3)}}, "gap: expected interfaces out of"),
-        ({"gap": {"left": np.zeros(5)}}, "gap of 'left': expected 6 finite numbers"),
+        ({"gap": {"left": np.zeros(5)}}, "gap of 'left': expected one or 6 finite numbers"),
     ],
     ids=str,
 )
 def test_wrong_settings_are_named_at_once(full, settings, message):
     with pytest.raises(bd.SettingError, match=message):
-        replace(full, **settings)
+        full.with_(**settings)
 
 
 def test_whole_numbers_of_other_kinds_are_taken(full):
-    assert replace(full, blade_modes=3.0, engine_order=np.int64(2)).system(PRELOAD).n_unknowns == 10 * 7
+    assert full.with_(blade_modes=3.0, engine_order=np.int64(2)).problem.system(PRELOAD).n_unknowns == 10 * 7
 
 
 def test_a_study_is_printed_without_its_model(full):
-    assert "engine order 2" in repr(full) and len(repr(full)) < 2000
+    assert re.search("engine order +2", repr(full)) and len(repr(full)) < 2000
 
 
 def test_no_stuck_response_without_a_static_state(full):
-    study = replace(full)
-    study.static_states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
+    study = full.another(full.problem.anew())
+    study.problem.static_states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
     with pytest.raises(bd.BdamperError, match="expected a static state under 300 N, found none: lost"):
         study.stuck((600.0, 800.0), PRELOAD)
 
 
 def test_residual_modes_are_no_bodies_that_walk(full):
     """What is said of mean positions leaves coordinates alone that belong to no body."""
-    study = replace(full, contact_stiffness="residual_modes")
-    system, coordinates = study.system(0.0), study.bases[0].coordinates
+    study = full.with_(contact_stiffness="residual_modes")
+    system, coordinates = study.problem.system(0.0), study.problem.bases[0].coordinates
     assert any(c.body not in study.model.bodies for c in coordinates)
-    model = study.coupling.model
+    model = study.problem.coupling.model
     y = np.append(np.zeros(system.n_unknowns), 3000.0)
     assert why_no_solution(system, model, coordinates, y) == ""
     moved = y.copy()

@@ -55,14 +55,14 @@ def test_energies_balance_to_rounding_at_a_peak(study):
 
 
 def test_points_that_never_slip_or_are_left_out(study):
-    bonded = replace(study, friction_law="bonded")
+    bonded = study.with_(friction_law="bonded")
     found = bonded.hysteresis(bonded.track(500.0, (352.0, 354.0)))
     assert abs(found.lost) < 1e-9 * found.excitation and abs(found.imbalance) < 2e-9
-    part = replace(study, separation=False, gap={"left": np.r_[1e-3, np.zeros(8)], "right": np.zeros(9)})
+    part = study.with_(separation=False, gap={"left": np.r_[1e-3, np.zeros(8)], "right": np.zeros(9)})
     found = part.hysteresis(part.track(500.0, (353.0, 353.5)))
     assert abs(found.imbalance) < 2e-9 and found.lost > 0.1 * found.excitation
     v, n = found.displacement[1:18, 2], found.force[1:18, 2]
-    kn = part.point_stiffness[1:18, 2]
+    kn = part.problem.point_stiffness[1:18, 2]
     assert n.min() < -1.0 and not found.gap[1:18].any(), "surfaces are held together"
     assert n - n[:, :1] == pytest.approx(kn[:, None] * (v - v[:, :1]), abs=1e-9 * n.max())
     assert np.flatnonzero(np.isnan(found.displacement[:, 0, 0])).tolist() == [0]
@@ -85,7 +85,7 @@ def test_areas_of_loops_are_the_energies(cycle):
 
 def test_forces_lie_in_the_cone_and_the_gap_is_open_without_pressure(study, cycle):
     t, n = cycle.force[:, :2], cycle.force[:, 2]
-    assert (np.abs(t) <= study.friction[:, None, None] * n[:, None] * (1.0 + 1e-9) + 1e-9).all()
+    assert (np.abs(t) <= study.problem.friction[:, None, None] * n[:, None] * (1.0 + 1e-9) + 1e-9).all()
     assert (cycle.gap[n > 0.0] == 0.0).all() and (n[cycle.gap > 0.0] == 0.0).all()
     assert (cycle.gap > 0.0).any() and (n > 0.0).any()
 
@@ -95,8 +95,9 @@ def test_residual_modes_are_in_series_with_the_contact_elements(study):
     found = []
     for method in ("unit_traction", bd.ResidualModes(patterns=2)):
         other = study.with_(contact_stiffness=method, blade_modes=4, constraints=False)
-        system, static = other.system(2e4), other.static(2e4)
-        u = system.pack(static.q, 0.05 * system.linear_response(2.0 * np.pi * 300.0, stuck_springs(other, static)))
+        system, static = other.problem.system(2e4), other.static(2e4)
+        stuck = system.structure.linear.response(2.0 * np.pi * 300.0, stuck_springs(other.problem, static))
+        u = system.pack(static.q, 0.05 * stuck)
         found.append(energies(system, u, 2.0 * np.pi * 300.0).stiffness)
     assert found[0].imag == pytest.approx(0.0, abs=1e-9 * found[0].real)
     assert found[1].real == pytest.approx(found[0].real, rel=0.3)  # a ninth of it without the residual modes
@@ -136,8 +137,8 @@ def test_of_an_optimal_curve(study):
     ("wrong", "message"),
     [
         (lambda s, c: s.hysteresis(s.model), "result: expected a tracking curve, a peak or an optimal curve of this study"),
-        (lambda s, c: s.dissipation(s.free(INTERVAL)), "expected a tracking curve of this model"),
-        (lambda s, c: replace(s, friction_coefficient=0.3).dissipation(c), "other settings"),
+        (lambda s, c: s.dissipation(s.free(INTERVAL)), "expected a tracking curve .study.track., found a free curve"),
+        (lambda s, c: s.with_(friction_coefficient=0.3).dissipation(c), "other settings"),
         (lambda s, c: s.hysteresis(c, 10**6), "index of a point: expected"),
         (lambda s, c: s.hysteresis(c).loop("top"), "where: expected one of"),
         (lambda s, c: s.hysteresis(c).plot(["whole", "left"]), 'where: expected contact points and faces, or "whole"'),
@@ -186,11 +187,11 @@ def test_wide_ranges_have_a_logarithmic_abscissa(study, curve):
 def test_as_many_axes_are_given_as_a_picture_has(study, curve):
     found, (one, other) = study.dissipation(curve), plt.subplots(2)[1]
     assert found.plot("energy", ax=one) is one
-    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes for 'equivalent', found \['Axes'\]$"):
+    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes, found \['Axes'\]$"):
         found.plot(ax=one)
-    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes for 'equivalent', found \['Axes', 'str'\]$"):
+    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes, found \['Axes', 'str'\]$"):
         found.plot(ax=(one, "left"))
-    with pytest.raises(bd.SettingError, match=r"^ax: expected one axes for 'energy', found \['Axes', 'Axes'\]$"):
+    with pytest.raises(bd.SettingError, match=r"^ax: expected one axes, found \['Axes', 'Axes'\]$"):
         found.plot("energy", ax=(one, other))
     plt.close("all")
 

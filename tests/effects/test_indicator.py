@@ -32,12 +32,12 @@ def peak(full):
 def test_estimate_is_the_derivative_of_the_peak(full, peak):
     """A small force in addition: the estimated peak differs from the true one by the square of it."""
     rng = np.random.default_rng(0)
-    system = full.system(40.0)
-    direction = rng.standard_normal(system.n_unknowns) * np.abs(system.force).max()
+    system = full.problem.system(40.0)
+    direction = rng.standard_normal(system.n_unknowns) * np.abs(system.structure.force).max()
     direction[: system.n_mean] = 0.0
     error, defect = [], []
     for size in (4e-4, 2e-4, 1e-4):
-        other = changed(system, system.force + size * direction)
+        other = changed(system, system.structure.force + size * direction)
         e = estimate_change(other, peak.y)
         true = find_peak(other, peak.y)
         assert true.converged
@@ -52,7 +52,7 @@ def test_estimate_is_the_derivative_of_the_peak(full, peak):
 
 
 def test_a_solution_of_the_system_itself_has_no_change(full, peak):
-    e = estimate_change(full.system(40.0), peak.y)
+    e = estimate_change(full.problem.system(40.0), peak.y)
     assert e.size < 1e-7
 
 
@@ -66,20 +66,20 @@ def test_a_solution_of_the_system_itself_has_no_change(full, peak):
 )
 def test_embedding_keeps_what_both_have(full, changes):
     cheap = full.with_effects(replace(Effects.of(full), **changes))
-    a, b = cheap.system(40.0), full.system(40.0)
+    a, b = cheap.problem.system(40.0), full.problem.system(40.0)
     rng = np.random.default_rng(1)
     y = np.append(1e-6 * rng.standard_normal(a.n_unknowns), 5000.0)
-    z = embed(cheap, full, 40.0, y)
+    z = embed(cheap.problem, full.problem, 40.0, y)
     assert z[-1] == 5000.0
     for l in range(1, a.n_harmonics + 1):
-        old = dict(zip(a.bases[l].coordinates, a.amplitudes(y[:-1], l)))
-        new = dict(zip(b.bases[l].coordinates, b.amplitudes(z[:-1], l)))
+        old = dict(zip(a.structure.bases[l].coordinates, a.amplitudes(y[:-1], l)))
+        new = dict(zip(b.structure.bases[l].coordinates, b.amplitudes(z[:-1], l)))
         assert {c: new[c] for c in old} == old
         assert all(value == 0.0 for c, value in new.items() if c not in old)
     mean = z[: b.n_mean] - full.static(40.0).q
     if a.n_mean:
-        moved = dict(zip(a.bases[0].coordinates, y[: a.n_mean] - cheap.static(40.0).q))
-        np.testing.assert_allclose(mean, [moved.get(c, 0.0) for c in b.bases[0].coordinates], atol=1e-18)
+        moved = dict(zip(a.structure.bases[0].coordinates, y[: a.n_mean] - cheap.static(40.0).q))
+        np.testing.assert_allclose(mean, [moved.get(c, 0.0) for c in b.structure.bases[0].coordinates], atol=1e-18)
     else:
         np.testing.assert_array_equal(mean, 0.0)
 
@@ -90,5 +90,5 @@ def test_the_size_of_an_estimate_is_what_it_may_be_at_most():
 
 
 def test_an_estimate_outside_the_equations_is_none(full, peak):
-    e = estimate_change(full.system(40.0), np.full_like(peak.y, np.nan))
+    e = estimate_change(full.problem.system(40.0), np.full_like(peak.y, np.nan))
     assert np.isnan(e.amplitude) and e.size == np.inf

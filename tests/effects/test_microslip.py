@@ -47,11 +47,11 @@ def test_with_much_friction_it_is_the_stiffness_of_the_closed_points():
     curve = microslip(s, LOAD, (1.0, 2.0))
     np.testing.assert_array_equal(curve.slipping, 0.0)
     closed = np.repeat(s.static(LOAD).status[:, 0] != 3, 3)
-    springs = np.concatenate([s.stiffness[name].stiffness for name in s.coupling.interfaces]).ravel() * closed
-    basis = s.bases[0]
+    springs = s.problem.point_stiffness.ravel() * closed
+    basis = s.problem.bases[0]
     G = basis.G.real.reshape(-1, basis.n_modes)
     d = np.zeros(basis.n_modes)
-    modes = s.coupling.location_modes("damper", 0).real
+    modes = s.problem.coupling.location_modes("damper", 0).real
     d[: modes.shape[1]] = modes[2]
     K = np.diag(basis.omega2) + G.T @ (springs[:, None] * G)
     np.testing.assert_allclose(curve.displacement[1:], np.array([1.0, 2.0]) * (d @ np.linalg.solve(K, d)), rtol=1e-8)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.track import track
 from bdamper.effects import richer
 from bdamper.effects.richer import Tops, ask, compare, whole_curve
+from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import resonance_interval
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -24,48 +26,49 @@ def test_a_failure_is_an_answer(study):
     def fails(problem):
         raise bd.BdamperError("nothing there")
 
-    found = ask(study, fails)
+    found = ask(study.problem, fails)
     assert found.why == "nothing there" and found.result is None and found.seconds >= 0.0
     assert np.isnan([found.amplitude, found.frequency]).all()
 
 
 def test_curve_peak_and_numbers_are_read_alike(study):
-    curve, peak = ask(study, lambda p: p.track(0.0, BAND)), ask(study, lambda p: p.peak(0.0, BAND))
+    curve = ask(study.problem, lambda p: track(p, 0.0, BAND))
+    peak = ask(study.problem, lambda p: highest_peak(p, 0.0, BAND))
     assert curve.why == peak.why == ""
     assert curve.amplitude == curve.result.peak.amplitude == pytest.approx(peak.amplitude, rel=1e-6)
-    assert ask(study, lambda p: (peak.amplitude, peak.frequency))[:3] == peak[:3]
+    assert ask(study.problem, lambda p: (peak.amplitude, peak.frequency))[:3] == peak[:3]
     # an end of the interval is no peak, and says so
-    assert "highest at an end" in ask(study, lambda p: p.peak(0.0, (0.1, 0.12))).why
+    assert "highest at an end" in ask(study.problem, lambda p: highest_peak(p, 0.0, (0.1, 0.12))).why
     with pytest.raises(bd.BdamperError, match=r"no peak at 0 N between 0\.1 and 0\.12 Hz: the response"):
-        whole_curve(study, 0.0, (0.1, 0.12))
-    assert len(whole_curve(study, 0.0, (0.1, 0.12), at_end=True))
+        whole_curve(study.problem, 0.0, (0.1, 0.12))
+    assert len(whole_curve(study.problem, 0.0, (0.1, 0.12), at_end=True))
 
 
 def test_a_maximum_counts_where_an_end_is_higher():
     """As for the search for peaks: that end is a flank of the next mode."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
-    found = ask(study, lambda p: whole_curve(p, 3000.0, resonance_interval(study)))
+    found = ask(study.problem, lambda p: whole_curve(p, 3000.0, resonance_interval(study.problem)))
     assert found.result.peak_at_end and found.why == ""
     assert found.amplitude == pytest.approx(study.peak(3000.0).amplitude, rel=1e-8) != found.result.peak.amplitude
 
 
 def test_a_list_of_two_numbers_is_an_answer_and_others_are_named(study):
-    assert ask(study, lambda p: [0.1, np.float64(0.2)])[:3] == (0.1, 0.2, "")
+    assert ask(study.problem, lambda p: [0.1, np.float64(0.2)])[:3] == (0.1, 0.2, "")
     for wrong in ([0.1], "ab", None, [0.1, "x"]):
-        found = ask(study, lambda p, answer=wrong: answer)
+        found = ask(study.problem, lambda p, answer=wrong: answer)
         assert "expected a Curve, a Peak, or amplitude (m) and frequency (Hz), found" in found.why
 
 
 def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
     other = study.with_(harmonics=5)
-    tops = Tops.of(study, study.track(0.0, BAND))
+    tops = Tops.of(study.problem, study.track(0.0, BAND))
     true = other.peak(0.0, BAND).amplitude / tops.peaks[0].amplitude - 1.0
-    by_curve = compare(study, other, 0.0, tops)
+    by_curve = compare(study.problem, other.problem, 0.0, tops)
     assert by_curve.how == "found anew by a whole curve" and by_curve.amplitude == pytest.approx(true, rel=1e-4)
 
     def none(*_, **__):
         raise AssertionError("followed")
 
     monkeypatch.setattr(richer, "track", none)
-    solved = compare(study, other, 0.0, tops, by_newton=True)
+    solved = compare(study.problem, other.problem, 0.0, tops, by_newton=True)
     assert solved.how == "solved" and solved.amplitude == pytest.approx(true, rel=1e-4) and abs(true) > 1e-5

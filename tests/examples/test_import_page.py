@@ -15,7 +15,7 @@ from bdamper.fe import SectorFE, bladed_disk
 from bdamper.fe.assemble import local_order
 from bdamper.fe.stress import blade_points
 from tests.ansys_files import write_cdb, write_full
-from tests.fe_bodies import FIRST_NUMBER, sector_and_damper
+from tests.fe_bodies import FIRST_NUMBER, modes_alone, sector_and_damper
 from tests.io.test_io_files import bulk_text
 from tests.own_sector import OwnSector, deck
 from tests.plain import plain_study
@@ -92,7 +92,8 @@ def test_page(tmp_path, monkeypatch, capsys):
     assert np.linalg.norm(tip - theirs) < 1e-9, f"the tip is node {fe.blade.nearest_node(theirs) + 101}"
     assert space["curve"].complete
     # the rectangles of the constraint planes differ by 3.5 mm, which residual modes tell in the fourth digit
-    studies = [plain_study(m, Excitation("tip"), 5, friction_coefficient=0.3) for m in (space["built"].model, reference)]
+    models = modes_alone(space["built"].model), reference
+    studies = [plain_study(m, Excitation("tip"), 5, friction_coefficient=0.3) for m in models]
     found, expected = (s.track(500.0, (250.0, 400.0)).peak for s in studies)
     assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-3)
     assert found.frequency == pytest.approx(expected.frequency, rel=1e-4)

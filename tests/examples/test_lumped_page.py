@@ -51,6 +51,6 @@ def test_two_blades(page):
 
 def test_chain(page):
     assert page["chain_curve"].complete
-    _, force, _ = page["chain"].system(0.0).contact(page["chain_curve"].unknowns[page["chain_curve"].peak.index])
+    _, force, _ = page["chain"].problem.system(0.0).contact(page["chain_curve"].unknowns[page["chain_curve"].peak.index])
     assert np.abs(force[0, 2]).max() > 0.01, "it meets the stop"
     assert np.abs(force[1, 0]).max() > 0.01, "the cubic spring is strained"

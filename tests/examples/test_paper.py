@@ -164,8 +164,8 @@ def test_optimal_curves(tmp_path):
 
 
 def test_tables_of_the_approximations_have_what_was_stored():
-    """The three tables of docs/studies.md below the claims, each number of them."""
-    page = (EXAMPLES.parent / "docs" / "studies.md").read_text().split("## What each approximation is worth")[1]
+    """The three tables of docs/measured.md, each number of them."""
+    page = (EXAMPLES.parent / "docs" / "measured.md").read_text().split("## Approximations of the paper")[1]
     stored = json.loads((EXAMPLES.parent / "benchmarks" / "results" / "paper.json").read_text())
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")]
     seen = 0
@@ -317,9 +317,7 @@ def test_contact_points(tmp_path):
             slip = share[:, :, 1].max(axis=1)
             assert (slip == 0.0).any() and slip.max() > 0.05 and (share[:, 0, 2] > 0.1).any()
     names = ("fig15_contact_points", "fig16_status_bars_paper", "fig16_status_maps_paper", "fig16_status_bars_converged")
-    assert_pictures(tmp_path, *(f"{name}.png" for name in names), "fig16_damper.gif")
-    with Image.open(tmp_path / "fig16_damper.gif") as movie:
-        assert movie.n_frames == 36
+    assert_pictures(tmp_path, *(f"{name}.png" for name in names))
 
 
 @pytest.mark.slow

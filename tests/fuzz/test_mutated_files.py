@@ -366,6 +366,7 @@ def run(case: int, folder: Path, scratch: Path) -> str:
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs an alarm of the operating system")
+@pytest.mark.timeout(300 + CASES, method="thread")  # the alarm is its own
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("part", range(10))
 def test_mutated_files(folder, part):

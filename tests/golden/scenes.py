@@ -98,7 +98,6 @@ for preload in (30.0, 300.0):
         lambda p=preload: curve(study("wedge", harmonics=3, evaluation=bd.Sampled(128)), p, (900.0, 1600.0))
     )
 scene("curve wedge without bias, H=1, 100 N")(lambda: curve(study("wedge", bias=False), 100.0, (900.0, 1600.0)))
-scene("curve wedge from high, H=1, 100 N")(lambda: curve(study("wedge"), 100.0, (900.0, 1600.0), from_high=True))
 scene("curve wedge, two harmonics, 100 N")(lambda: curve(study("wedge", harmonics=(1, 3)), 100.0, (900.0, 1600.0)))
 scene("curve shroud, H=3")(lambda: curve(study("shroud", harmonics=3), 0.0, (250.0, 420.0)))
 scene("curve wedge, coupled friction, H=1, 100 N")(
@@ -169,13 +168,15 @@ def turning() -> Any:
 @scene("run-up")
 def run_up() -> Answer:
     found = turning().run_up((420.0, 465.0))
-    return {"peak": found.peak_amplitude, "peak at": round(found.peak_speed, 5)}, {"points": len(found)}
+    top = found.peak
+    return {"peak": top.amplitude, "peak at": round(float(found.speed[top.index]), 5)}, {"points": len(found)}
 
 
 @scene("crossings")
 def crossings() -> Answer:
     found = turning().crossings((400.0, 500.0), [5], damper_mass=(0.8, 1.2))
-    return {"amplitude": found.amplitude.tolist(), "speed": np.round(found.speed, 5).tolist()}, {}
+    amplitude, speed = (found.array(name).ravel() for name in ("amplitude", "speed"))
+    return {"amplitude": amplitude.tolist(), "speed": np.round(speed, 5).tolist()}, {}
 
 
 def wheel(preload: float, deviations: tuple[float, ...]) -> Answer:

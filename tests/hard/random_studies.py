@@ -66,8 +66,8 @@ def oracle_residuals(study, preload, curve):
     -------
     residual, rounding : (n_points,) float
     """
-    system = study.system(preload)
-    a = for_oracle(system.arrays)
+    system = study.problem.system(preload)
+    a = for_oracle(system.structure.arrays)
     found = oracle.residuals(curve.unknowns, 2 * np.pi * curve.frequency, a)
     spring = np.column_stack([a["kt"], a["kn"]]) * np.abs(oracle.motions(curve.unknowns, a)).max(axis=3)
     modal = max(np.abs(G).max(initial=0.0) for G in a["G"]) * system.row_scale.max()

@@ -53,7 +53,8 @@ def cases(of, first, wanted):
 @pytest.mark.parametrize(("first", "sample"), [(0, 0), (2000, 2003), (5000, 5003)])
 def test_effectivity_of_estimates(first, sample):
     found = cases(effectivity, first if FULL else sample, min(FULL, 200) or 4)
-    e = np.array([c["effectivity"] for c in found])
-    good = (e > 0.3) & (e < 3.0)
-    assert good.mean() >= 0.95 if FULL else good.all(), [c for c, g in zip(found, good) if not g]
-    assert all(c["effectivity"] >= 0.1 for c in found if c["folded"])
+    known = [c for c in found if np.isfinite(c["estimated"]).all()]
+    assert len(known) >= 0.9 * len(found), [c for c in found if c not in known]
+    wrong = [c for c in known if not 1.0 / 3.0 < c["effectivity"] < 3.0]
+    assert len(wrong) <= 0.05 * len(known), wrong
+    assert all(c["effectivity"] >= 0.1 for c in known if c["folded"])

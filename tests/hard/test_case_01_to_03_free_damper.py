@@ -16,18 +16,18 @@ def study(points=9, **settings):
 
 def test_case_01_start_at_zero_motion_without_penetration():
     s = study()
-    system = s.system(0.0)
+    system = s.problem.system(0.0)
     rest = np.zeros(system.n_unknowns)
     _, J, _ = system.evaluate(rest, 2 * np.pi * 250.0)
-    rigid = [k for k, c in enumerate(s.bases[0].coordinates) if c.body == "damper"]
+    rigid = [k for k, c in enumerate(s.problem.bases[0].coordinates) if c.body == "damper"]
     assert len(rigid) == 6
     # no penetration: the mean of the damper is as free as that of a flying body, and the null vectors are its motions
     values = np.linalg.svd(J[:, rigid], compute_uv=False)
     assert values[-1] <= 1e-9 * np.abs(J).max()
-    assert neutral_directions(system, s.bases[0].coordinates, np.append(rest, 2 * np.pi * 250.0))
+    assert neutral_directions(system, s.problem.bases[0].coordinates, np.append(rest, 2 * np.pi * 250.0))
     # the chain does not start there, but from the static state, where all six are held
-    system, state = s.system(200.0), s.static(200.0)
-    start = system.pack(state.q, np.zeros(len(s.bases[1].omega2)))
+    system, state = s.problem.system(200.0), s.static(200.0)
+    start = system.pack(state.q, np.zeros(len(s.problem.bases[1].omega2)))
     r, J, _ = system.evaluate(start, 2 * np.pi * 250.0)
     assert np.linalg.svd(J[:, rigid], compute_uv=False)[-1] > 1e-6 * np.abs(J[:, rigid]).max()
     assert np.abs(r[: system.n_mean] * system.row_scale[: system.n_mean]).max() < 1e-8
@@ -43,8 +43,8 @@ def test_case_02_walking_is_reported_and_one_plane_loads():
     walks = [note for note in curve.notes if "drifts along TZ" in note]
     assert walks
     assert "drift" in curve.point_kind
-    system = s.system(200.0)
-    front, back = s.coupling.rows("front"), s.coupling.rows("back")
+    system = s.problem.system(200.0)
+    front, back = s.problem.coupling.rows("front"), s.problem.coupling.rows("back")
     loaded = []
     for u in curve.unknowns:
         _, F, _ = system.contact(u)

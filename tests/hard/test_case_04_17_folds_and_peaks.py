@@ -1,5 +1,7 @@
 """Rows 4 and 17, and the curve-level promises on folds: location, both branches, nothing stepped over."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -8,8 +10,7 @@ import bdamper as bd
 from bdamper.continuation.events import turns_twice
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.harmonic_balance.linear import linear_resonances
-from bdamper.harmonic_balance.system import OK
+from bdamper.harmonic_balance.equations import OK
 from tests.hard.random_studies import random_study
 from tests.oscillators import oscillator
 from tests.plain import plain_study
@@ -24,7 +25,7 @@ def two_oscillators(n_harm, **settings):
 
 
 def followed(system, low, high, springs, **options):
-    start = np.append(system.pack(np.zeros(system.n_mean), system.linear_response(low, springs)), low)
+    start = np.append(system.pack(np.zeros(system.n_mean), system.structure.linear.response(low, springs)), low)
     return follow(system, start, (low, high), options=ContinuationOptions(**options))
 
 
@@ -79,15 +80,16 @@ def test_case_17_fully_stuck_peak_is_not_stepped_over(ratio):
     )  # fmt: skip
     omega = np.sqrt(np.linalg.eigvalsh(k + np.diag([0.6, 6.0])))[0]
     around = omega * (1.0 + ratio * np.linspace(-3, 3, 601))
-    exact = max(abs(system.linear_response(w, STUCK) @ system.response_rows[1]) for w in around)
+    exact = max(abs(system.structure.linear.response(w, STUCK) @ system.response_rows[1]) for w in around)
 
     def peak(path):
         assert path.status == "complete"
         return max(abs(system.response(p.y[:-1])[1]) for p in path.points if abs(p.y[-1] - omega) < 0.05)
 
-    system.watched = linear_resonances(system, (None, STUCK), 0.8, 2.5)
+    system = replace(system, watched=system.structure.linear.resonances((None, STUCK), 0.8, 2.5))
     assert abs(peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) / exact - 1.0) < 1e-3
-    system.watched = []  # with long steps and nothing to watch it is stepped over: what the test guards against
+    # with long steps and nothing to watch it is stepped over: what the test guards against
+    system = replace(system, watched=())
     assert peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) < 0.5 * exact
 
 

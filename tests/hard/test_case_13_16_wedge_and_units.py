@@ -22,7 +22,7 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
         friction_coefficient=mu,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )
-    assert self_locking(study) == (("damper",) if locks else ())
+    assert self_locking(study.problem) == (("damper",) if locks else ())
     curve = study.track(200.0, (250.0, 300.0))
     assert any("not unique" in note for note in curve.notes) == locks
     if locks:
@@ -31,10 +31,11 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
 
         from bdamper.contact.preload import StaticSystem, static_state
 
-        force, shift = study.damper_load
+        problem = study.problem
+        (force, shift), basis, kn = problem.damper_load, problem.bases[0], problem.point_stiffness[:, 2]
         system = StaticSystem(
-            study.bases[0].omega2, study.bases[0].G.real, study.tangential_stiffness, study.point_stiffness[:, 2],
-            study.friction, -study.point_stiffness[:, 2] * study.point_gaps, force, shift, np.zeros_like(force),
+            basis.omega2, basis.G.real, problem.tangential_stiffness, kn, problem.friction, -kn * problem.point_gaps,
+            force, shift, np.zeros_like(force),
         )  # fmt: skip
         direct = static_state(system, 200.0)
         over = static_state(replace(system), 200.0, start=static_state(system, 2000.0))
@@ -52,10 +53,10 @@ def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, ex
         model, engine_order=engine_order, harmonics=3, contact_stiffness="model",
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
-    assert [b.nodal_diameter for b in study.bases] == expected
+    assert [b.nodal_diameter for b in study.problem.bases] == expected
     # phase 0 or pi between neighbours: real relative motion; else complex
     phase = 2 * np.pi * engine_order / n_blades
-    for l, b in enumerate(study.bases):
+    for l, b in enumerate(study.problem.bases):
         real = abs(np.sin(l * phase)) < 1e-12
         assert (np.abs(b.G.imag).max() < 1e-12 * np.abs(b.G).max()) == real
     assert study.track(100.0, (250.0, 300.0)).complete
@@ -70,7 +71,7 @@ def test_case_15_no_excitation_has_no_response(still):
     asked = [
         lambda: study.track(200.0, interval), lambda: study.peak(200.0), lambda: study.peak(200.0, interval),
         lambda: study.optimal_curve((20.0, 200.0), n=3), lambda: study.stuck(interval, 200.0), lambda: study.free(interval),
-        lambda: study.sweep_in_time(200.0, interval), lambda: study.system(200.0),
+        lambda: study.sweep_in_time(200.0, interval), lambda: study.problem.system(200.0),
     ]  # fmt: skip
     for ask in asked:
         with pytest.raises(bd.SettingError, match=r"^excitation: expected a finite force .*, found .* N at 'tip'"):

@@ -28,10 +28,10 @@ def test_case_21_all_points_open_under_a_static_load():
     model = acyclic_model(1)
     s = study(with_gap(model, ("left", "right"), 1.0))
     # state in which all is open: the residual is the load, and no mean position changes it
-    s.static_states[(100.0, *s.load_history)] = replace(s.static(0.0), load=100.0)
-    system = s.system(100.0)
+    s.problem.static_states[(100.0, *s.settings.load_history)] = replace(s.static(0.0), load=100.0)
+    system = s.problem.system(100.0)
     y = np.append(np.zeros(system.n_unknowns), 2 * np.pi * 300.0)
-    text = why_no_solution(system, s.coupling.model, s.bases[0].coordinates, y)
+    text = why_no_solution(system, s.problem.coupling.model, s.problem.bases[0].coordinates, y)
     assert "no periodic solution" in text
     assert "open through the cycle" in text
     assert "TY of damper" in text or "along TY" in text
@@ -42,11 +42,11 @@ def test_case_21_all_points_open_under_a_static_load():
 
 
 def loaded_planes(s, curve):
-    system = s.system(curve.preload)
+    system = s.problem.system(curve.preload)
     out = []
     for u in curve.unknowns:
         _, F, _ = system.contact(u)
-        out.append([np.abs(F[s.coupling.rows(name), 2]).max() > 1e-9 for name in ("front", "back")])
+        out.append([np.abs(F[s.problem.coupling.rows(name), 2]).max() > 1e-9 for name in ("front", "back")])
     return np.array(out)
 
 
@@ -63,6 +63,6 @@ def test_case_22_planes_without_clearance_hold_both_ways():
     assert curve.complete, curve.reason
     assert loaded_planes(s, curve).any(axis=0).all()
     # axial mean motion stays of the size of the vibration
-    k = [c.name for c in s.bases[0].coordinates].index("TZ")
+    k = [c.name for c in s.problem.bases[0].coordinates].index("TZ")
     free = study(with_gap(acyclic_model(1), ("front", "back"), 1e-3), harmonics=1).track(20.0, (250.0, 400.0))
     assert np.abs(curve.unknowns[:, k]).max() <= np.abs(free.unknowns[:, k]).max() * 1.001

@@ -6,6 +6,8 @@ bisection along the disturbance, and the Jacobian beyond it must give the differ
 (semismoothness), better and better as the two draw together.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ from bdamper.contact.laws import (
     Sampled,
 )
 from bdamper.contact.points import PointArrays
-from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.harmonic_balance.system import segments
 from bdamper.problem.problem import stuck_springs
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
@@ -48,14 +50,14 @@ class State:
     def __init__(self, seed):
         study, preload, interval = random_study(seed)
         rng = self.rng = np.random.default_rng(seed)
-        plain = study.system(preload)
+        plain = study.problem.system(preload)
         self.omega = 2 * np.pi * rng.uniform(*interval)
         state = study.static(preload)
-        u = plain.pack(state.q, plain.linear_response(self.omega, stuck_springs(study, state)))
+        u = plain.pack(state.q, plain.structure.linear.response(self.omega, stuck_springs(study.problem, state)))
         u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
         self.u = u
         self.name = TURN[seed % len(TURN)]
-        given = plain.points
+        given = plain.structure.points
         law = np.where(given.mu > 0.0, rng.choice(LAWS[self.name], plain.n_points), LAW_NORMAL)
         motion = plain.contact(u)[0]
         self.size = np.abs(motion[..., 1:]).max()
@@ -67,7 +69,7 @@ class State:
         self.points = PointArrays(
             given.kt, given.kn, given.mu, given.n0, given.slider, law.astype(np.intc), given.shift, load
         )
-        self.system = HarmonicSystem(plain.bases, self.points, plain.force, plain.response_rows, self.evaluation)
+        self.system = replace(plain.structure, points=self.points, evaluation=self.evaluation).equations
         # of one unit, it moves the surfaces by the vibration
         direction = rng.standard_normal(len(u))
         moved = plain.contact(direction)[0] - plain.contact(0.0 * direction)[0]

@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import LAW_COUPLED
-from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.harmonic_balance.system import segments
 from bdamper.stability.floquet import monodromy, multipliers, shooting_monodromy, stability_of_points
 from bdamper.stability.time_integration import Motion, Ring
 from tests.event_march import Marcher
@@ -28,9 +28,9 @@ def prepared(system, y, n_steps=96):
     u, omega = y[:-1], y[-1]
     marcher = Marcher(system, omega, n_steps)
     x, _, _ = system.contact(u)
-    p = system.points
+    p = system.structure.points
     cycles = [segments(x[i], p.kt[i], p.kn[i], p.mu[i], p.n0[i], p.slider[i], p.law[i])[d] for i, d in marcher.pairs]
-    closed = system.points.n0 + system.points.kn * (x[:, 2, 0] + x[:, 2, 1::2].sum(axis=1)) > 0.0
+    closed = system.structure.points.n0 + system.structure.points.kn * (x[:, 2, 0] + x[:, 2, 1::2].sum(axis=1)) > 0.0
     states = [next(s for a, b, s in parts if -a % (2.0 * np.pi) < b - a) for parts in cycles]
     sliders = Ring(system, 1, 0).initial_slider(u, omega, 4096)[0]
     z = marcher.start(u, states, np.array([sliders[pair] for pair in marcher.pairs]))
@@ -69,7 +69,7 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
             model, engine_order=0, harmonics=harmonics, contact_stiffness="model", damping_ratio=0.03,
             excitation=bd.Excitation("tip", "tangential", 40.0),
         )  # fmt: skip
-        system = study.system(200.0)
+        system = study.problem.system(200.0)
         if u is None:
             u = study.track(200.0, (300.0, 358.523)).unknowns[-1]
         guess = np.append(u, np.zeros(system.n_unknowns - len(u)))
@@ -77,10 +77,10 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
     for _ in range(3):
         ends = slider_interval(system, u)
         margin = 0.05 * (ends[..., 1] - ends[..., 0])
-        inside = np.clip(system.points.slider, ends[..., 0] + margin, ends[..., 1] - margin)
-        points = replace(system.points, slider=np.where(np.isnan(margin), system.points.slider, inside))
+        inside = np.clip(system.structure.points.slider, ends[..., 0] + margin, ends[..., 1] - margin)
+        points = replace(system.structure.points, slider=np.where(np.isnan(margin), system.structure.points.slider, inside))
         scale = 1.0 / system.row_scale[0], 1.0 / system.row_scale[-1]
-        system = HarmonicSystem(system.bases, points, system.force, system.response_rows, "exact", scale)
+        system = replace(system.structure, points=points, evaluation="exact", force_scale=scale).equations
         found = system.correct_at(u, omega, np.ones(len(u) + 1), 1e-10, 100, True)
         assert found.status == 0
         u = found.y[:-1]
@@ -134,8 +134,8 @@ def test_sampled_law_is_judged_along_the_events_of_its_motion(path):
 def test_coupled_law_is_judged_by_shooting_and_verified(path):
     """Motion along one tangential axis: the disk of the coupled law is the interval of the separable one."""
     exact = two_oscillators(15)
-    points = replace(exact.points, law=np.array([LAW_COUPLED], np.intc))
-    coupled = HarmonicSystem(exact.bases, points, exact.force, exact.response_rows, bd.Sampled(512))
+    points = replace(exact.structure.points, law=np.array([LAW_COUPLED], np.intc))
+    coupled = replace(exact.structure, points=points, evaluation=bd.Sampled(512)).equations
     slipping = [q for q in path.points if q.shares[1] > 0.05][::10]
     assert len(slipping) >= 3
     for p in slipping:
@@ -150,8 +150,8 @@ def test_coupled_law_is_judged_by_shooting_and_verified(path):
 def test_both_verdicts_of_shooting_as_time_integration_has_them(path):
     """Disturbed a little and marched over many periods, unstable solutions are left, stable ones come back."""
     exact = two_oscillators(15)
-    points = replace(exact.points, law=np.array([LAW_COUPLED], np.intc))
-    coupled = HarmonicSystem(exact.bases, points, exact.force, exact.response_rows, bd.Sampled(512))
+    points = replace(exact.structure.points, law=np.array([LAW_COUPLED], np.intc))
+    coupled = replace(exact.structure, points=points, evaluation=bd.Sampled(512)).equations
     folds = [i for i, p in enumerate(path.points) if p.kind == "fold"]
     between = path.points[folds[0] + 3 : folds[1] - 2]
     chosen = [between[len(between) // 2], path.points[folds[0] - 5]]
@@ -184,9 +184,9 @@ def test_shooting_at_a_fully_stuck_solution_is_linear(seed, law):
     )
     curve = study.track(2000.0, (300.0, 300.2))
     assert curve.shares[0, 0] == 1.0
-    system, omega = study.system(2000.0), 2.0 * np.pi * curve.frequency[0]
+    system, omega = study.problem.system(2000.0), 2.0 * np.pi * curve.frequency[0]
     _, _, shares = system.contact(curve.unknowns[0])
-    points, basis = system.points, system.bases[0]
+    points, basis = system.structure.points, system.structure.bases[0]
     springs = np.column_stack([points.kt * (shares[:, [0, 2]] > 0.5), points.kn * (shares[:, 4] < 0.5)])
     G = np.asarray(basis.G).real
     n = len(basis.omega2)
@@ -224,7 +224,7 @@ def test_coupled_law_of_a_study():
     assert curve.shares[curve.peak.index, 1] > 0.02
     assert study.verify(curve, periods=5, steps_per_period=448).distance < 0.02
     i = curve.peak.index
-    judged = stability_of_points(study.system(50.0), curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])
+    judged = stability_of_points(study.problem.system(50.0), curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])
     assert judged.stable.all()
     assert 0.1 < judged.largest[0] < 1.0
 
@@ -256,16 +256,16 @@ def test_cyclic_structures_by_the_determinant_and_by_exponents():
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )
-    by_sign = study.track(1000.0, (320.0, 380.0), stability=True)
-    assert "det J" in by_sign.stability_note
-    curve = study.with_stability(by_sign, oscillating=True)
+    curve, system = study.track(1000.0, (320.0, 380.0), stability=True), study.problem.system(1000.0)
+    solutions = zip(curve.unknowns, 2.0 * np.pi * curve.frequency)
+    by_sign = np.array([np.linalg.slogdet(system.evaluate(u, omega)[1])[0] > 0.0 for u, omega in solutions])
     assert "oscillating or not" in curve.stability_note
     assert " s for the curve" in curve.stability_note
     folds = [fold.index for fold in curve.folds]
     assert len(folds) == 2
     # the sign of the determinant changes at the folds alone
-    assert not by_sign.stable[folds[0] + 1 : folds[1]].any()
-    assert by_sign.stable[: folds[0]].all() and by_sign.stable[folds[1] + 1 :].all()
+    assert not by_sign[folds[0] + 1 : folds[1]].any()
+    assert by_sign[: folds[0]].all() and by_sign[folds[1] + 1 :].all()
     # between the folds no point is stable; off resonance, where everything sticks, all are
     assert not curve.stable[folds[0] + 1 : folds[1]].any()
     assert curve.stable[curve.shares[:, 0] > 1.0 - 1e-9].all()

@@ -7,13 +7,12 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import LAW_BONDED
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.system import Sector
 from bdamper.stability.floquet import multipliers, stability_of_points
-from bdamper.stability.in_time import judge_in_time
 from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, judged
-from bdamper.stability.time_integration import Ring
+from bdamper.stability.time_integration import MarchFailed, Ring
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
-from tests.marches import march_until_settled, verify_solution
+from tests.marches import fails_after, march_until_settled, verify_solution
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
@@ -38,7 +37,7 @@ def test_linear_motion_to_second_order():
     errors = []
     for n in (100, 200):
         ring = Ring(system, 1, 0)
-        settled = ring.march(ring.start(p.y[:-1], p.y[-1], n), p.y[-1], n, 150).harmonics[-1, 1]
+        settled = ring.march(ring.start(p.y[:-1], p.y[-1], n), p.y[-1], n, 150).harmonics[-1, 0, 1]
         errors.append(abs(settled / system.response(p.y[None, :-1])[0, 1] - 1.0))
     assert 3.5 < errors[0] / errors[1] < 4.5
     assert errors[1] < 1e-3
@@ -59,14 +58,14 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     curve = study.track(400.0, (250.0, 350.0))
     assert curve.complete
     result = study.verify(curve, periods=20)
-    assert result.sectors == 4  # the pattern repeats
+    assert result.blades.shape[1] == 4  # the pattern repeats
     assert (curve.shares[curve.peak.index, 1:] > 0.01).all()  # slip and separation
     assert result.distance < 0.03
     assert "distance" in result.details() and "evaluations" in result.details()
     cost = result.cost
-    assert cost.evaluations >= 20 * result.steps_per_period
-    assert cost.contact > 0.0 and cost.core < cost.seconds == result.seconds
-    assert result.plot().get_xlabel() == "Time (periods)"
+    assert cost.evaluations >= 20 * BOUNDS.steps
+    assert cost.contact > 0.0 and cost.core < cost.seconds
+    assert result.plot().get_xlabel() == "Period of the excitation"
 
 
 def rig(law, evaluation="exact", harmonics=5):
@@ -114,22 +113,24 @@ def test_other_contact_laws_settle_where_harmonic_balance_says(name):
     found = study.verify(curve, periods=12, steps_per_period=448)
     assert found.distance < DISTANCE[name]
     if name.startswith("constant"):
-        assert np.abs(found.expected[2::2]).max() < 1e-9 * np.abs(found.expected[1])
+        expected = curve.harmonics[curve.peak.index]
+        assert np.abs(expected[2::2]).max() < 1e-9 * np.abs(expected[1])
     # the motion of one law is none of the others
     if name == "sampled":
         return
     i = curve.peak.index
     omega = 2 * np.pi * curve.frequency[i]
-    of_another = rig({}, harmonics=harmonics).system(50.0)
+    of_another = rig({}, harmonics=harmonics).problem.system(50.0)
     other = verify_solution(of_another, curve.unknowns[i], omega, 1, 0, periods=12, steps_per_period=448)
     assert other.distance > 3.0 * found.distance
-    judged = stability_of_points(study.system(50.0), curve.unknowns[[i]], np.array([omega]))
+    judged = stability_of_points(study.problem.system(50.0), curve.unknowns[[i]], np.array([omega]))
     assert judged.stable.all()
     assert judged.method == "multipliers"
     if name == "bonded":  # linear: the least damped mode, to second order in the step
-        system = study.system(50.0)
-        basis, n = system.bases[0], system.n_mean
-        springs = np.column_stack([system.points.kt, system.points.kn]) * (system.points.law == LAW_BONDED)[:, None]
+        system = study.problem.system(50.0)
+        basis, n = system.structure.bases[0], system.n_mean
+        points = system.structure.points
+        springs = np.column_stack([points.kt, points.kn]) * (points.law == LAW_BONDED)[:, None]
         stiffness = np.diag(basis.omega2) + np.einsum("pam,pa,pan->mn", basis.G.real, springs, basis.G.real)
         rates = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -np.diag(basis.damping)]]))
         np.testing.assert_allclose(judged.largest[0], np.exp(rates.real.max() / curve.peak.frequency), rtol=2e-3)
@@ -142,44 +143,25 @@ def test_verification_can_fail():
     wrong = p.y[:-1].copy()
     wrong[2:] *= 1.3
     found = verify_solution(system, wrong, p.y[-1], 1, 0, periods=48, steps_per_period=400)
-    assert found.distance > 0.1 and found.tolerance == 0.05 and found.verdict != AGREES
+    assert found.distance > 0.1 and found.verdict != AGREES
     right = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, steps_per_period=400)
     assert right.verdict == AGREES and right.distance < 0.02 and right.periods == len(right.amplitude) == 96
-    assert "agrees within 5 %" in right.details() and "agrees within 5 %" in right.plot().get_title()
+    assert "time agrees with the solution" in right.details() and right.plot().get_title().endswith(": agrees")
     assert verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400).verdict == UNDECIDED
 
 
-def test_contact_forces_that_are_not_found_are_told(monkeypatch):
+def test_a_march_that_fails_is_no_response(monkeypatch):
     system = two_oscillators(1)
     p = followed(system, 1.0, 1.02, STUCK).points[0]
-    ring = Ring(system, 1, 0)
-    assert ring.unsolved == ""
-    ring.effort = ring.effort + (61, 90, 3)
-    assert ring.unsolved == "contact forces were not found in 3 of 61 steps"
-    monkeypatch.setattr(Ring, "unsolved", ring.unsolved)
     u, omega = p.y[:-1], p.y[-1]
-    for found in (
-        verify_solution(system, u, omega, 1, 0, steps_per_period=256),
-        march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
+    for ask in (
+        lambda: verify_solution(system, u, omega, 1, 0, steps_per_period=256),
+        lambda: march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
     ):
-        assert found.reason == ring.unsolved and UNDECIDED in found.details()
-    assert judge_in_time(system, u, omega, 1, 0).verdict == UNDECIDED
-
-
-def test_a_march_that_overflows_is_no_response(monkeypatch):
-    system = two_oscillators(1)
-    p, march = followed(system, 1.0, 1.02, STUCK).points[0], Ring.march
-
-    def growing(ring, *args, **options):
-        found = march(ring, *args, **options)
-        with np.errstate(over="ignore"):
-            return found._replace(motion=found.motion._replace(q=1e100 * found.motion.q))
-
-    monkeypatch.setattr(Ring, "march", growing)
-    with pytest.raises(bd.BdamperError, match="the march overflows in period 4: raise steps_per_period"):
-        march_until_settled(system, p.y[-1], 1, 0, p.y[:-1], preload=1.0)
-    found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, steps_per_period=400)
-    assert (found.verdict, found.reason, found.periods) == (UNDECIDED, "the march left the range of numbers", 4)
+        fails_after(monkeypatch, 20)
+        with pytest.raises(MarchFailed, match="the march fails near "):
+            ask()
+        monkeypatch.undo()
 
 
 def test_what_decides():
@@ -197,7 +179,6 @@ def test_what_decides():
         "scatters a little": (1.0 + 0.04 * noise, AGREES, None),
         "scatters": (1.0 + 0.4 * noise, DIFFERS, None),
         "comes back": (1.0 + 0.5 * np.exp(-k / 60.0), AGREES, None),
-        "breaks down": (np.full(400, np.nan), UNDECIDED, None),
     }
     for name, (amplitude, expected, after) in cases.items():
         looks = [judged(amplitude[:n], 1.0, 0.05, 200.0) for n in range(16, 401, 16)]
@@ -219,11 +200,11 @@ def test_interrupted_verification_keeps_the_periods(monkeypatch):
 
     monkeypatch.setattr(Ring, "march", stopped)
     found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=60, steps_per_period=400)
-    assert found.interrupted and found.periods == 4 and "interrupted by the user" in found.details()
+    assert found.status == "interrupted" and found.periods == 4 and "interrupted" in found.details()
     monkeypatch.setattr(Ring, "march", march)
     whole = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=4, steps_per_period=400)
-    assert not whole.interrupted
-    np.testing.assert_array_equal(found.response, whole.response)
+    assert whole.status != "interrupted"
+    np.testing.assert_array_equal(found.harmonics, whole.harmonics)
 
 
 @pytest.mark.slow
@@ -239,8 +220,8 @@ def test_residual_modes_march_like_many_modes(frequency):
         study = bd.Study(model, **settings, **more)
         curve = study.track(2000.0, (frequency - 2.0, frequency + 2.0))
         i = int(np.abs(curve.frequency - frequency).argmin())
-        assert ((np.concatenate([b.mass for b in study.bases]) == 0.0).any()) == (not more)
-        system, omega = study.system(2000.0), 2 * np.pi * curve.frequency[i]
+        assert ((np.concatenate([b.mass for b in study.problem.bases]) == 0.0).any()) == (not more)
+        system, omega = study.problem.system(2000.0), 2 * np.pi * curve.frequency[i]
         settled = march_until_settled(system, omega, 65, 5, curve.unknowns[i], preload=2000.0, periods=80)
         expected.append(curve.amplitude[i])
         found.append(settled.amplitude[-20:].mean())
@@ -255,7 +236,7 @@ def test_what_cannot_be_integrated_is_refused():
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
     with pytest.raises(bd.SettingError, match="single_basis"):
-        Ring(study.system(100.0), 8, 1)
+        Ring(study.problem.system(100.0), 8, 1)
     study = plain_study(
         acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 1.0)
     )
@@ -272,27 +253,25 @@ def test_without_a_mean_the_wave_alone_is_marched():
     study = plain_study(model, engine_order=2, contact_stiffness=3e6, friction_coefficient=0.3, damping_ratio=0.03,
                         bias=False, excitation=bd.Excitation("tip", "tangential", 200.0))  # fmt: skip
     curve = study.track(400.0, (250.0, 255.0))
-    assert Ring(study.system(400.0), 8, 2).families == {1: 1}
-    found = verify_solution(study.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2)
-    assert found.verdict == AGREES and abs(found.settled[0]) < 1e-3 * abs(found.settled[1])
-    judged = judge_in_time(study.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2)
-    assert judged.verdict == AGREES and judged.spread < BOUNDS.repeats
+    assert Ring(study.problem.system(400.0), 8, 2).families == {1: 1}
+    found = verify_solution(study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2)
+    assert found.verdict == AGREES and abs(found.harmonics[-1, 0]) < 1e-3 * abs(found.harmonics[-1, 1])
 
 
 def test_modal_coordinates_may_have_any_mass():
     """The same structure in other units of its modal coordinates: the same motion in time and the same multipliers."""
     system, size = two_oscillators(5), np.array([3.0, 0.2])
     bases = [
-        replace(b, omega2=b.omega2 * size**2, mass=b.mass * size**2, G=b.G * size) for b in system.bases
+        replace(b, omega2=b.omega2 * size**2, mass=b.mass * size**2, G=b.G * size) for b in system.structure.bases
     ]
     u_size = np.tile(size, system.n_unknowns // 2)
     rows = [r * size for r in system.response_rows]
-    scaled = HarmonicSystem(bases, system.points, system.force * u_size, rows)
+    scaled = Sector(bases, system.structure.points, system.structure.force * u_size, rows).equations
     p = max(followed(system, 1.5, 2.2, STUCK).points, key=lambda q: q.shares[1])
     u = p.y[:-1] / u_size
     np.testing.assert_allclose(scaled.response(u), system.response(p.y[:-1]), rtol=1e-12)
     one = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400)
     other = verify_solution(scaled, u, p.y[-1], 1, 0, periods=5, steps_per_period=400)
-    np.testing.assert_allclose(other.settled, one.settled, atol=1e-9 * np.abs(one.settled).max())
+    np.testing.assert_allclose(other.harmonics, one.harmonics, atol=1e-9 * np.abs(one.harmonics).max())
     values = [np.sort_complex(multipliers(s, x, p.y[-1])) for s, x in ((system, p.y[:-1]), (scaled, u))]
     np.testing.assert_allclose(values[1], values[0], rtol=0, atol=1e-8)

@@ -1,6 +1,5 @@
 """Energy of a cycle and histories of forces: balance, closed forms, and the forces that the core projects."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,11 +80,12 @@ def test_histories_have_the_harmonics_of_the_core(settings, error):
     """Of any motion, at equal steps: those of the exact evaluation to second order in the step."""
     model = bd.reference_model("bladed_disk", 9)
     study = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
-    study = replace(study, **settings)
-    system, static = study.system(500.0), study.static(500.0)
+    study = study.with_(**settings)
+    system, static = study.problem.system(500.0), study.static(500.0)
     # small enough for points that come to rest in a disk
     size, frequency = (0.3, 360.0) if "evaluation" in settings else (0.5, 355.0)
-    u = system.pack(static.q, size * system.linear_response(2.0 * np.pi * frequency, stuck_springs(study, static)))
+    stuck = system.structure.linear.response(2.0 * np.pi * frequency, stuck_springs(study.problem, static))
+    u = system.pack(static.q, size * stuck)
     _, forces, share = system.contact(u)
     n = 3000 if error < 1e-4 else 256
     theta = 2.0 * np.pi * np.arange(n) / n

@@ -26,19 +26,19 @@ def test_every_resonance_is_a_maximum(study, kind):
     curve = getattr(study, kind)((200.0, 2100.0))
     at = marked(curve)
     assert len(at) > 2
-    system = study.system(curve.preload)
-    springs = None if kind == "free" else stuck_springs(study, study.static(curve.preload))
+    system = study.problem.system(curve.preload)
+    springs = None if kind == "free" else stuck_springs(study.problem, study.static(curve.preload))
     grid = np.arange(200.0, 2100.0, 0.2)
-    a = np.array([abs(system.linear_response(2 * np.pi * f, springs) @ system.response_rows[1]) for f in grid])
+    a = np.array([abs(system.structure.linear.response(2 * np.pi * f, springs) @ system.response_rows[1]) for f in grid])
     tops = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1
     assert len(at) == len(tops)
     np.testing.assert_allclose(curve.frequency[at], grid[tops], atol=0.2)
     for i in at:  # stationary, and lower on both sides
         w, h = 2 * np.pi * curve.frequency[i], 1e-5 * 2 * np.pi * curve.frequency[i]
-        low, high = (abs(system.linear_response(w + d, springs) @ system.response_rows[1]) for d in (-h, h))
+        low, high = (abs(system.structure.linear.response(w + d, springs) @ system.response_rows[1]) for d in (-h, h))
         assert max(low, high) < curve.amplitude[i]
         assert abs(high - low) < 1e-2 * (2.0 * curve.amplitude[i] - high - low)
-    assert linear_peak(study, (200.0, 2100.0), curve.preload, stuck=kind == "stuck").frequency == pytest.approx(
+    assert linear_peak(study.problem, (200.0, 2100.0), curve.preload, stuck=kind == "stuck").frequency == pytest.approx(
         curve.peak.frequency, rel=1e-7
     )
 
@@ -51,5 +51,6 @@ def test_the_end_of_an_interval_is_no_maximum(study):
         assert not marked(curve)
     for beyond in (1e-3, 1e-6):  # the pole lies outside, the maximum within
         assert len(marked(study.free((top - 30.0, top + beyond)))) == 1
-        assert linear_peak(study, (top - 30.0, top + beyond), 0.0, stuck=False).frequency == pytest.approx(top, rel=1e-7)
-    assert np.isnan(linear_peak(study, (top - 30.0, top - 1e-3), 0.0, stuck=False).frequency)
+        peak = linear_peak(study.problem, (top - 30.0, top + beyond), 0.0, stuck=False)
+        assert peak.frequency == pytest.approx(top, rel=1e-7)
+    assert np.isnan(linear_peak(study.problem, (top - 30.0, top - 1e-3), 0.0, stuck=False).frequency)

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
-from scipy.spatial import cKDTree
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
@@ -16,6 +15,7 @@ from bdamper.io import read_ansys, read_cdb, read_full, read_rst
 from bdamper.io.ansys import _Binary, _node_axes
 from bdamper.io.prepare import PreparedBody, placement
 from bdamper.model.model import turn
+from bdamper.reduction.sector_faces import find_faces
 from bdamper.reduction.waves import travelling_waves
 from bdamper.util.errors import ModelError
 from tests.ansys_files import Writer, write_cdb, write_full, write_rst
@@ -68,6 +68,18 @@ def test_real_matrices_belong_to_the_real_archive():
     assert (~prepared.fixed(None)).sum() == 900
 
 
+def test_real_matrices_are_not_of_another_archive():
+    """All numbers of their nodes are in it, so that what is missing are nodes of the archive's solid elements."""
+    archive = read_cdb(fixture("sector.cdb"))
+    matrices = read_full(fixture("file.full"))
+    solid = set(np.concatenate([e.ravel() for e in archive.elements]).tolist())
+    missing = sorted(solid - set(matrices.nodes.tolist()))
+    assert set(matrices.nodes.tolist()) <= set(archive.numbers.tolist()) and len(missing) > 5
+    some = ", ".join(map(str, missing[:5]))
+    with pytest.raises(ModelError, match=rf"file.full: .*{len(missing)} of {len(solid)} missing: {some}, \.\.\."):
+        read_ansys(fixture("file.full"), fixture("sector.cdb"))
+
+
 def test_real_cyclic_modes():
     """Eight sectors about Y; the pairs of shapes combine to waves, whatever the direction in the file."""
     body = read_rst(fixture("file_cyclic.rst"))
@@ -78,20 +90,18 @@ def test_real_cyclic_modes():
         assert body.modes[d].frequency[0] == pytest.approx(known, abs=6e-3)
     np.testing.assert_allclose(body.modes[1].frequency[0], body.modes[1].frequency[1], rtol=1e-9)
     prepared = PreparedBody("blade", body, placement((0, 1, 0), (0, 0, 1), (0, 0, 0), "m-kg-s"))
-    distance, index = cKDTree(prepared.nodes).query(prepared.nodes @ turn(2 * np.pi / 8).T)
-    left = np.flatnonzero(distance < 1e-9)
-    right = index[left]
-    assert len(left) == 13
+    faces = find_faces(prepared.nodes, prepared.boundary, None, 1e-9)
+    assert faces.n_sectors == 8 and len(faces.dependent) == 13
     for modes in body.modes:
         shapes = prepared.shapes(modes.numbers, modes.shapes, "modes")
-        waves = travelling_waves(modes.frequency, shapes, left, right, 8, modes.nodal_diameter)
+        waves = travelling_waves(modes.frequency, shapes, faces, modes.nodal_diameter)
         assert waves.mismatch.max() < 1e-11
     # Sets 6 and 7 are u6 and u7: u6 + i u7 runs one way, u6 - i u7 the other.
     shapes = prepared.shapes(body.modes[1].numbers, body.modes[1].shapes, "modes")
     residual = {}
     for sign in (1, -1):
         u = (shapes[:, 0] + sign * 1j * shapes[:, 1]).reshape(-1, 3)
-        ahead = u[right] - np.exp(2j * np.pi / 8) * u[left] @ turn(2 * np.pi / 8).T
+        ahead = u[faces.dependent] - np.exp(2j * np.pi / 8) * u[faces.independent] @ turn(2 * np.pi / 8).T
         residual[sign] = np.abs(ahead).max() / np.abs(u).max()
     assert sorted(residual.values())[0] < 1e-14
     assert sorted(residual.values())[1] > 1.0
@@ -139,6 +149,42 @@ def test_written_files_come_back(bar, files):
     np.testing.assert_allclose(result.nodes, body.nodes)
 
 
+@pytest.mark.parametrize(
+    ("place", "numbers", "message"),
+    [
+        ("bar.full", [2, 5], r"bar.cdb: expected the nodes of .*bar.full, .*, found 2 of 32 missing: 902, 905$"),
+        ("bar.cdb", [4], r"bar.cdb: expected the nodes of .*bar.full, .*, found 1 of 32 missing: 14$"),
+        ("both", [11], None),
+    ],
+)
+def test_matrices_and_archive_of_different_models(bar, files, place, numbers, message):
+    """Other numbers in one of the files are refused; the same in both are read, fixed nodes included."""
+    body, own, _ = bar
+    changed = own.copy()
+    changed[numbers] = 900 + np.array(numbers)
+    folder, _ = files
+    if place != "bar.cdb":
+        write_full(folder / "bar.full", body.stiffness, body.mass, changed, fixed=(0, 1, 2, 7))
+    if place != "bar.full":
+        write_cdb(folder / "bar.cdb", changed, body.nodes, changed[body.elements[:, local_order()]], {})
+    if message is None:
+        assert 911 in read_ansys(folder / "bar.full", folder / "bar.cdb").dofs
+    else:
+        with pytest.raises(ModelError, match=message):
+            read_ansys(folder / "bar.full", folder / "bar.cdb")
+
+
+def test_archive_with_more_elements_than_the_matrices(bar, files):
+    """Every node of the matrices is there, but the archive has a further element."""
+    body, numbers, elements = bar
+    folder, _ = files
+    more, far = np.append(numbers, [901, 902, 903, 904]), body.nodes[:4] + [1.0, 0.0, 0.0]
+    beyond = np.append(elements[-1][:-4], more[-4:])[None]
+    write_cdb(folder / "bar.cdb", more, np.vstack([body.nodes, far]), np.vstack([elements, beyond]), {})
+    with pytest.raises(ModelError, match=r"bar.full: expected the nodes of .*bar.cdb, .* 4 of 36 missing: 901, 902, 903,"):
+        read_ansys(folder / "bar.full", folder / "bar.cdb")
+
+
 def test_forms_of_records(tmp_path):
     cases = [
         (np.array([0.0, 3.0, 0.0, 0.0, 5.0, 6.0]), "windows"),
@@ -183,6 +229,8 @@ def patched(path, position, value, word=0):
         ("bar.full", 19, 10**8, "stiffness matrix, record 1 of .* expected a record within"),
         ("bar.full", 2, 13, "degrees of freedom of each node: expected 13 in all"),
         ("bar.full", 33, -5, "expected a number of nodes from 1"),
+        ("bar.rst", 8, 0, "expected a modal analysis: number 2, found 0, static"),
+        ("bar.rst", 8, 3, "expected a modal analysis: number 2, found 3, harmonic"),
         ("bar.rst", 9, 0, "expected a number of result sets from 1"),
         ("bar.rst", 3, 10**6, "expected a number of nodes|result sets of"),
         ("bar.rst", 16, 3, "geometry header: expected whole numbers"),
@@ -207,6 +255,18 @@ def test_other_files_are_told_apart(files, tmp_path):
         read_rst(tmp_path / "nothing.rst")
 
 
+def test_any_format_of_the_archive_is_obeyed(files):
+    """Columns of other widths, as Workbench 19.3 writes them, and exponents by D."""
+    path = files[0] / "bar.cdb"
+    body, lines = read_cdb(path), path.read_text().splitlines()
+    at = lines.index("(3i9,6e21.13e3)")
+    lines[at] = "(1i7,2i9,6e21.13)"
+    for k in range(at + 1, at + 1 + len(body.numbers)):
+        lines[k] = lines[k][2:].replace("E", "D")
+    path.write_text("\n".join(lines))
+    np.testing.assert_array_equal(read_cdb(path).nodes, body.nodes)
+
+
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.97])
 def test_truncated_files(files, share):
     for name, reader in (("bar.full", read_full), ("bar.rst", read_rst)):
@@ -223,7 +283,7 @@ def test_truncated_files(files, share):
         ("N,R5.3,LOC,       -1,\nEBLOCK", "EBLOCK", "a node"),
         ("       10        0        0", "       xx        0        0", "expected a node"),
         ("NBLOCK", "NBLICK", r"a block of nodes \(NBLOCK\)"),
-        ("ENDS    ,NODE,       3", "ENDS    ,NODE,      99", "whole numbers, 10 columns each, found 'FINISH'"),
+        ("ENDS    ,NODE,       3", "ENDS    ,NODE,      99", "whole numbers in the columns .*, found 'FINISH'"),
         ("       -13", "        -5", "ranges in component"),
         ("FINISH", "EBLOCK,19,SOLID,9,9\n(19i9)", r"the end of EBLOCK"),
     ],

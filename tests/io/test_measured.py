@@ -14,7 +14,8 @@ def write(tmp_path, text):
 
 
 def test_points_are_read(tmp_path):
-    points = load_measured(write(tmp_path, "# rig\nLoad, frequency,amplitude\n0, 280, 2\n\n100, 300,\n50,290, 1.0\n"))
+    rows = "0, 280, 2\n\n100, 300,\n50,290, 1.0\n"
+    points = load_measured(write(tmp_path, f"# rig\nLoad (N), frequency (Hz),amplitude\n{rows}"))
     assert points.load.tolist() == [0.0, 100.0, 50.0]
     assert np.isnan(points.amplitude[1])
     load, shift = points.normalised("frequency")
@@ -104,9 +105,9 @@ def test_a_response_that_was_written_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("amplitude\n1\n", r"line 1: expected the columns frequency and amplitude, or frequency, real and imag, found"),
-        ("frequency (rpm),amplitude\n1,2\n", r"line 1: expected the frequency in one of \['hz'\], found 'rpm'"),
-        ("frequency,real (m),imag (mm)\n1,2,3\n", "line 1: expected real and imag in the same unit, found 'm' and 'mm'"),
+        ("amplitude\n1\n", "line 1: expected the columns frequency, real, imag; or .*; or frequency, amplitude, found"),
+        ("frequency (rpm),amplitude\n1,2\n", r"points.csv: expected the frequency in one of \['hz'\], found 'rpm'"),
+        ("frequency,real (m),imag (mm)\n1,2,3\n", "points.csv: expected real and imag in the same unit, found 'm' and"),
         ("frequency,amplitude\n1,2\n2,x\n", "line 3: expected a finite number in column 'amplitude', found 'x'"),
         ("frequency,amplitude\n1\n", "line 2: expected a finite number in column 'amplitude', found ''"),
         ("frequency,amplitude\n1,2,3\n", "line 2: expected 2 values separated by commas"),

@@ -21,9 +21,21 @@ import pytest
 
 import bdamper.io.model_file as model_file
 from bdamper.io import load_model, save_model
-from bdamper.io.model_groups import DATASETS
-from bdamper.model.model import Body, ContactStiffness, Model, StaticContact, feed_digest
-from bdamper.model.spin import SpinStatic
+from bdamper.model.basis import ModalBasis
+from bdamper.model.checks import layout
+from bdamper.model.local import LocalBasis
+from bdamper.model.model import (
+    Body,
+    BodyLoad,
+    ContactStiffness,
+    Interface,
+    Location,
+    Model,
+    StaticContact,
+    SurfaceMesh,
+    feed_digest,
+)
+from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import ModelError
 from tests.models import ALL_MODELS, lumped_local, shroud_model, wedge_model
@@ -190,7 +202,7 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
     def fail(*_: Any) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr(model_file, "write_part", fail)
+    monkeypatch.setattr(model_file, "write_record", fail)
     with pytest.raises(OSError, match="no space left"):
         save_model(shroud_model(), copy)
     assert copy.read_bytes() == before
@@ -278,13 +290,19 @@ def test_the_example_in_the_documentation_works(tmp_path, monkeypatch):
     assert model.bodies["beam"].bases[0].locations["tip"][0, 0] == 2.1
 
 
+RECORDS = [Body, BodyLoad, ContactStiffness, Interface, LocalBasis, Location, ModalBasis, SpeedBasis, SpinStatic]
+RECORDS += [StaticContact, StressSet, SurfaceMesh]
+
+
 def test_the_documentation_names_every_dataset_and_unit():
     text = (Path(__file__).parents[2] / "docs" / "model-file.md").read_text(encoding="utf-8")
-    layout = text[text.index("## Layout") : text.index("## What each body needs")]
-    for name, units in ((name, data.units) for name, data in DATASETS.items()):
-        assert re.search(rf"^ +{name}\b.*\s{re.escape(units)}(\s|$)", layout, re.MULTILINE), name
+    text = text[text.index("## Layout") : text.index("## What each body needs")]
+    for item in (item for kind in RECORDS for item in layout(kind) if not item.is_attribute and not item.is_record):
+        assert item.data.units, item.name
+        name = item.file.replace("*/", "").partition("/")[0]
+        assert re.search(rf"^ +{name}\b.*\s{re.escape(item.data.units)}(\s|$)", text, re.MULTILINE), name
     for convention in (model_file.TIME_CONVENTION, model_file.PHASE_CONVENTION):
-        assert convention in layout
+        assert convention in text
 
 
 # -----------------------------------------------------------------------------------------------------------

@@ -122,6 +122,7 @@ def changed(model, **parts):
         ({"stiffness2": np.eye(39)}, r"stiffness2.*\(40, 40\)"),
         ({"stiffness2": np.triu(np.ones((40, 40)))}, "stiffness2.*Hermitian"),
         ({"residual0": np.eye(54)}, "residual0.*= flexibility"),
+        ({"residual0": None}, "residual0: expected residual0 and residual2, or neither, found one alone"),
         ({"coriolis": np.eye(40)}, "skew-Hermitian"),
         ({"checked_at": -1.0}, "checked_at.*>= 0"),
     ],

@@ -673,7 +673,7 @@ OPTIONAL: list[Case] = [
     (
         "mesh real quads",
         lambda: mesh(WEDGE, quads=np.zeros((1, 4))),
-        "/mesh/damper/quads: expected integers, found float64",
+        "/mesh/damper/quads: expected integers, found dtype float64",
     ),
     (
         "mesh shape",

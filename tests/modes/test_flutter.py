@@ -5,7 +5,6 @@ import pytest
 from scipy.optimize import brentq
 
 import bdamper as bd
-from bdamper.modes.forced import peaks_from_mode
 from tests.modes import jenkins, wedge
 from tests.modes.test_mode import oscillator
 
@@ -34,6 +33,20 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert found.plot().get_yscale() == "log"
     found.save(tmp_path / "flutter.h5")
     assert bd.load(tmp_path / "flutter.h5").details() == found.details()
+
+
+def test_a_branch_from_above_has_the_same_cycles():
+    """The path from below ends after a few points; the one downward meets the cycles in the other sense."""
+    short = bd.ContinuationOptions(max_points=22, tolerance=1e-12)
+    mode = oscillator(1).nonlinear_mode(0.0, 1, (0.01, 30.0), options=short)
+    assert not mode.complete and "another branch from 30 m down" in mode.reason
+    above = mode.branch == 1
+    assert above.any() and mode.amplitude[above][0] == pytest.approx(30.0) and (np.diff(mode.amplitude[above]) < 0.0).all()
+    _, zeta = np.transpose([jenkins.closed_form(a) for a in mode.amplitude[above]])
+    np.testing.assert_allclose(mode.damping_ratio[above], zeta, rtol=1e-8)
+    found = oscillator(1).flutter(0.0, EXCITES, amplitude=(0.01, 30.0), options=short)
+    assert found.amplitude == pytest.approx([0.0, *closed_cycles()], rel=1e-9)
+    assert found.stable.tolist() == [False, True, False]
 
 
 @pytest.mark.parametrize(("cycle", "ends"), [(1, (1, 1)), pytest.param(2, (1, np.inf), marks=pytest.mark.slow)])
@@ -71,25 +84,6 @@ def test_cycles_with_a_free_mass_are_those_of_marches():
         x = factor * a * np.array([1.0, 0.3])
         height = jenkins.marched(matrices, contacts, np.zeros(2), omega, x, np.zeros(2), slide @ x * 0.5, 40)
         assert height[-5:] == pytest.approx(a, rel=0.01)
-
-
-def test_peaks_from_a_mode_are_those_of_whole_curves():
-    """The mode is a start: the peaks are those of the search, at two levels."""
-    study = bd.Study(
-        bd.reference_model("turbine_blade"),
-        bd.Excitation("tip", "tangential", 1.0),
-        engine_order=5,
-        friction_coefficient=0.3,
-    )
-    mode = study.nonlinear_mode(300.0, 1, (3e-5, 4e-4))
-    for force in (0.5, 2.0):
-        peak = max(peaks_from_mode(study, mode, force), key=lambda peak: peak.amplitude)
-        whole = study.with_(excitation=bd.Excitation("tip", "tangential", force)).peak(300.0)
-        assert (peak.amplitude, peak.frequency) == pytest.approx((whole.amplitude, whole.frequency), rel=1e-8)
-    assert peaks_from_mode(study, mode, 100.0) == ()
-    other = study.with_(friction_coefficient=0.4)
-    with pytest.raises(bd.SettingError, match="friction_coefficient"):
-        peaks_from_mode(other, mode)
 
 
 def test_flutter_over_preload_and_nodal_diameter():

@@ -1,5 +1,7 @@
 """Nonlinear modes beside closed forms, an exact solution and an independent program."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,14 +49,14 @@ def test_all_losses_are_balanced():
     """The power of the force in proportion to mass is that of friction and of viscous damping."""
     study = wedge.study(0.5, 3)
     mode = study.nonlinear_mode(wedge.LOAD, 3, (1e-6, 1e-3), options=FINE)
-    system = study.system(wedge.LOAD)
+    system = study.problem.system(wedge.LOAD)
     l = np.arange(1, 4)
     for i in range(0, len(mode), 10):
         X, F, _ = system.contact(mode.unknowns[i])
         friction = np.pi * (l * (F[..., 1::2] * X[..., 2::2] - F[..., 2::2] * X[..., 1::2])).sum()
         omega, power = TWO_PI * mode.frequency[i], np.zeros(2)
         for k in l:
-            basis, a = system.bases[k], np.abs(system.amplitudes(mode.unknowns[i], k)) ** 2
+            basis, a = system.structure.bases[k], np.abs(system.amplitudes(mode.unknowns[i], k)) ** 2
             power += np.pi * k**2 * omega * np.array([a @ basis.mass, a @ basis.damping])
         given = 2.0 * omega * mode.damping_ratio[i] * power[0]
         assert friction + power[1] == pytest.approx(given, rel=1e-9), i
@@ -69,7 +71,7 @@ def test_one_curve_serves_all_preloads():
     for name in ("amplitude", "frequency", "damping_ratio", "modal_amplitude"):
         np.testing.assert_allclose(getattr(scaled, name), getattr(other, name), rtol=1e-6, err_msg=name)
     residual = [
-        np.abs(study.system(30.0).evaluate(u, TWO_PI * f)[0][: study.system(30.0).n_mean]).max()
+        np.abs(study.problem.system(30.0).evaluate(u, TWO_PI * f)[0][: study.problem.system(30.0).n_mean]).max()
         for u, f in zip(scaled.unknowns, scaled.frequency)
     ]
     assert max(residual) < 1e-6 * 30.0
@@ -77,7 +79,7 @@ def test_one_curve_serves_all_preloads():
     study = bd.Study(
         bd.reference_model("turbine_blade"), bd.Excitation("tip", "tangential"), engine_order=5, friction_coefficient=0.3
     )
-    assert study.static_system.n0.min() < 0.0
+    assert study.problem.static_system.n0.min() < 0.0
     mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-5))
     assert 100.0 < mode.scales_to < np.inf
     with pytest.raises(bd.SettingError, match="that scales to"):
@@ -86,6 +88,29 @@ def test_one_curve_serves_all_preloads():
     assert mode.scales_to == 0.0
     with pytest.raises(bd.SettingError, match="found one that does not scale"):
         mode.at_preload(10.0)
+
+
+def test_a_constant_force_keeps_a_mode_at_its_preload():
+    """A force that does not grow with the preload changes the static state otherwise."""
+    study = wedge.study(0.5, 1)
+    name, body = next(iter(study.model.bodies.items()))
+    force = 1e-3 * np.arange(1.0, 1.0 + body.bases[0].n_modes)
+    model = replace(study.model, bodies=study.model.bodies | {name: replace(body, constant_force=force)})
+    pushed = study.with_(model=model)
+    assert pushed.problem.static_system.constant_force.any()
+    assert study.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == np.inf
+    assert pushed.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == 0.0
+
+
+def test_motions_that_damping_ends_at_once_are_named():
+    """A damping ratio of 0.6 without friction: no mode vibrates so."""
+    mode = bd.lumped(1.0, 1.2, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0}, harmonics=1)
+    found = mode.nonlinear_mode(0.0, 1, (2.0, 100.0))
+    assert not found.complete and found.damping_ratio.max() > 0.5
+    a = found.amplitude[np.argmax(found.damping_ratio > 0.5)]
+    assert f"damping is above 0.5 from {a:.6g} m on" in found.reason
+    light = oscillator(1).nonlinear_mode(0.0, 1, (2.0, 100.0))
+    assert light.complete and "damping" not in light.reason
 
 
 def test_steps_and_directions_change_nothing():
@@ -123,12 +148,13 @@ def own_modes(mu, harmonics, ends):
 
 def polished(study, mode, amplitude):
     """All motions of a mode at an amplitude, by the equations at this amplitude."""
-    system, _ = mode_system(study, mode.preload, mode.mode, float(mode.amplitude.min()))
+    system, _ = mode_system(study.problem, mode.preload, mode.mode, float(mode.amplitude.min()))
     a, found = np.log(mode.amplitude / amplitude), []
     for i in np.flatnonzero(a[:-1] * a[1:] <= 0.0):
-        ends = [system.point(mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1)]
+        near = ((mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1))
+        ends = [system.structure.point(*one) for one in near]
         guess = ends[0] + a[i] / (a[i] - a[i + 1]) * (ends[1] - ends[0])
-        c = system.correct_at(guess[:-1], np.log(amplitude / system.reference), np.abs(guess) + 1e-9, 1e-11, 20)
+        c = system.correct_at(guess[:-1], np.log(amplitude / system.structure.reference), np.abs(guess) + 1e-9, 1e-11, 20)
         assert c.status == 0
         found.append((c.y[-3] / TWO_PI, c.y[-2]))
     return found
@@ -154,20 +180,21 @@ def test_a_motion_on_no_branch_through_a_mode_solves_the_equations_of_both_progr
     """It is not looked for: the branch has three others at this amplitude."""
     study, amplitude, random = wedge.study(0.3, 1), 2e-4, np.random.default_rng(0)
     mode = study.nonlinear_mode(wedge.LOAD, 3, (3e-5, 4e-4))
-    system, _ = mode_system(study, wedge.LOAD, 3, 3e-5)
-    points = [system.point(u, TWO_PI * f, z) for u, f, z in zip(mode.unknowns, mode.frequency, mode.damping_ratio)]
+    system, _ = mode_system(study.problem, wedge.LOAD, 3, 3e-5)
+    known = zip(mode.unknowns, mode.frequency, mode.damping_ratio)
+    points = [system.structure.point(u, TWO_PI * f, z) for u, f, z in known]
     known = polished(study, mode, amplitude)
     for _ in range(2000):  # Newton's method from anywhere
         a, b = (points[i] for i in random.integers(len(points), size=2))
         guess = (a + random.uniform(-0.5, 1.5) * (b - a)) * (1.0 + 0.3 * random.standard_normal(len(a)))
-        guess[-3:] = a[-3] * random.uniform(0.9, 1.1), a[-2], np.log(amplitude / system.reference)
+        guess[-3:] = a[-3] * random.uniform(0.9, 1.1), a[-2], np.log(amplitude / system.structure.reference)
         c = system.correct_at(guess[:-1], guess[-1], np.abs(guess) + 1e-9, 1e-11, 60, True)
         found = c.y[-3] / TWO_PI, c.y[-2]
         if c.status == 0 and found == pytest.approx((218.416, 0.00828), rel=1e-3):
             break
     assert len(known) == 3 and all(abs(f / found[0] - 1.0) > 1e-3 for f, _ in known)
-    u, own = system.motion(c.y[None])[0], wedge.Program(0.3, 1)
-    at = [study.with_(response=bd.Response(f"x{i}")).system(wedge.LOAD).response(u) for i in range(6)]
+    u, own = system.structure.motion(c.y[None])[0], wedge.Program(0.3, 1)
+    at = [study.with_(response=bd.Response(f"x{i}")).problem.system(wedge.LOAD).response(u) for i in range(6)]
     turned = np.array(at) * [1.0, 1.0 / at[0][1]]  # over the first, which becomes a cosine of 1
     x = np.stack([turned[:, 0].real, turned[:, 1].real, -turned[:, 1].imag], axis=1)
     z = np.concatenate([x.ravel(), [1e-3 * c.y[-3], c.y[-2], np.log(amplitude)]])
@@ -196,7 +223,10 @@ def test_modes_of_the_model_print_plot_and_save(tmp_path):
     assert first.startswith("Damping of mode 1 under a preload of 100 N: at most 2.52 %, with 73.5 µm at 660 Hz")
     assert str(mode).startswith(first[:80]) and "folds" in mode.details()
     upper, lower = mode.plot()
-    assert len(upper.lines) == len(lower.lines) == 3
+    for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
+        line, folds = axes.lines
+        np.testing.assert_allclose(line.get_xydata(), np.column_stack([mode.amplitude, values]))
+        assert len(folds.get_xdata()) == len(mode.folds)
     save_figure((upper, lower), tmp_path / "mode.png")
     mode.save(tmp_path / "mode.h5")
     again = bd.load(tmp_path / "mode.h5")

@@ -15,7 +15,7 @@ from bdamper.fatigue import AISI_1050
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.peaks import best_margin
 from bdamper.util.errors import SettingError
-from bdamper.util.kept import Kept
+from bdamper.util.kept import Marched
 from bdamper.util.text import amount
 from tests.fatigue.test_margins import with_stress
 
@@ -37,9 +37,9 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
     assert margins.best_margin >= np.nanmax(margins.margin)
     fresh = study.peak(margins.best_value)
     assert study.margin(fresh, AISI_1050).least == pytest.approx(margins.best_margin, rel=1e-6)
-    question = LeastMargin(AISI_1050)
-    assert question(study, fresh.y[:-1], fresh.y[-1], margins.best_value) == pytest.approx(margins.best_margin, rel=1e-6)
-    assert "margin against fatigue" in curve.details()
+    asked = LeastMargin(AISI_1050)(study.problem, fresh.y[:-1], fresh.y[-1], margins.best_value)
+    assert asked == pytest.approx(margins.best_margin, rel=1e-6)
+    assert margins.bottom_line() in curve.details()
     curve.save(tmp_path / "curve.h5")
     assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
 
@@ -47,14 +47,14 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
 def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     """The largest period is a fifth above the balance at one preload, and not known at another."""
     p, top = curve.optimum.preload, curve.optimum.amplitude
-    known = Kept(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
-    others = Kept(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
+    known = Marched(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
+    others = Marched(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
     found = study.best_margin(replace(curve, kept=(known, *others)), AISI_1050)
     (one,) = found.in_time
     assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
-    said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: a blade keeps up to"
+    said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: the highest blade reaches"
     assert said in found.bottom_line() and said in replace(curve, margins=(found,)).details()
-    assert "of what a blade keeps in time" in found.plot().get_legend_handles_labels()[1]
+    assert "of the highest blade in time" in found.plot().get_legend_handles_labels()[1]
     plt.close("all")
     found.save(tmp_path / "margins.h5")
     assert bd.load(tmp_path / "margins.h5").in_time[0].least == one.least
@@ -70,26 +70,25 @@ def test_the_margin_is_asked_for_after_the_march(study, curve, monkeypatch):
     asked = SimpleNamespace(best_status="complete")
     monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: asked)
     for status, margins in (("complete", 1), ("interrupted", 0)):
-        kept = Kept(*(np.nan,) * 4, 90.0, 1e-6, status=status)
+        kept = Marched(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(study_room.marched, "with_kept", lambda s, c, *_, kept=kept, **__: replace(c, kept=(kept,)))
         found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
         assert found.kept == (kept,) and found.margins == (asked,) * margins
 
 
 def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch):
-    """Before those of the curve are known the curve alone, later their largest; no ladder is begun after either."""
+    """Before those of the curve are known the curve alone, later their largest."""
 
     def stop(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
-    monkeypatch.setattr(study_room.accuracy_tolerance, "with_ladder", None)
-    ask = {"check": "harmonics", "quantity": "margin", "material": AISI_1050}
+    ask = {"check": False, "quantity": "margin", "material": AISI_1050}
     monkeypatch.setattr(LeastMargin, "__call__", stop)
     (found,) = study.optimal_curve((40.0, 400.0), 6, **ask).margins
     np.testing.assert_array_equal(found.margin, curve.margins[0].margin)
     assert (found.best_margin, found.best_status) == (np.nanmax(found.margin), "interrupted")
-    monkeypatch.setattr(best_margin, "margin", lambda *_, **__: stop())
+    monkeypatch.setattr(LeastMargin, "along", stop)
     assert study.optimal_curve((40.0, 400.0), 6, **ask).margins == ()
 
 
@@ -121,7 +120,7 @@ def test_a_margin_needs_a_material_and_stress(study):
         study.optimal_curve((40.0, 400.0), 6, quantity="margin")
     with pytest.raises(SettingError, match="quantity"):
         study.optimal_curve((40.0, 400.0), 6, quantity="life", material=AISI_1050)
-    bare = replace(study, model=replace(study.model, stress={}))
+    bare = study.with_(model=replace(study.model, stress={}))
     with pytest.raises(SettingError, match="stress sets"):
         bare.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.peaks.highest import AT_END, _tops, highest, highest_of_curve, maxima
+from bdamper.peaks.highest import AT_END, _tops, highest_of_curve, maxima
 from bdamper.peaks.interval import resonance_interval
 from bdamper.peaks.newton import coarse_options
 from bdamper.plot import plot_response_map
@@ -36,31 +36,29 @@ def test_tops_are_found_on_each_branch_and_plateaus_count_once():
 
 
 def test_a_coarse_curve_is_refined_to_what_a_fine_one_has(study, curve):
-    found = highest_of_curve(study.system(1000.0), curve)
+    found = highest_of_curve(study.problem.system(1000.0), curve)
     fine = study.track(1000.0, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)).peak
-    assert found.kind == "peak" and found.exact and not found.peak.corner and found.detached == ()
+    assert found.kind == "peak" and found.exact and not found.peak.corner
     assert found.peak.amplitude == pytest.approx(fine.amplitude, rel=1e-9)
     assert found.peak.frequency == pytest.approx(fine.frequency, rel=1e-7)
     assert abs(found.peak.slope) < 1e-7
-    assert maxima(study.system(1000.0), curve)[0].amplitude == pytest.approx(fine.amplitude, rel=1e-9)
+    assert maxima(study.problem.system(1000.0), curve)[0].amplitude == pytest.approx(fine.amplitude, rel=1e-9)
 
 
 def test_a_closed_branch_is_named_and_never_counted(study, curve):
     """The points around the peak as a branch of their own: left alone it counts, closed it is detached."""
-    system, top = study.system(1000.0), curve.peak.index
+    system, top = study.problem.system(1000.0), curve.peak.index
     around = np.abs(np.arange(len(curve)) - top) < 4
-    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    branch = np.where(around, 1, np.where(np.arange(len(curve)) < top, 0, 2))
-    counted = highest(system, y, curve.point_kind, branch)
-    assert counted.peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-3) and not counted.detached
-    found = highest(system, y, curve.point_kind, branch, closed=(1,))
+    parted = replace(curve, branch=np.where(around, 1, np.where(np.arange(len(curve)) < top, 0, 2)))
+    counted = highest_of_curve(system, parted)
+    assert counted.peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-3)
+    apart = replace(parted, closed=(1,))
+    found = highest_of_curve(system, apart)
     assert found.peak.amplitude <= 1.01 * curve.amplitude[~around].max() < 0.99 * curve.peak.amplitude
-    assert [p.amplitude for p in found.detached] == [counted.peak.amplitude]
-    apart = replace(curve, branch=branch, closed=(1,))
     assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached[0].index == top
     assert f"detached: {amount(curve.peak.amplitude, 'm', 6)} at" in apart.details()
     with pytest.raises(bd.BdamperError, match="connected"):
-        highest(system, y, curve.point_kind, branch, closed=(0, 1, 2))
+        highest_of_curve(system, replace(parted, closed=(0, 1, 2)))
     assert replace(curve, closed=(0,)).peak.index == top  # nothing else is there
 
 
@@ -70,14 +68,26 @@ def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(st
     assert curve.peak_at_end and peak.corner and peak.scan == f"incomplete: {AT_END}"
     assert peak.frequency == pytest.approx(270.0, rel=1e-12)
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
-    with pytest.raises(bd.SettingError, match="corner"):
+    assert not peak.converged and peak.status == f"incomplete: {AT_END}"
+    assert peak.bottom_line().startswith("No peak: incomplete: highest at an end") and "Resonance" not in str(peak)
+    assert "amplitude" not in [fact.name for fact in peak.facts()]
+    with pytest.raises(bd.SettingError, match="expected a converged peak, found status 'incomplete: highest at an end"):
         study.peak_sensitivities(peak, ["preload"])
+    with pytest.raises(bd.SettingError, match="incomplete"):
+        study.hysteresis(peak)
+    swept = bd.sweep(study, {"preload": [1000.0]}, bd.PeakTask(frequency=(250.0, 270.0)))
+    assert np.isnan(swept.array("amplitude")).all() and AT_END in swept.warnings[0] and "270" not in swept.bottom_line()
+    compared = bd.compare(
+        {"as it is": study, "smooth": {"friction_coefficient": 0.2}}, lambda s: s.track(1000.0, (250.0, 270.0))
+    )
+    assert compared.bottom_line().startswith("No peak of 'as it is' to compare with: complete, no peak: highest ")
+    assert [line.count("no peak: highest") for line in compared.details().splitlines()] == [0, 1, 1]
 
 
 def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
     """The flank of the next mode, 8.9 µm at the end of the interval, is no resonance of the mode, whose peak is 4.7 µm."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
-    low, high = resonance_interval(study)
+    low, high = resonance_interval(study.problem)
     peak, curve = study.peak(3000.0), study.track(3000.0, (low, high))
     assert curve.peak_at_end and curve.peak.amplitude > 1.5 * peak.amplitude
     assert not peak.corner and low < peak.frequency < 0.9 * high
@@ -148,3 +158,38 @@ def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
     ax.figure.savefig(tmp_path / "map.png")
     with pytest.raises(bd.SettingError, match="two or more curves, found 0"):
         plot_response_map(replace(result, curves=()))
+
+
+def test_a_drift_at_an_end_of_the_interval_is_no_resonance(study, curve):
+    """The mean position moves at the first frequency, where the amplitude is highest: the rest of the curve only falls."""
+    system, top = study.problem.system(1000.0), curve.peak.index
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[top:]
+    y = np.concatenate([[y[0]] * 3, y])
+    y[:2, 0] += [2e-6, 1e-6]
+    kinds = ("end", "drift", "drift", *["regular"] * (len(y) - 4), "end")
+    drifts = replace(
+        curve, frequency=y[:, -1] / (2.0 * np.pi), unknowns=y[:, :-1], harmonics=system.response(y[:, :-1]),
+        point_kind=kinds, branch=np.zeros(len(y), int), shares=curve.shares[:1].repeat(len(y), axis=0),
+    )  # fmt: skip
+    found = highest_of_curve(system, drifts)
+    assert found.kind == "end" and found.peak.frequency == pytest.approx(curve.frequency[top], rel=1e-6)
+    assert drifts.peak_at_end and "is not a peak" in drifts.bottom_line()
+    inside = replace(curve, point_kind=("regular",) * len(curve))
+    assert curve.frequency.min() < inside.peak.frequency < curve.frequency.max() and not inside.peak_at_end
+
+
+def test_two_branches_that_meet_an_end_of_the_interval_apart_by_rounding_are_both_at_it(study, curve):
+    """The second starts higher, at a frequency that is not the very lowest."""
+    system = study.problem.system(1000.0)
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[curve.peak.index + 1 :]
+    second = y.copy()
+    second[0, -1] *= 1.0 + 4e-16
+    y[:, :-1] *= 0.5
+    both, branch = np.concatenate([y, second]), np.repeat([0, 1], len(y))
+    kinds = ("end", *["regular"] * (len(y) - 2), "end") * 2
+    assert both[len(y), -1] != both[:, -1].min()
+    twice = replace(
+        curve, frequency=both[:, -1] / (2.0 * np.pi), unknowns=both[:, :-1], harmonics=system.response(both[:, :-1]),
+        point_kind=kinds, branch=branch, shares=curve.shares[:1].repeat(len(both), axis=0),
+    )  # fmt: skip
+    assert highest_of_curve(system, twice).kind == "end"

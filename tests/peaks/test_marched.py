@@ -1,4 +1,4 @@
-"""Beside an optimal curve: marches in time of a wedge between an oscillator and the ground, slow sweeps of a disk."""
+"""Beside an optimal curve: marches in time of a wedge between an oscillator and the ground."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.peaks import marched
-from tests.plain import plain_study
+from bdamper.util.warn import BdamperWarning
 
 
 def wedge(harmonics=1, mass=0.1):
@@ -33,11 +33,15 @@ def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     study, curve = found
     out = study.with_kept(study.with_kept(curve, [90.0]), [60.0])
     assert [k.preload for k in out.kept] == [60.0, 90.0]
-    own = study.kept(study.track(60.0, (300.0, 380.0)))
+    own = study.march(study.track(60.0, (300.0, 380.0)))
     there = out.kept[0]
     plain = {"cost": own.cost, "fall": 0.0}  # NaN, as nothing had to be marched
     assert replace(there, **plain) == replace(own, **plain) and there.model_hash == curve.model_hash and there.settings
     assert there.status == "complete" and there.bottom_line() in out.details()
+    tracked = [marched._tracked(study.problem, curve, k.preload).cost for k in out.kept]
+    for count in ("evaluations", "factorisations", "iterations"):
+        parts = [curve.cost, *tracked, *(k.cost for k in out.kept)]
+        assert getattr(out.cost, count) == sum(getattr(part, count) for part in parts) > getattr(curve.cost, count)
     out.save(tmp_path / "curve.h5")
     own.save(tmp_path / "kept.h5")
     for read in (bd.load(tmp_path / "curve.h5").kept[0], bd.load(tmp_path / "kept.h5")):
@@ -54,7 +58,7 @@ def test_an_interruption_of_the_march_keeps_the_curve_and_says_so(found, monkeyp
     out = study.with_kept(curve, [60.0, 90.0])
     assert [(k.preload, k.status) for k in out.kept] == [(60.0, "interrupted"), (90.0, "interrupted")]
     assert np.isnan(out.kept[0].mean)
-    said = "At 60 N it is not known what a blade keeps, so nothing confirms the peak of the harmonic balance: interrupted."
+    said = "At 60 N the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: interrupted."
     assert said in out.bottom_line()
     monkeypatch.undo()
     known = study.with_kept(curve, [60.0])
@@ -68,56 +72,24 @@ def test_a_peak_keeps_what_its_curve_keeps(found, monkeypatch):
     study, _ = found
     monkeypatch.setattr(marched.in_time, "kept", lambda problem, curve, **_: curve.peak)
     peak = study.peak(60.0, frequency=(300.0, 380.0))
-    assert study.kept(peak).amplitude == pytest.approx(peak.amplitude, rel=1e-4)
+    assert study.march(peak).amplitude == pytest.approx(peak.amplitude, rel=1e-4)
     with pytest.raises(bd.SettingError, match="result: expected a peak at a preload, found 'not found"):
-        study.kept(replace(peak, status="not found: nothing"))
+        study.march(replace(peak, status="not found: nothing"))
     for other in (wedge(harmonics=3), wedge(mass=0.2)):
         with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
-            other.kept(peak)
-    finer = study.peak(60.0, frequency=(300.0, 380.0), tolerance=1e-3)
-    assert len(finer.settings["harmonics"]) > 1 and finer.amplitude < 0.99 * peak.amplitude
-    assert study.kept(finer).amplitude == pytest.approx(finer.amplitude, rel=1e-4)
+            other.march(peak)
 
 
 def test_preloads_that_rattle_are_told_once(found):
     """As one range, not again among the preloads with a warning."""
     told = "not found: no steady periodic response below 60 N: the damper rattles"
     gone = replace(found[1], no_steady_below=60.0, status=(told, told, "complete"))
-    assert gone.details().count(told) == 1 and "with a warning" not in gone.details()
+    assert told in gone.details() and gone.warnings.count(told) == 1
 
 
-@pytest.mark.parametrize("method", ["with_kept", "with_sweeps"])
-def test_another_model_is_refused(found, method):
+def test_another_model_is_refused(found):
     with pytest.raises(bd.SettingError, match="curve: expected an optimal curve of this study"):
-        getattr(wedge(mass=0.2), method)(found[1], [50.0])
-
-
-def test_sweeps_up_and_down_meet_what_they_meet_on_the_tracking_curve(tmp_path):
-    """Between the folds two solutions are stable: upward the lower one is kept, downward the one with the peak."""
-    model, tip = bd.reference_model(contact_points=9), bd.Excitation("tip", direction="tangential", amplitude=1.0)
-    study = plain_study(model, tip, engine_order=5, friction_coefficient=0.4)
-    curve = study.optimal_curve((140.0, 220.0, 240.0), frequency=(300.0, 345.0), check=False)
-    out = study.with_sweeps(study.with_sweeps(curve, [140.0]))
-    assert [s.preload for s in out.swept] == sorted({140.0, 220.0, 240.0, curve.optimum.preload})
-    for there in out.swept:
-        tracked = study.track(there.preload, (300.0, 345.0))
-        for way, found in (("up", there.up), ("down", there.down)):
-            assert found == pytest.approx(tracked.sweep(way).amplitude.max(), rel=1e-9)
-        assert there.up < 0.9 * there.down == pytest.approx(0.9 * tracked.peak.amplitude, rel=1e-6)
-        assert f"slow sweeps at {there}" in out.details()
-    least = next(s for s in out.swept if s.preload == curve.optimum.preload)
-    assert least.down == pytest.approx(curve.optimum.amplitude, rel=1e-6)
-    out.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").swept == out.swept
-    assert {"highest of a sweep up", "highest of a sweep down"} <= set(out.plot()[0].get_legend_handles_labels()[1])
-
-
-def test_sweeps_go_by_judged_stability_where_the_study_has_it(monkeypatch):
-    study = replace(wedge(), stability=True)
-    curve = study.optimal_curve((60.0, 90.0), frequency=(300.0, 380.0), check=False)
-    below = lambda problem, tracked: replace(tracked, stable=tracked.frequency < 330.0)  # noqa: E731
-    monkeypatch.setattr(marched, "with_stability", below)
-    assert study.with_sweeps(curve, [90.0]).swept[0].up_frequency < 330.0
+        wedge(mass=0.2).with_kept(found[1], [50.0])
 
 
 def test_the_band_without_a_steady_response_is_drawn(found):
@@ -143,3 +115,46 @@ def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
     for curve, rests in ((low, False), (high, True)):
         last = study.settle(curve, curve.peak.frequency, periods=600).amplitude[-150:]
         assert (np.ptp(last) < 0.02 * last.mean()) == rests
+
+
+def test_steps_and_curve_are_handed_to_the_march(found, monkeypatch):
+    study, asked = found[0], []
+    monkeypatch.setattr(marched.in_time, "kept", lambda problem, curve, **more: asked.append((curve.peak.amplitude, more)))
+    curve, peak = study.track(60.0, (300.0, 380.0)), study.peak(60.0, frequency=(300.0, 380.0))
+    for result in (curve, peak):
+        study.march(result, steps_per_period=512, blades=6, starts=2)
+    assert asked == 2 * [(pytest.approx(peak.amplitude, rel=1e-4), {"steps_per_period": 512, "blades": 6, "starts": 2})]
+    others = [replace(peak, amplitude=off * peak.amplitude) for off in (0.99, 1.01)]
+    for other in (*others, replace(peak, model_hash="another")):
+        with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
+            study.march(other)
+
+
+def test_what_cannot_be_marched_says_why_beside_what_can(found, monkeypatch):
+    """By rising preload; without preloads the optimum is marched."""
+    study, curve = found
+    own = marched.in_time.kept
+
+    def failing(problem, tracked):
+        if tracked.preload == 70.0:
+            raise bd.SettingError("nothing to march")
+        return own(problem, tracked)
+
+    monkeypatch.setattr(marched.in_time, "kept", failing)
+    out = study.with_kept(curve, [80.0, 70.0])
+    assert [(k.preload, k.status) for k in out.kept] == [(70.0, "not found: nothing to march"), (80.0, "complete")]
+    assert np.isnan(out.kept[0].mean) and out.kept[1].mean > 0.0
+    (best,) = study.with_kept(curve).kept
+    assert best.preload == curve.optimum.preload and best.mean == pytest.approx(curve.optimum.amplitude, rel=1e-3)
+
+
+def test_former_names_stay_for_one_version_with_a_warning(found):
+    study, optimal = found
+    curve = study.track(60.0, (300.0, 380.0))
+    with pytest.warns(BdamperWarning, match=r"study\.kept is study\.march now"):
+        assert study.kept(curve).mean == study.march(curve).mean
+    with pytest.warns(BdamperWarning, match="Kept is Marched now"):
+        from bdamper.util.kept import Kept
+    assert isinstance(study.march(curve), Kept)
+    with pytest.warns(BdamperWarning, match="least_kept is least_in_time now"):
+        assert optimal.least_kept is optimal.least_in_time

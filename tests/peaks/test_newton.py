@@ -27,7 +27,8 @@ def peak(study):
 @pytest.fixture(scope="module")
 def beside(study, peak):
     """A point of the curve a tenth of the vibration before the peak."""
-    c = study.system(1000.0).solve(peak.y - 0.1 * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-10, 20)
+    guess = peak.y - 0.1 * peak.tangent * peak.scale
+    c = study.problem.system(1000.0).solve(guess, Plane(peak.tangent), peak.scale, 1e-10, 20)
     assert c.status == 0
     return c
 
@@ -35,13 +36,13 @@ def beside(study, peak):
 def test_a_peak_beyond_the_reach_is_refused(study, peak, beside):
     """By Newton's method, and by the search along the curve as well."""
     ways = {"tangent": beside.tangent, "scale": peak.scale, "curvature": peak.curvature}
-    assert find_peak(study.system(1000.0), beside.y, reach=0.2, **ways).converged
-    assert find_peak(study.system(1000.0), beside.y, reach=0.01, **ways).status == f"not found: {FAR}"
+    assert find_peak(study.problem.system(1000.0), beside.y, reach=0.2, **ways).converged
+    assert find_peak(study.problem.system(1000.0), beside.y, reach=0.01, **ways).status == f"not found: {FAR}"
 
 
 def test_a_poor_curvature_does_not_lead_far_away(study, peak, beside):
     """Its secant step would be 1e7 times the vibration; steps along the curve are limited."""
-    found = find_peak(study.system(1000.0), beside.y, scale=peak.scale, curvature=-1e-9)
+    found = find_peak(study.problem.system(1000.0), beside.y, scale=peak.scale, curvature=-1e-9)
     assert found.converged
     assert found.amplitude == pytest.approx(peak.amplitude, rel=1e-9)
 
@@ -54,7 +55,7 @@ def test_the_search_leaves_a_minimum_uphill(curvature):
     a = curve.amplitude
     i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
     y, after = (np.append(curve.unknowns[k], 2 * np.pi * curve.frequency[k]) for k in (i, i + 1))
-    system = study.system(18.94)
+    system = study.problem.system(18.94)
     scale = peak_scale(system, y, abs(after[-1] - y[-1]))
     found = find_peak(system, y, scale=scale, curvature=curvature)
     assert found.converged
@@ -72,7 +73,7 @@ def test_equal_peaks_are_one_and_others_are_told_apart(peak):
 
 def test_a_converged_peak_has_a_residual_within_the_tolerance(study, peak, beside):
     """Trials along the curve are corrected only as far as they need; the peak itself is corrected at the end."""
-    found = find_peak(study.system(1000.0), beside.y, options=PeakOptions(tolerance=1e-12, position_tolerance=1e-2))
+    found = find_peak(study.problem.system(1000.0), beside.y, options=PeakOptions(tolerance=1e-12, position_tolerance=1e-2))
     assert found.converged
     assert found.residual <= 1e-12
     assert np.isfinite(found.curvature)
@@ -85,4 +86,4 @@ def test_a_residual_that_rounding_keeps_above_the_tolerance_is_accepted():
     bonded = bd.Study(model, bd.Excitation("tip", "tangential", 1.0), 5, **settings)
     strict, usual = bonded.peak(500.0, options=bd.PeakOptions(tolerance=1e-13)), bonded.peak(500.0)
     assert strict.amplitude == pytest.approx(usual.amplitude, rel=1e-9)
-    assert 1e-13 < strict.residual <= rounding(bonded.system(500.0), strict.y) < 1e-8
+    assert 1e-13 < strict.residual <= rounding(bonded.problem.system(500.0), strict.y) < 1e-8

@@ -11,7 +11,7 @@ from bdamper.continuation.track import without_points
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.harmonic_balance.conditions import Peak as PeakThere
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.equations import Equations
 from bdamper.peaks import optimal, sensitivity
 from bdamper.peaks.at_preload import AtPreload
 from bdamper.peaks.highest import Highest, maxima
@@ -54,7 +54,7 @@ class TestOptimalCurve:
 
     def test_every_point_solves_the_equations(self, study, result):
         for p, u, f in zip(result.preload, result.unknowns, result.frequency):
-            system = study.system(p)
+            system = study.problem.system(p)
             r, _, _ = system.evaluate(u, 2 * np.pi * f)
             assert np.abs(r * system.row_scale).max() < 1e-9
         assert np.all(result.residual <= 1e-10)
@@ -78,12 +78,12 @@ class TestOptimalCurve:
         small = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False)
         o = small.optimum
         assert (o.kind, o.status) == ("smooth", "complete")
-        assert str(o).endswith("(smooth), complete")
+        assert o.kind == "smooth" and o.verified
         at = study.peak(o.preload, INTERVAL)
         assert at.amplitude == pytest.approx(o.amplitude, rel=1e-8)
         rise = []
         for h in (1e-3, 2e-3):
-            both = [follow_peak(study.system, at, [o.preload * (1 + s)]).peaks[0].amplitude for s in (h, -h)]
+            both = [follow_peak(study.problem.system, at, [o.preload * (1 + s)]).peaks[0].amplitude for s in (h, -h)]
             assert min(both) > o.amplitude
             rise.append(sum(both) - 2 * o.amplitude)
         assert rise[1] / rise[0] == pytest.approx(4.0, rel=0.05)
@@ -112,7 +112,7 @@ class TestOptimalCurve:
         mpl.use("Agg")
         text = result.details()
         assert "optimum" in text
-        assert "14 points" in text
+        assert len(result.as_lines()) == 15 and "\n".join(result.as_lines()) in text
         left, right = result.plot()
         assert left.get_xscale() == "log"
         assert "shift" in right.get_ylabel()
@@ -143,12 +143,12 @@ def test_coexisting_peaks_are_told_apart():
     study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
 
     def at(preload):
-        return maxima(study.system(preload), study.track(preload, INTERVAL, options=coarse_options()))
+        return maxima(study.problem.system(preload), study.track(preload, INTERVAL, options=coarse_options()))
 
     peaks = at(100.0)
     assert len(peaks) >= 2
     assert all(a.amplitude >= b.amplitude for a, b in zip(peaks, peaks[1:]))
-    branch = follow_peak(study.system, peaks[-1], np.geomspace(100.0, 1000.0, 12)[1:])
+    branch = follow_peak(study.problem.system, peaks[-1], np.geomspace(100.0, 1000.0, 12)[1:])
     assert branch.status == "vanished"
     assert branch.reason
     # beyond its end a tracking curve does not have it either
@@ -174,7 +174,7 @@ def test_jumps_at_low_preload_are_found():
 
 
 def test_a_peak_is_followed_back_through_values_it_had(study, peak):
-    branch = follow_peak(study.system, peak, [1100.0, 1000.0, 1100.0, 1000.0, 1050.0])
+    branch = follow_peak(study.problem.system, peak, [1100.0, 1000.0, 1100.0, 1000.0, 1050.0])
     assert branch.status == "complete"
     assert branch.peaks[1].amplitude == pytest.approx(peak.amplitude, rel=1e-9)
     assert branch.peaks[2].amplitude == pytest.approx(branch.peaks[0].amplitude, rel=1e-9)
@@ -185,9 +185,9 @@ class TestSensitivities:
     def test_against_finite_differences(self, study, peak, name):
         found = study.peak_sensitivities(peak, [name])[name]
         if name == "preload":
-            family, value = study.system, peak.parameter
+            family, value = study.problem.system, peak.parameter
         else:
-            family, value = setting_family(study, name, peak.parameter), setting_value(study, name)
+            family, value = setting_family(study.problem, name, peak.parameter), setting_value(study.problem, name)
         h = 1e-4 * value
         start = replace(peak, parameter=value)
         high, low = (follow_peak(family, start, [value + s]).peaks[0] for s in (h, -h))
@@ -197,7 +197,7 @@ class TestSensitivities:
 
     def test_scaling_of_load_and_excitation_together(self, study):
         """The response is homogeneous in preload and excitation where no gap matters."""
-        free = replace(study, constraints=False)
+        free = study.with_(constraints=False)
         peak = free.peak(2000.0, INTERVAL)
         found = free.peak_sensitivities(peak, ["preload", "excitation.amplitude"])
         load, force = found["preload"], found["excitation.amplitude"]
@@ -211,7 +211,7 @@ class TestSensitivities:
 
 class TestFindPeak:
     def test_no_solution_near_the_guess_is_a_status(self, study, peak):
-        system = study.system(1000.0)
+        system = study.problem.system(1000.0)
         y = peak.y.copy()
         y[:-1] *= 1e6
         found = find_peak(system, y)
@@ -219,7 +219,7 @@ class TestFindPeak:
         assert "no solution" in found.status or "not found" in found.status or found.status
 
     def test_from_a_point_beside_the_peak(self, study, peak):
-        system = study.system(1000.0)
+        system = study.problem.system(1000.0)
         for s in (-0.3, 0.3):
             c = system.solve(peak.y + s * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-10, 30)
             assert c.status == 0
@@ -231,21 +231,21 @@ class TestFindPeak:
     def test_linear_structure(self, study):
         """Without friction and with all points held the peak is that of the linear response."""
         peak = study.peak(1e6, INTERVAL)
-        linear = linear_peak(study, INTERVAL, 1e6, stuck=True)
+        linear = linear_peak(study.problem, INTERVAL, 1e6, stuck=True)
         assert peak.amplitude == pytest.approx(linear.amplitude, rel=1e-8)
         assert peak.frequency == pytest.approx(linear.frequency, rel=1e-8)
 
     def test_interval_spans_free_and_stuck(self, study):
-        low, high = resonance_interval(study)
-        assert low < linear_peak(study, INTERVAL, 1.0, stuck=False).frequency
-        assert high > linear_peak(study, INTERVAL, 1.0, stuck=True).frequency
+        low, high = resonance_interval(study.problem)
+        assert low < linear_peak(study.problem, INTERVAL, 1.0, stuck=False).frequency
+        assert high > linear_peak(study.problem, INTERVAL, 1.0, stuck=True).frequency
 
     def test_no_two_modes_share_a_stuck_resonance(self):
         """The stuck resonance of the hard disk's fifth mode lies above its sixth mode, whose own is higher."""
         study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4)
-        free, stuck = free_and_stuck(study, study.equilibrium(1.0), 6)
+        free, stuck = free_and_stuck(study.problem, study.problem.equilibrium(1.0), 6)
         assert free[5] < stuck[4] < stuck[5]
-        assert resonance_interval(study, 6)[1] > stuck[5]
+        assert resonance_interval(study.problem, 6)[1] > stuck[5]
 
 
 class TestNewtonToThePeak:
@@ -253,7 +253,7 @@ class TestNewtonToThePeak:
 
     @pytest.mark.parametrize("away", [(0.02, 0.0), (-0.02, 0.0), (0.0, 1e-4), (0.01, -1e-4)])
     def test_same_peak_as_the_search(self, study, peak, away):
-        system = study.system(1000.0)
+        system = study.problem.system(1000.0)
         rng = np.random.default_rng(3)
         side = rng.standard_normal(len(peak.y))
         side -= (side @ peak.tangent) * peak.tangent
@@ -274,7 +274,7 @@ class TestNewtonToThePeak:
         assert np.linalg.norm(J @ t[:-1] + r_omega * t[-1]) < 1e-9 * np.linalg.norm(r_omega * t[-1])
 
     def test_slope_is_the_derivative_of_the_logarithm(self, study, peak):
-        system = study.system(1000.0)
+        system = study.problem.system(1000.0)
         c = system.solve(peak.y + 0.1 * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-12, 20)
         guesses = [c.y + h * c.tangent * peak.scale for h in (1e-4, -1e-4)]
         ends = [system.solve(y, Plane(c.tangent), peak.scale, 1e-12, 20).y for y in guesses]
@@ -289,7 +289,7 @@ class TestNewtonToThePeak:
         i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
         y = np.append(curve.unknowns[i], 2 * np.pi * curve.frequency[i])
         chord = np.append(curve.unknowns[i + 1], 2 * np.pi * curve.frequency[i + 1]) - y
-        system = study.system(18.94)
+        system = study.problem.system(18.94)
         scale = peak_scale(system, y, abs(chord[-1]))
         chord = chord / scale
         c = system.solve(y, PeakThere(chord / np.linalg.norm(chord), -1.0, 1e-8, 0.1), scale, 1e-10, 15)
@@ -313,47 +313,47 @@ class TestVary:
     )
     def test_kept_parts_do_not_change_the_equations(self, study, peak, settings):
         """A varied study gives the equations of one that is made from nothing."""
-        study.system(500.0)
-        fast = vary(study, settings).system(500.0)
+        study.problem.system(500.0)
+        fast = vary(study, settings).problem.system(500.0)
         plain = {k: v for k, v in settings.items() if "." not in k and not k.endswith("_factor")}
         fresh = plain_study(study.model, excitation=study.excitation, engine_order=5, friction_coefficient=0.3)
-        fresh = replace(fresh, **plain)
+        fresh = fresh.with_(**plain)
         if "excitation.amplitude" in settings:
-            fresh = replace(fresh, excitation=replace(study.excitation, amplitude=settings["excitation.amplitude"]))
+            fresh = fresh.with_(excitation=replace(study.excitation, amplitude=settings["excitation.amplitude"]))
         if "contact_stiffness_factor" in settings:
-            given = {k: settings["contact_stiffness_factor"] * v.stiffness for k, v in fresh.stiffness.items()}
-            fresh = replace(fresh, contact_stiffness=given)
-        slow = fresh.system(500.0)
+            given = {k: settings["contact_stiffness_factor"] * v.stiffness for k, v in fresh.problem.stiffness.items()}
+            fresh = fresh.with_(contact_stiffness=given)
+        slow = fresh.problem.system(500.0)
         for a, b in zip(fast.evaluate(peak.y[:-1], 2000.0), slow.evaluate(peak.y[:-1], 2000.0)):
             assert a == pytest.approx(b, rel=1e-12)
 
     @pytest.mark.parametrize("method", ["residual_modes", "eq4", "unit_traction"])
     def test_a_varied_coefficient_of_friction_makes_the_contact_stiffness_anew(self, study, method):
-        study = replace(study, contact_stiffness=method)
-        assert study.stiffness.keys() == study.model.interfaces.keys()
-        varied, fresh = vary(study, {"friction_coefficient": 0.05}), replace(study, friction_coefficient=0.05)
-        for name, contact in fresh.stiffness.items():
-            assert varied.stiffness[name].stiffness == pytest.approx(contact.stiffness, rel=1e-9)
+        study = study.with_(contact_stiffness=method)
+        assert study.problem.stiffness.keys() == study.model.interfaces.keys()
+        varied, fresh = vary(study, {"friction_coefficient": 0.05}), study.with_(friction_coefficient=0.05)
+        for name, contact in fresh.problem.stiffness.items():
+            assert varied.problem.stiffness[name].stiffness == pytest.approx(contact.stiffness, rel=1e-9)
 
     def test_a_factor_stays_while_other_settings_are_varied(self, study):
         twice = vary(vary(study, {"contact_stiffness_factor": 2.0}), {"harmonics": 2})
-        for name, contact in study.stiffness.items():
-            assert twice.stiffness[name].stiffness == pytest.approx(2.0 * contact.stiffness)
+        for name, contact in study.problem.stiffness.items():
+            assert twice.problem.stiffness[name].stiffness == pytest.approx(2.0 * contact.stiffness)
         assert twice.free((300.0, 350.0)).settings["contact_stiffness_factor"] == 2.0
         with pytest.raises(bd.SettingError, match="contact_stiffness_factor"):
-            replace(study, contact_stiffness_factor=0.0)
+            study.with_(contact_stiffness_factor=0.0)
 
     def test_the_factor_acts_on_residual_modes_too(self, study):
         """Twice the factor, half the flexibility of the whole contact: what is at the points and what the modes carry."""
-        study = replace(study, contact_stiffness="residual_modes")
+        study = study.with_(contact_stiffness="residual_modes")
         flexibility = []
         for factor in (1.0, 2.0):
             varied = vary(study, {"contact_stiffness_factor": factor})
-            basis = varied.bases[1]
+            basis = varied.problem.bases[1]
             residual = np.array([c.body == "residual" for c in basis.coordinates])
             assert residual.any()
             G = basis.G[..., residual].reshape(-1, int(residual.sum()))
-            k = np.concatenate([varied.stiffness[name].stiffness for name in varied.coupling.interfaces]).ravel()
+            k = varied.problem.point_stiffness.ravel()
             point = np.diag(np.where(k > 0.0, 1.0 / np.where(k > 0.0, k, 1.0), 0.0))
             flexibility.append(point + (G / basis.omega2[residual]) @ G.conj().T)
         assert flexibility[1] == pytest.approx(0.5 * flexibility[0], rel=1e-12, abs=1e-12 * np.abs(flexibility[0]).max())
@@ -403,11 +403,11 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
     )
     interval = (270.0, 380.0)
     for friction in (0.38, 0.40, 0.42):
-        s = replace(study, friction_coefficient=friction)
+        s = study.with_(friction_coefficient=friction)
         peak, curve = s.peak(500.0, interval), s.track(500.0, interval)
         assert peak.converged
         assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=5e-4)
-        assert amplitude_at(s.system(500.0), peak.y) == pytest.approx(peak.amplitude, rel=1e-12)
+        assert amplitude_at(s.problem.system(500.0), peak.y) == pytest.approx(peak.amplitude, rel=1e-12)
     with pytest.raises(SettingError, match="evaluation"):
         s.peak_sensitivities(peak)
 
@@ -416,9 +416,9 @@ def test_a_peak_without_a_derivative_says_so(study, peak, monkeypatch):
     n = len(peak.y)
     for value, reason in ((0.0, "flat one at"), (np.nan, "finite")):
         gradient = np.full(n, value), np.zeros(n - 1)
-        monkeypatch.setattr(HarmonicSystem, "slope_gradient", lambda *args, gradient=gradient: gradient)
-        with pytest.raises(sensitivity.NoDerivative, match=reason):
-            sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
+        monkeypatch.setattr(Equations, "slope_gradient", lambda *args, gradient=gradient: gradient)
+        found = sensitivity.sensitivities(peak, {"preload": (study.problem.system, 1000.0)})["preload"]
+        assert np.isnan([found.amplitude, found.frequency, *found.y]).all() and reason in found.reason
 
 
 @pytest.fixture(scope="module")
@@ -446,7 +446,7 @@ class TestAnEndOfTheInterval:
 
 @pytest.fixture(scope="module")
 def smooth(study):
-    return replace(study, friction_coefficient=0.0)
+    return study.with_(friction_coefficient=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -468,7 +468,7 @@ class TestNoFriction:
     def test_that_to_friction_is_the_derivative_to_the_right(self, smooth, found):
         """Extrapolated from two steps upward, since the forces are of first order in the coefficient."""
         peak, sensitivity = found
-        one, two = (replace(smooth, friction_coefficient=mu).peak(300.0) for mu in (1e-4, 2e-4))
+        one, two = (smooth.with_(friction_coefficient=mu).peak(300.0) for mu in (1e-4, 2e-4))
         for name in ("amplitude", "frequency"):
             a, b, c = (getattr(p, name) for p in (peak, one, two))
             slope = (4.0 * (b - a) - (c - a)) / 2e-4
@@ -504,7 +504,7 @@ def test_a_picture_marks_what_is_not_known(result):
         assert sum(patch.get_hatch() is not None for patch in ax.patches) == 2
         star = next(line for line in ax.lines if line.get_marker() == "*")
         assert (star.get_markerfacecolor() == "w") == (mark == "w")
-        assert any("not verified" in label for label in labels) == (mark == "w")
+        assert any("not verified" in text.get_text() for text in ax.texts) == (mark == "w")
 
 
 def test_a_picture_is_dotted_from_one_peak_to_another_alone(result):

@@ -16,7 +16,7 @@ import pytest
 import bdamper as bd
 from bdamper.contact.points import PointArrays
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis
 from bdamper.util.cost import CostMeter
@@ -104,7 +104,7 @@ def annulus_system(structure, study, engine_order):
     model = structure.template
     faces = [model.interfaces[name] for name in ("left", "right", "front", "back")]
     damper = model.bodies["damper"]
-    one = study.system(PRELOAD)
+    one = study.problem.system(PRELOAD)
 
     K = np.zeros((N * DOF, N * DOF))
     for k in range(N):
@@ -118,7 +118,7 @@ def annulus_system(structure, study, engine_order):
     port = np.concatenate([face.points for face in faces]) - damper.centre
     frames = np.concatenate([face.frame for face in faces])
     kinematics = np.concatenate([np.tile(np.eye(3), (len(port), 1, 1)), np.array([skew(r) for r in port])], axis=2)
-    stored = study.coupling.model.bodies["damper"].bases[0].contact_modes[..., :6]
+    stored = study.problem.coupling.model.bodies["damper"].bases[0].contact_modes[..., :6]
     rigid = np.linalg.lstsq((frames @ kinematics).reshape(-1, 6), stored.real.reshape(-1, 6), rcond=None)[0]
     inertia = np.block([[damper.mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), damper.inertia]])
     np.testing.assert_allclose(rigid.T @ inertia @ rigid, np.eye(6), rtol=0, atol=1e-12)
@@ -164,7 +164,7 @@ def annulus_system(structure, study, engine_order):
         pull = V[k * DOF : (k + 1) * DOF].T @ structure.tip[0] * tip
         force[n : n + n_blade] += pull.real
         force[2 * n : 2 * n + n_blade] -= pull.imag
-    p = one.points
+    p = one.structure.points
     damping = np.concatenate([np.full(n_blade, DAMPING), np.zeros(6 * N)])
     stiffness = np.concatenate([omega2, np.zeros(6 * N)])
     basis = HarmonicBasis((), stiffness, damping, G.reshape(-1, 3, n).astype(complex), 0, np.ones(n))
@@ -177,7 +177,7 @@ def annulus_system(structure, study, engine_order):
         law=np.tile(p.law, N),
         shift=np.tile(p.shift, (N, 1)),
     )
-    system = HarmonicSystem([basis] * (H + 1), points, force, [np.zeros(n)] * (H + 1))
+    system = Sector([basis] * (H + 1), points, force, [np.zeros(n)] * (H + 1)).equations
     return system, wave, n
 
 
@@ -224,7 +224,7 @@ ORDERS = {2: "2 4 2* 0", 3: "3 2* 1 4", 5: "3* 2 1* 4", 7: "1* 2* 3* 4"}
 def test_travelling_waves_give_the_same_residual(engine_order):
     structure = Structure()
     study = make_study(structure, engine_order)
-    one = study.system(PRELOAD)
+    one = study.problem.system(PRELOAD)
     system, wave, n = annulus(structure, study, engine_order)
     rng = np.random.default_rng(engine_order)
     slip = separation = 0.0
@@ -240,7 +240,7 @@ def test_travelling_waves_give_the_same_residual(engine_order):
         expected = spread(one, r, wave, n)
         np.testing.assert_allclose(whole, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
         np.testing.assert_allclose(shares_all(system, waves, N * one.n_points), np.tile(shares, (N, 1)), rtol=0, atol=1e-9)
-        friction = one.points.mu > 0
+        friction = one.structure.points.mu > 0
         slip += shares[friction][:, [1, 3]].mean() / 4
         separation += ((shares[friction][:, 4] > 0) & (shares[friction][:, 4] < 1)).mean() / 4
         # the annulus also sees what one sector cannot: a wave that runs the other way is another motion
@@ -257,13 +257,13 @@ def test_a_converged_solution_of_one_sector_is_one_of_the_annulus(engine_order):
     structure = Structure()
     study = make_study(structure, engine_order, amplitude=300.0)
     options = ContinuationOptions(tolerance=1e-11)
-    u, one, omega = None, study.system(PRELOAD), 0.0
+    u, one, omega = None, study.problem.system(PRELOAD), 0.0
     for frequency in (800.0, 1000.0):
         omega = 2 * np.pi * frequency
-        y, _ = find_start(study, PRELOAD, omega, options, CostMeter(time.perf_counter()))
+        y, _ = find_start(study.problem, PRELOAD, omega, options, CostMeter(time.perf_counter()))
         if y is not None:
             u = y[:-1]
-            shares = one.contact(u)[2][one.points.mu > 0]
+            shares = one.contact(u)[2][one.structure.points.mu > 0]
             if shares[:, [1, 3]].max() > 0.05 and shares[:, 4].max() > 0:
                 break
     else:
@@ -272,7 +272,7 @@ def test_a_converged_solution_of_one_sector_is_one_of_the_annulus(engine_order):
     r = np.full(system.n_unknown, np.nan)
     assert system.evaluate(np.append(spread(one, u, wave, n), omega), r) == 0
     # relative to the scales of the study: excitation for the harmonics, static load for the mean
-    excitation, load = np.abs(study.force_rows).max(), PRELOAD * np.abs(study.coupling.load()[0]).max()
+    excitation, load = np.abs(study.problem.modal_force(1)).max(), PRELOAD * np.abs(study.problem.coupling.load()[0]).max()
     assert np.abs(r[n:]).max() <= 1e-10 * excitation
     assert np.abs(r[:n]).max() <= 1e-10 * max(load, excitation)
 
@@ -281,7 +281,7 @@ def test_the_static_state_is_the_same_in_every_sector():
     structure = Structure()
     study = make_study(structure, 3)
     state = study.static(PRELOAD)
-    one = study.system(PRELOAD)
+    one = study.problem.system(PRELOAD)
     system, wave, n = annulus(structure, study, 3)
     u = np.zeros(one.n_unknowns)
     u[: one.n_mean] = state.q

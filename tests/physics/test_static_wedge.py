@@ -163,7 +163,7 @@ def test_a_frictionless_damper_on_elastic_blades_is_statically_determinate(alpha
     )
     state = study.static(LOAD)
     assert state.converged, state.note
-    left, right = (state.force[study.coupling.rows(name), 2].sum() for name in ("left", "right"))
+    left, right = (state.force[study.problem.coupling.rows(name), 2].sum() for name in ("left", "right"))
     assert left == pytest.approx(LOAD * np.cos(beta) / np.sin(alpha + beta), rel=1e-7)
     assert right == pytest.approx(LOAD * np.cos(alpha) / np.sin(alpha + beta), rel=1e-7)
 
@@ -181,15 +181,15 @@ def test_the_static_state_of_a_study_is_in_equilibrium(seed):
     for load in (1.0, 1000.0):
         state = study.static(load)
         assert state.converged
-        frames = np.concatenate([study.model.interfaces[name].frame for name in study.coupling.interfaces])
+        frames = np.concatenate([study.model.interfaces[name].frame for name in study.problem.coupling.interfaces])
         # (T1, T2) pull the damper along t1, t2; N pushes it against its normal
         local = state.force * [1.0, 1.0, -1.0]
         total = np.einsum("pa,pai->i", local, frames)
         np.testing.assert_allclose(total, [0.0, -load, 0.0], rtol=0, atol=1e-7 * load)
-        mu = study.friction[:, None]
+        mu = study.problem.friction[:, None]
         assert (np.abs(state.force[:, :2]) <= mu * state.force[:, 2:] + 1e-9 * load).all()
         # the sliders reproduce the friction forces
-        x = np.einsum("pam,m->pa", study.bases[0].G.real, state.q) + load * study.coupling.load()[1]
+        x = np.einsum("pam,m->pa", study.problem.bases[0].G.real, state.q) + load * study.problem.coupling.load()[1]
         closed = state.force[:, 2] > 0
-        trial = study.tangential_stiffness * (x[:, :2] - state.slider)
+        trial = study.problem.tangential_stiffness * (x[:, :2] - state.slider)
         np.testing.assert_allclose(trial[closed], state.force[closed, :2], rtol=0, atol=1e-8 * load)

@@ -96,7 +96,7 @@ class TestPaperEquations:
         by_force, by_traction = (
             plain_study(
                 wedge_model(4), bd.Excitation("tip"), 2, blade_modes=5, contact_stiffness=m, friction_coefficient=0.3
-            )
+            ).problem
             for m in ("eq4", "unit_traction")
         )
         coupling = by_force.coupling
@@ -116,34 +116,34 @@ class TestPaperEquations:
 
 def test_stiffness_of_a_study():
     s = study("unit_traction")
-    for name, contact in s.stiffness.items():
+    for name, contact in s.problem.stiffness.items():
         assert contact.stiffness.shape == (4, 3), name
         assert np.isfinite(contact.stiffness).all()
         assert (contact.stiffness > 0).all()
         assert contact.source == "unit_traction"
-    for line, contact in zip(s.stiffness_report, s.stiffness.values()):
+    for line, contact in zip(s.stiffness_report, s.problem.stiffness.values()):
         np.testing.assert_array_equal(line.fallback, contact.fallback.sum(axis=0))
         assert f"{line.fallback[0]} of 4 fell back" in str(line)
 
 
 def test_retaining_every_mode_leaves_less_flexibility():
     """More modes, stiffer contact: the residual flexibility only shrinks."""
-    few, many = (study("unit_traction", blade_modes=n).coupling.residual_flexibility(1) for n in (1, 5))
+    few, many = (study("unit_traction", blade_modes=n).problem.coupling.residual_flexibility(1) for n in (1, 5))
     assert np.linalg.eigvalsh(few - many).min() > -1e-12 * np.abs(few).max()
     np.testing.assert_allclose(few, few.conj().T, rtol=0, atol=1e-20)
 
 
 def test_user_values():
     s = study(3.5e6)
-    for contact in s.stiffness.values():
+    for contact in s.problem.stiffness.values():
         assert (contact.stiffness == 3.5e6).all()
         assert contact.source == "user"
     given = {"left": np.array([1e6, 2e6, 3e6]), "right": np.full((4, 3), 5e6)}
     s = study(given)
-    np.testing.assert_array_equal(s.stiffness["left"].stiffness, np.tile([1e6, 2e6, 3e6], (4, 1)))
+    np.testing.assert_array_equal(s.problem.stiffness["left"].stiffness, np.tile([1e6, 2e6, 3e6], (4, 1)))
     with pytest.raises(bd.SettingError, match=r"contact_stiffness.*\['right'\]"):
-        _ = study({"left": 1e6}).stiffness
+        _ = study({"left": 1e6}).problem.stiffness
     with pytest.raises(bd.SettingError, match=r"contact_stiffness\['left'\]: expected finite numbers >= 0"):
-        _ = study({"left": -1.0, "right": 1.0}).stiffness
+        _ = study({"left": -1.0, "right": 1.0}).problem.stiffness
     with pytest.raises(bd.SettingError, match="contact_stiffness: expected one of"):
-        _ = study("eq5").stiffness
+        _ = study("eq5").problem.stiffness

@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.harmonic_balance.system import OK
+from bdamper.harmonic_balance.equations import OK
 from bdamper.problem.problem import stuck_springs
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
@@ -109,9 +109,9 @@ class TestIndependentCheck:
     def check(study, preload, band, count=5):
         curve = study.track(preload, band)
         assert curve.complete, curve.reason
-        system = study.system(preload)
-        arrays = dict(system.arrays)
-        arrays["G"] = [b.G for b in system.bases]
+        system = study.problem.system(preload)
+        arrays = dict(system.structure.arrays)
+        arrays["G"] = [b.G for b in system.structure.bases]
         arrays["kt"] = np.where((arrays["law"] == 1)[:, None], 0.0, arrays["kt"])
         scale = system.row_scale
         for i in np.linspace(0, len(curve) - 1, count).astype(int):
@@ -147,7 +147,7 @@ class TestScaling:
     def test_excitation_and_preload_together(self, factor):
         """Without gaps the response is homogeneous: the same curve, point by point."""
         study = wedge_study(constraints=False, excitation=bd.Excitation("tip", amplitude=20.0))
-        scaled = replace(study, excitation=bd.Excitation("tip", amplitude=20.0 * factor))
+        scaled = study.with_(excitation=bd.Excitation("tip", amplitude=20.0 * factor))
         a, b = study.track(60.0, BAND), scaled.track(60.0 * factor, BAND)
         assert a.complete
         assert b.complete
@@ -155,7 +155,7 @@ class TestScaling:
         assert b.peak.frequency == pytest.approx(a.peak.frequency, rel=1e-7)
         assert b.peak.amplitude / factor == pytest.approx(a.peak.amplitude, rel=1e-7)
         # each point of one is a solution of the other
-        system = scaled.system(60.0 * factor)
+        system = scaled.problem.system(60.0 * factor)
         for i in range(0, len(a), max(1, len(a) // 6)):
             r, _, _ = system.evaluate(factor * a.unknowns[i], 2 * np.pi * a.frequency[i])
             assert np.abs(r * system.row_scale).max() < 2e-9
@@ -163,14 +163,14 @@ class TestScaling:
     def test_phase_of_the_excitation_shifts_time(self):
         shift = 1.234
         study = wedge_study(harmonics=3, excitation=bd.Excitation("tip", amplitude=40.0))
-        late = replace(study, excitation=bd.Excitation("tip", amplitude=40.0, phase=shift))
+        late = study.with_(excitation=bd.Excitation("tip", amplitude=40.0, phase=shift))
         omega = 2 * np.pi * 340.0
-        y, _ = find_start(study, 60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
-        z, _ = find_start(late, 60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
+        y, _ = find_start(study.problem, 60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
+        z, _ = find_start(late.problem, 60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
         assert y is not None
         assert z is not None
-        system = study.system(60.0)
-        a, b = system.response(y[:-1]), late.system(60.0).response(z[:-1])
+        system = study.problem.system(60.0)
+        a, b = system.response(y[:-1]), late.problem.system(60.0).response(z[:-1])
         expected = a * np.exp(1j * shift * np.arange(4))
         np.testing.assert_allclose(b, expected, rtol=0, atol=1e-8 * np.abs(a).max())
         # and exactly: the shifted motion solves the shifted equations
@@ -179,29 +179,30 @@ class TestScaling:
             c, s = system.slices(l)
             q = system.amplitudes(u, l) * np.exp(1j * l * shift)
             u[c], u[s] = q.real, -q.imag
-        r, _, _ = late.system(60.0).evaluate(u, omega)
+        r, _, _ = late.problem.system(60.0).evaluate(u, omega)
         assert np.abs(r * system.row_scale).max() < 1e-9
 
 
 class TestBases:
     def test_each_harmonic_has_its_nodal_diameter(self):
         study = wedge_study(harmonics=3)
-        assert [b.nodal_diameter for b in study.bases] == [0, 2, 4, 6]
+        assert [b.nodal_diameter for b in study.problem.bases] == [0, 2, 4, 6]
 
     def test_single_basis_uses_that_of_the_fundamental(self):
         study = wedge_study(harmonics=3, single_basis=True)
         own = wedge_study(harmonics=3)
         blade = study.model.bodies["blade"].bases[2]
-        assert [b.nodal_diameter for b in study.bases] == [2, 2, 2, 2]
+        assert [b.nodal_diameter for b in study.problem.bases] == [2, 2, 2, 2]
         for l in (1, 2, 3):
-            np.testing.assert_array_equal(study.bases[l].omega2[: blade.n_modes], blade.omega2)
+            np.testing.assert_array_equal(study.problem.bases[l].omega2[: blade.n_modes], blade.omega2)
             # the phase to the next sector is still that of the harmonic
-            rows = study.coupling.rows("right")
+            rows = study.problem.coupling.rows("right")
             stored = blade.contact_modes[study.model.port_slice("blade", ("right", "b"))] * [[[1], [1], [-1]]]
             phase = np.exp(2j * np.pi * 2 * l / study.model.n_blades)
-            np.testing.assert_allclose(study.bases[l].G[rows, :, : blade.n_modes], phase * stored, rtol=0, atol=1e-12)
-        np.testing.assert_array_equal(study.bases[1].G, own.bases[1].G)
-        assert not np.allclose(study.bases[2].G, own.bases[2].G)
+            G = study.problem.bases[l].G[rows, :, : blade.n_modes]
+            np.testing.assert_allclose(G, phase * stored, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(study.problem.bases[1].G, own.problem.bases[1].G)
+        assert not np.allclose(study.problem.bases[2].G, own.problem.bases[2].G)
         assert study.track(1e6, (300.0, 310.0)).settings["single_basis"] is True
 
     def test_a_missing_nodal_diameter_is_named(self):
@@ -221,10 +222,10 @@ class TestSpecialPreloads:
         away = np.abs(curve.frequency / stuck.peak.frequency - 1) > 0.01
         np.testing.assert_allclose(curve.amplitude[away], expected[away], rtol=2e-2)
         omega = 2 * np.pi * curve.frequency[0]
-        system = study.system(1e5)
-        springs = stuck_springs(study, study.static(1e5))
+        system = study.problem.system(1e5)
+        springs = stuck_springs(study.problem, study.static(1e5))
         assert not springs[:, :2].any()
-        linear = system.linear_response(omega, springs) @ system.response_rows[1]
+        linear = system.structure.linear.response(omega, springs) @ system.response_rows[1]
         assert curve.harmonics[0, 1] == pytest.approx(linear, rel=1e-7)
 
     def test_without_a_preload_the_damper_leaves_its_seat(self):
@@ -232,11 +233,11 @@ class TestSpecialPreloads:
         curve, free = study.track(0.0, BAND), study.free(BAND)
         assert curve.complete and curve.residual.max() <= 1e-9 and (curve.shares == [0.0, 0.0, 1.0]).all()
         np.testing.assert_array_equal(curve.harmonics[:, 1], free.harmonics[:, 1])
-        system = study.system(0.0)
+        system = study.problem.system(0.0)
         for u, f in zip(curve.unknowns[::20], curve.frequency[::20]):
             assert np.abs(system.evaluate(u, 2 * np.pi * f)[0] * system.row_scale).max() <= 1e-9
         assert any("study.free" in note for note in curve.notes)
-        held = replace(study, bias=False).track(0.0, BAND)  # a mean that is held stays in contact
+        held = study.with_(bias=False).track(0.0, BAND)  # a mean that is held stays in contact
         assert not any("study.free" in note for note in held.notes)
 
     def test_no_preload_is_never_an_unconverged_curve(self):
@@ -246,15 +247,15 @@ class TestSpecialPreloads:
             assert curve.status in ("complete", "incomplete", "not found")
             assert np.isfinite(curve.harmonics).all()
             assert (curve.residual <= 1e-9).all()
-            system = study.system(0.0)
+            system = study.problem.system(0.0)
             for u, f in zip(curve.unknowns[::5], curve.frequency[::5]):
                 r, _, _ = system.evaluate(u, 2 * np.pi * f)
                 assert np.abs(r * system.row_scale).max() <= 1e-9
 
     def test_without_excitation_the_response_is_the_static_state(self):
         study = wedge_study()
-        state, system = study.static(100.0), study.system(100.0)
-        system = changed(system, np.where(np.arange(system.n_unknowns) < system.n_mean, system.force, 0.0))
+        state, system = study.static(100.0), study.problem.system(100.0)
+        system = changed(system, np.where(np.arange(system.n_unknowns) < system.n_mean, system.structure.force, 0.0))
         u = np.zeros(system.n_unknowns)
         u[: system.n_mean] = state.q
         r, _, _ = system.evaluate(u, 2000.0)
@@ -307,9 +308,9 @@ def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     assert "unbounded at" in curve.reason
     assert "no damping" in curve.details()
     pole = float(curve.reason.split("unbounded at ")[1].split()[0])
-    system = s.system(0.0 if kind == "free" else 1.0)
-    springs = None if kind == "free" else stuck_springs(s, s.static(1.0))
-    exact = min(system.linear_modes(springs)[0] / (2.0 * np.pi), key=lambda f: abs(f - pole))
+    system = s.problem.system(0.0 if kind == "free" else 1.0)
+    springs = None if kind == "free" else stuck_springs(s.problem, s.static(1.0))
+    exact = min(system.structure.linear.modes(springs)[0] / (2.0 * np.pi), key=lambda f: abs(f - pole))
     distance = curve.frequency / exact - 1.0
     for side in (-1.0, 1.0):
         near = np.flatnonzero((side * distance > 0.0) & (np.abs(distance) < 1e-3))

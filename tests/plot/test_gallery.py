@@ -16,7 +16,7 @@ PICTURES = {
     "Hysteresis": ("plot", "plot_history", "plot_energy"),
     "Model": ("plot", "plot_mode"),
     "MistunedSample": ("plot", "plot_tail", "plot_preload"),
-    "SettledResponse": ("plot", "mark"),
+    "Marched": ("plot", "mark"),
     "WheelCurve": ("plot", "plot_map"),
     "WheelPeak": ("plot", "plot_wheel"),
 }

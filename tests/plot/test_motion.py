@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.plot.motion import contact_status, rigid_motion, surface_motion
+from bdamper.model.model import turn
+from bdamper.plot.motion import (
+    LARGEST_DRAWN,
+    VIEW,
+    contact_status,
+    line_drawing,
+    rigid_motion,
+    sectors_shown,
+    surface_motion,
+)
 from bdamper.plot.vtu import export_modes, export_response
 from tests.plain import plain_study
 
@@ -29,14 +38,14 @@ def test_rigid_motion_is_that_of_the_damper_at_its_points(solved):
     u = curve.unknowns[curve.peak.index]
     surface = surface_motion(study, u)["damper"]
     # contact axes of the front plane are X, Y, Z of the damper
-    body = study.coupling.model.bodies["damper"]
-    face = study.coupling.model.interfaces["front"]
-    basis = study.bases[1]
-    q = u[len(study.bases[0].omega2) :]
+    body = study.problem.coupling.model.bodies["damper"]
+    face = study.problem.coupling.model.interfaces["front"]
+    basis = study.problem.bases[1]
+    q = u[len(study.problem.bases[0].omega2) :]
     n = len(basis.omega2)
     q = q[:n] - 1j * q[n : 2 * n]
     own = [k for k, c in enumerate(basis.coordinates) if c.body == "damper"]
-    rows = study.coupling.model.port_slice("damper", ("front", "a"))
+    rows = study.problem.coupling.model.port_slice("damper", ("front", "a"))
     local = body.bases[0].contact_modes[rows][..., :6] @ q[own][:6]
     expected = np.einsum("pij,pi->pj", face.frame, local)
     # the surface moves rigidly: fit its motion and read it at the points
@@ -59,7 +68,7 @@ def test_units_of_rigid_motion(solved):
 
 def test_missing_rigid_modes_do_not_move(solved):
     study, _ = solved
-    part = replace(study, rigid_modes=("TX", "TY", "TZ"))
+    part = study.with_(rigid_modes=("TX", "TY", "TZ"))
     curve = part.track(500.0, (350.0, 380.0))
     motion = rigid_motion(part, curve.unknowns[curve.peak.index])
     assert np.all(motion.vibratory[0, 3:] == 0.0) and np.all(motion.amplitude[:2] > 0.0)
@@ -99,16 +108,16 @@ def test_status_agrees_with_the_curve_and_with_itself(solved):
     ids=str,
 )
 def test_status_under_every_law(solved, settings):
-    study = replace(solved[0], **settings)
+    study = solved[0].with_(**settings)
     curve = study.track(500.0, (350.0, 380.0))
     i = curve.peak.index
-    _, F, core = (a[: study.coupling.n_points] for a in study.system(500.0).contact(curve.unknowns[i]))
+    _, F, core = (a[: study.problem.coupling.n_points] for a in study.problem.system(500.0).contact(curve.unknowns[i]))
     status = contact_status(study, curve.unknowns[i], 500.0, n_theta=2000)
     assert status.share.sum(axis=2) == pytest.approx(1.0, abs=1e-12)
     for state in range(3):
         assert (status.state == state).mean(axis=2) == pytest.approx(status.share[..., state], abs=2e-2)
-    rubs = study.friction > 0.0
-    if len(core) == len(rubs) and study.system(500.0).points.index is None:
+    rubs = study.problem.friction > 0.0
+    if len(core) == len(rubs) and study.problem.system(500.0).structure.points.index is None:
         assert status.share[rubs][..., 0] == pytest.approx(core[rubs][:, [0, 2]], abs=1e-9)
         opened = np.column_stack([core[:, 4]] * 2)
         assert status.share[rubs][..., 2] == pytest.approx(opened[rubs], abs=1e-9)
@@ -159,13 +168,47 @@ def test_surfaces_without_mode_shapes_are_refused_or_named(solved, tmp_path):
     study, curve = solved
     u = curve.unknowns[curve.peak.index]
     mesh = study.model.meshes["blade"]
-    bare = replace(study, model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
+    bare = study.with_(model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
     for call in (lambda: surface_motion(bare, u), lambda: export_response(bare, u, tmp_path)):
         with pytest.raises(bd.SettingError, match="mode shapes of nodal diameter 5 on the mesh of 'blade', found none"):
             call()
     for call in (lambda: bare.model.plot_mode(1), lambda: export_modes(bare.model, tmp_path / "x.vtu")):
         with pytest.raises(bd.SettingError, match="expected a model with mode shapes on the mesh of a body"):
             call()
-    few = replace(bare, model=replace(study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}))
+    few = bare.with_(model=replace(study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}))
     with pytest.warns(bd.PlausibilityWarning, match="at most 1 % of the motion in modes without shapes on the mesh, found"):
         surface_motion(few, u)
+
+
+def test_a_line_drawing_has_each_sector_at_its_phase(solved):
+    """Stuck contacts: the blade of the next sector moves with the damper at its face, and not with the opposite phase."""
+    study = solved[0].with_(contact_stiffness_factor=100.0)
+    stuck = study.stuck((330.0, 450.0), 500.0)
+    drawing = line_drawing(study, stuck.unknowns[stuck.peak.index])
+    model, face = study.model, study.model.interfaces["right"]
+    counts = [len(model.meshes[name].points) for name, _ in sectors_shown(model)]
+    parts = dict(zip(sectors_shown(model), np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])))
+    assert set(parts) == {("blade", 0), ("blade", 1), ("damper", 0)}
+    pitch = 2.0 * np.pi / model.n_blades
+    places = {key: model.meshes[key[0]].points @ turn(pitch * key[1]).T for key in parts}
+    near = {key: np.argmin(np.linalg.norm(places[key][:, None] - face.points, axis=2), axis=0) for key in parts}
+    moved = {key: drawing.amplitude[parts[key][near[key]]].mean(axis=0) for key in parts}
+    damper, blade = moved["damper", 0], moved["blade", 1]
+    assert np.linalg.norm(damper - blade) < 0.2 * np.linalg.norm(damper)
+    other = blade * np.exp(-2j * study.settings.engine_order * pitch)
+    assert np.linalg.norm(damper - other) > 0.5 * np.linalg.norm(damper)
+    assert np.abs(drawing.amplitude).max() * drawing.magnification == pytest.approx(
+        LARGEST_DRAWN * np.ptp(drawing.points, axis=0).max(), rel=0.4
+    )
+
+
+def test_a_line_drawing_paints_the_farthest_face_first(solved):
+    study, curve = solved
+    drawing, model = line_drawing(study, curve.unknowns[0]), study.model
+    depth = np.concatenate([model.meshes[name].points @ turn(2.0 * np.pi * k / model.n_blades).T @ VIEW[2]
+                            for name, k in sectors_shown(model)])  # fmt: skip
+    assert (np.diff(depth[drawing.quads].mean(axis=1)) >= -1e-12).all()
+    assert pytest.approx(np.eye(3), abs=2e-3) == VIEW @ VIEW.T
+    assert len(drawing.body) == len(drawing.quads) and drawing.quads.max() < len(drawing.points)
+    with pytest.raises(bd.SettingError, match="the surface of a body"):
+        line_drawing(study.with_(model=replace(model, meshes={})), curve.unknowns[0])

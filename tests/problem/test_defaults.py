@@ -32,12 +32,12 @@ def test_first_answer_has_residual_modes_and_three_harmonics(disk):
         warnings.simplefilter("error")
         default = study(disk)
         chosen = study(disk, contact_stiffness="residual_modes", harmonics=3, blade_modes=10)
-        assert default.record() == chosen.record()
+        assert default.problem.record() == chosen.problem.record()
         curve = default.track(2000.0, (345.0, 375.0))
     # 40 blade modes: 0.335 mm with 24 points (docs/measured.md); unit tractions with one harmonic: 0.475 mm
     assert curve.peak.amplitude == pytest.approx(0.335e-3, rel=0.1)
     assert all(not r.note and r.source == "residual_modes" for r in default.stiffness_report[:2])
-    assert default.n_unknowns == 22 * 7
+    assert default.problem.n_unknowns == 22 * 7
 
 
 def test_static_contact_area_comes_out_of_the_preload_analysis(disk):
@@ -52,8 +52,8 @@ def test_static_contact_area_comes_out_of_the_preload_analysis(disk):
 
 def test_settings_of_the_paper_by_name(disk):
     paper = study(disk, **bd.PAPER)
-    assert paper.record() == study(disk).with_(**bd.PAPER).record()
-    record = paper.record()
+    assert paper.problem.record() == study(disk).with_(**bd.PAPER).problem.record()
+    record = paper.problem.record()
     assert (record["contact_stiffness"], record["harmonics"], record["single_basis"]) == ("eq4", [1], True)
     assert paper.track(2000.0, (345.0, 375.0)).complete
 
@@ -63,16 +63,17 @@ def test_a_model_without_the_flexibility_says_what_stands_in(disk):
     fallen = study(model)
     with pytest.warns(BdamperWarning, match=r'"unit_traction" instead of residual modes .*nodal diameter 15') as said:
         report = fallen.stiffness_report
-    settings = fallen.record()
+    settings = fallen.problem.record()
     assert len(said) == 1
     assert "instead of residual modes" in str(report[0]) and settings["contact_stiffness"] == "unit_traction"
-    assert np.array_equal(fallen.point_stiffness, study(model, contact_stiffness="unit_traction").point_stiffness)
+    plain = study(model, contact_stiffness="unit_traction")
+    assert np.array_equal(fallen.problem.point_stiffness, plain.problem.point_stiffness)
     # two harmonics do not need that nodal diameter
-    assert fallen.with_(harmonics=2).stiffness_method == "residual_modes"
+    assert fallen.with_(harmonics=2).problem.stiffness_method == "residual_modes"
     with pytest.warns(BdamperWarning):
-        assert study(model, harmonics=2).with_(harmonics=3).stiffness_method == "unit_traction"
+        assert study(model, harmonics=2).with_(harmonics=3).problem.stiffness_method == "unit_traction"
     with pytest.raises(bd.ModelError, match="nodal diameter 15"):
-        _ = study(model, contact_stiffness="residual_modes").bases
+        _ = study(model, contact_stiffness="residual_modes").problem.bases
 
 
 def test_stiffness_that_the_model_carries_stands_in():
@@ -80,7 +81,7 @@ def test_stiffness_that_the_model_carries_stands_in():
     bare = without_flexibility(model, *model.bodies["blade"].bases)
     assert set(bare.contact) == set(bare.interfaces)
     with pytest.warns(BdamperWarning, match='"model" instead'):
-        assert study(bare, engine_order=2, harmonics=1).record()["contact_stiffness"] == "model"
+        assert study(bare, engine_order=2, harmonics=1).problem.record()["contact_stiffness"] == "model"
     nothing = study(replace(bare, contact={}), engine_order=2, harmonics=1)
     with pytest.raises(bd.ModelError, match="give contact_stiffness as numbers"):
-        _ = nothing.contact
+        _ = nothing.problem.contact

@@ -46,7 +46,7 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
     with pytest.warns(PlausibilityWarning, match=r"preload: plausible 1 to .* times .* of 10000 N, found 2000 N"):
         strong.track(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
     with pytest.warns(PlausibilityWarning, match=r"preload: .* found 20 to 200 N"):
-        check_load(strong, 20.0, 200.0)
+        check_load(strong.problem, 20.0, 200.0)
 
 
 def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_preloads():
@@ -71,9 +71,47 @@ def test_shipped_scenes_are_plausible(name, points):
         for mu in (0.1, 0.4, 0.7):
             s = study(name, points, friction_coefficient=mu, contact_stiffness=2e7)
         s = study(name, points)
-        preload = 1000.0 if s.carries_load else 0.0
-        omega2 = s.modal_bases[1].omega2
+        preload = 1000.0 if s.problem.carries_load else 0.0
+        omega2 = s.problem.modal_bases[1].omega2
         for f in np.sqrt(omega2[omega2 > 0.0][:6]) / (2.0 * np.pi):
-            check_interval(s, (0.9 * f, 1.1 * f), preload)
-        check_load(s, 10.0, 25e3)
-        check_load(s, preload)
+            check_interval(s.problem, (0.9 * f, 1.1 * f), preload)
+        check_load(s.problem, 10.0, 25e3)
+        check_load(s.problem, preload)
+
+
+def test_engine_order_0_of_a_wheel_is_named():
+    with pytest.warns(PlausibilityWarning, match="engine_order: plausible 1 or more, found 0, a force") as caught:
+        study(engine_order=0)
+    assert len(caught) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlausibilityWarning)
+        study("blade_to_ground", 24)  # one blade, without orders
+
+
+ASKED = {
+    "peak": lambda s, band: s.peak(200.0, band),
+    "peak of the mode": lambda s, band: s.peak(200.0, mode=1 if band[0] < 400.0 else 2),
+    "track": lambda s, band: s.track(200.0, band),
+    "free": lambda s, band: s.free(band),
+    "optimal curve": lambda s, band: s.optimal_curve([200.0, 400.0], frequency=band, check=False),
+}
+
+
+@pytest.mark.parametrize("asked", ASKED)
+def test_a_force_across_the_motion_of_the_mode_is_named(asked):
+    """Mode 1 is tangential, mode 2 axial, by their shapes at the tip in the model."""
+    model = bd.reference_model("bladed_disk", 9)
+    basis = model.bodies["blade"].bases[5]
+    shape = np.abs(basis.locations["tip"][:, :2])
+    along = dict(zip(("tangential", "axial"), (shape / np.linalg.norm(shape, axis=0))[[0, 2]]))
+    axes = {d: bd.Excitation("tip", d) for d in along}
+    for mode, band in ((0, (230.0, 410.0)), (1, (640.0, 760.0))):
+        for direction, share in along.items():
+            s = study(excitation=axes[direction], harmonics=1, contact_stiffness="unit_traction")
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                ASKED[asked](s, band)
+            told = [str(w.message) for w in caught if "excitation direction" in str(w.message)]
+            across = share[mode] < 0.12
+            assert len(told) == across and across == ((mode, direction) == (0, "axial"))
+            assert not across or f"found axial at 'tip', along which these have {100.0 * share[mode]:.2g} %" in told[0]

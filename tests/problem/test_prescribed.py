@@ -1,11 +1,12 @@
 """Prescribed normal loads and gaps."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.problem.problem import Problem
+from bdamper.problem.settings import settings_of
 from tests.plain import plain_study
 
 
@@ -22,7 +23,7 @@ def test_loads_at_rest_are_the_prescribed_ones(study):
     state = pressed.static(0.0)
     assert state.converged and np.abs(state.q).max() > 0.0
     assert state.force[:, 2] == pytest.approx(np.maximum(target, 0.0), abs=1e-7)
-    kn = pressed.stiffness["platform"].stiffness[:, 2]
+    kn = pressed.problem.stiffness["platform"].stiffness[:, 2]
     # negative loads are gaps of that size
     assert state.closing[target < 0.0] == pytest.approx((target / kn)[target < 0.0], rel=1e-6)
     friction = np.abs(state.force[:, :2]).max(axis=1)
@@ -31,8 +32,8 @@ def test_loads_at_rest_are_the_prescribed_ones(study):
 
 def test_unsettled_loads_are_those_of_a_structure_held_in_place(study):
     pressed = bd.prescribe_preload(study, {"platform": 40.0}, settled=False)
-    kn = pressed.stiffness["platform"].stiffness[:, 2]
-    assert -pressed.model.interfaces["platform"].gap * kn == pytest.approx(40.0)
+    kn = pressed.problem.stiffness["platform"].stiffness[:, 2]
+    assert -pressed.settings.gap["platform"] * kn == pytest.approx(40.0)
     # the blade gives way
     assert pressed.static(0.0).force[:, 2].sum() < 0.99 * 24 * 40.0
 
@@ -40,7 +41,7 @@ def test_unsettled_loads_are_those_of_a_structure_held_in_place(study):
 def test_response_scales_with_load_and_excitation(study):
     """Only the ratio of preload and excitation matters."""
     one = bd.prescribe_preload(study, {"platform": 20.0}).track(0.0, (300.0, 380.0))
-    ten = replace(study, excitation=bd.Excitation("tip", amplitude=10.0))
+    ten = study.with_(excitation=bd.Excitation("tip", amplitude=10.0))
     ten = bd.prescribe_preload(ten, {"platform": 200.0}).track(0.0, (300.0, 380.0))
     assert one.complete and ten.complete
     assert ten.peak.amplitude == pytest.approx(10.0 * one.peak.amplitude, rel=1e-6)
@@ -69,11 +70,83 @@ def test_bad_input_is_named(study, loads, message):
 
 def test_free_bodies_need_a_load():
     study = plain_study(bd.reference_model(contact_points=9), engine_order=5, excitation=bd.Excitation("tip"))
-    with pytest.raises(bd.SettingError, match="expected no free body"):
+    with pytest.raises(bd.SettingError, match="expected bodies with a load and friction interfaces"):
         bd.prescribe_preload(study, {"left": 1.0})
 
 
 def test_a_point_without_normal_stiffness_is_refused(study, monkeypatch):
-    monkeypatch.setattr(type(study), "point_stiffness", np.zeros((24, 3)))
+    monkeypatch.setattr(Problem, "point_stiffness", np.zeros((24, 3)))
     with pytest.raises(bd.SettingError, match="expected a positive normal stiffness at every point"):
         bd.prescribe_preload(study, {"platform": 1.0})
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {}, {"contact_stiffness_factor": 0.5}, {"blade_modes": 5}, {"contact_stiffness": "residual_modes"},
+        {"friction_coefficient": 0.2}, {"friction_law": "bonded"},
+    ],
+)  # fmt: skip
+def test_loads_are_those_of_the_assembly_under_all_settings(study, settings, tmp_path):
+    """Once 30 N a point became 10 to 140 N without a word: loads were kept as gaps, which alone would still do so."""
+    pressed = study.with_(fixed_loads={"platform": np.full(24, 30.0)})
+    other = pressed.with_(**settings)
+    assert other.static(0.0).force[:, 2] == pytest.approx(30.0, rel=1e-7)
+    if settings:
+        gaps = study.with_(gap={"platform": -pressed.problem.fixed_load[1][:, 2]})
+        drifted = gaps.with_(**settings).static(0.0).force[:, 2].sum()
+        assert abs(drifted / (24 * 30.0) - 1.0) > 2e-3
+    total = study.with_(**settings, fixed_loads={"platform": 720.0}).static(0.0).force[:, 2]
+    area = study.model.interfaces["platform"].area
+    assert total == pytest.approx(720.0 * area / area.sum(), rel=1e-7)
+
+
+def test_loads_in_place_stay_as_interference(study):
+    pressed = bd.prescribe_preload(study, {"platform": 40.0}, settled=False)
+    softer = pressed.with_(contact_stiffness_factor=0.5)
+    assert -softer.problem.point_gaps * softer.problem.point_stiffness[:, 2] == pytest.approx(20.0)
+
+
+def test_the_load_of_an_interface_may_be_the_preload(study):
+    """Newtons per newton of preload: states scale, and are those under the same fixed load."""
+    area = study.model.interfaces["platform"].area
+    shared = study.with_(loads={"platform": 2.0})
+    state = shared.static(300.0)
+    assert state.force[:, 2] == pytest.approx(600.0 * area / area.sum(), rel=1e-7)
+    fixed = study.with_(fixed_loads={"platform": 600.0})
+    np.testing.assert_allclose(fixed.static(0.0).force, state.force, atol=1e-7 * state.force.max())
+    one, other = shared.peak(300.0, (300.0, 400.0)), fixed.peak(0.0, (300.0, 400.0))
+    assert one.amplitude == pytest.approx(other.amplitude, rel=1e-7)
+    with pytest.raises(bd.SettingError, match="preload: expected 0, since no body of the model carries a load"):
+        fixed.track(10.0, (300.0, 400.0))
+
+
+def test_derivatives_under_prescribed_loads_hold_the_loads(study):
+    pressed = bd.prescribe_preload(study, {"platform": 30.0})
+    peak = pressed.peak(0.0, (300.0, 400.0))
+    found = pressed.peak_sensitivities(peak, ["friction_coefficient"])["friction_coefficient"]
+    ends = [pressed.with_(friction_coefficient=0.4 + h).peak(0.0, (300.0, 400.0)).amplitude for h in (1e-5, -1e-5)]
+    assert found.amplitude == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-4)
+
+
+def test_loads_are_recorded_with_results_and_read_again(study, tmp_path):
+    pressed = bd.prescribe_preload(study, {"platform": 30.0})
+    assert "fixed loads" in str(pressed)
+    pressed.track(0.0, (340.0, 350.0)).save(tmp_path / "curve.h5")
+    again = settings_of(bd.load(tmp_path / "curve.h5").settings)
+    assert study.with_(**again).static(0.0).force[:, 2] == pytest.approx(30.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"loads": {"platfrom": 1.0}}, r"expected bodies with a load and friction interfaces .* did you mean platform"),
+        ({"loads": {"platform": 0.0}}, "loads: expected at least one above 0"),
+        ({"loads": {"platform": np.nan}}, "loads of 'platform': expected a finite number >= 0"),
+        ({"fixed_loads": {"platform": -1.0}}, "fixed_loads of 'platform': expected a finite number >= 0"),
+        ({"fixed_loads": {"platform": [1.0, 2.0]}}, "fixed_loads of 'platform': expected one or 24 finite numbers"),
+    ],
+)
+def test_loads_that_do_not_fit_are_named(study, settings, message):
+    with pytest.raises(bd.SettingError, match=message):
+        study.with_(**settings)

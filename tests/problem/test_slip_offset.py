@@ -21,9 +21,9 @@ def test_the_static_state_starts_from_it():
         state = one.static(0.4)
         assert state.converged and abs(w) > 1e-4
         assert state.slider[0, 0] == pytest.approx(w, rel=1e-12)
-        assert float(one.response_rows[0] @ state.q) == pytest.approx((0.4 + 2.0 * w) / 5.0, rel=1e-9)
+        assert float(one.problem.response_rows[0] @ state.q) == pytest.approx((0.4 + 2.0 * w) / 5.0, rel=1e-9)
         assert state.force[0, 0] == pytest.approx(2.0 * ((0.4 + 2.0 * w) / 5.0 - w), rel=1e-9)
-    assert float(study().response_rows[0] @ study().static(0.4).q) == pytest.approx(0.08, rel=1e-12)
+    assert float(study().problem.response_rows[0] @ study().static(0.4).q) == pytest.approx(0.08, rel=1e-12)
 
 
 def test_what_slips_forgets_it():

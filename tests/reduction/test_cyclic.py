@@ -13,7 +13,8 @@ from bdamper.fe.assemble import discretise
 from bdamper.fe.geometry import Material, turn
 from bdamper.fe.mesh import join_blocks
 from bdamper.fe.sector import SectorFE
-from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, match_faces
+from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation
+from bdamper.reduction.sector_faces import match_faces
 
 N = 6
 
@@ -53,8 +54,7 @@ def sector():
     on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
     left = np.flatnonzero(on & (np.abs(angle + np.pi / N) < 1e-9))
     right = np.flatnonzero(on & (np.abs(angle - np.pi / N) < 1e-9))
-    right = match_faces(body.nodes, left, right, 2 * np.pi / N)
-    return body, left, right, clamped_nodes(body)
+    return body, match_faces(body.nodes, left, right, N), clamped_nodes(body)
 
 
 def test_full_ring_has_the_same_frequencies(ring, sector):
@@ -64,7 +64,7 @@ def test_full_ring_has_the_same_frequencies(ring, sector):
     )
     waves = []
     for d in range(N):
-        s = CyclicSector(*sector, N, d)
+        s = CyclicSector(*sector, d)
         waves.append(scipy.linalg.eigh(s.stiffness.toarray(), s.mass.toarray(), eigvals_only=True))
     np.testing.assert_allclose(np.sort(np.concatenate(waves)), full, rtol=1e-8)
 
@@ -73,7 +73,7 @@ def test_full_ring_has_the_same_frequencies(ring, sector):
 def test_travelling_wave_solves_the_full_ring(ring, sector, d):
     """u(k+1) = R u(k) exp(+2 pi i d/N); with the other sign it must not, unless the wave stands."""
     body, free = ring
-    s = CyclicSector(*sector, N, d)
+    s = CyclicSector(*sector, d)
     omega2, shapes = s.modes(4)
     assert np.isrealobj(shapes) == (d in (0, N // 2))
 
@@ -100,7 +100,7 @@ def test_travelling_wave_solves_the_full_ring(ring, sector, d):
 def test_modes_are_normalised_over_one_sector_with_a_definite_phase(sector):
     body = sector[0]
     for d in (0, 1):
-        omega2, u = CyclicSector(*sector, N, d).modes(6)
+        omega2, u = CyclicSector(*sector, d).modes(6)
         np.testing.assert_allclose(u.conj().T @ (body.mass @ u), np.eye(6), atol=1e-10)
         square = np.einsum("im,im->m", u, body.mass @ u)
         assert np.all(np.abs(square.imag) < 1e-9)
@@ -109,7 +109,7 @@ def test_modes_are_normalised_over_one_sector_with_a_definite_phase(sector):
 
 
 def test_receptance_is_hermitian_and_the_sum_over_all_modes(sector):
-    s = CyclicSector(*sector, N, 2)
+    s = CyclicSector(*sector, 2)
     contact = np.zeros((4, s.body.n_dof))
     contact[np.arange(4), 3 * s.body.nearest_node([0.2, 1.6, 0.3]) + np.array([0, 1, 2, -3])] = 1.0
     flexibility = s.receptance(sp.csr_matrix(contact))
@@ -149,8 +149,8 @@ def test_reference_sector_between_its_neighbours():
 
 
 def test_x_or_y_alone_fixed_on_a_face_is_refused(sector):
-    body, left, right, _ = sector
+    body, faces, _ = sector
     fixed = np.zeros((len(body.nodes), 3), bool)
-    fixed[[left[0], right[0]], 0] = True
+    fixed[[faces.independent[0], faces.dependent[0]], 0] = True
     with pytest.raises(ValueError, match="fixed in one of the directions X and Y"):
-        cyclic_transformation(len(body.nodes), left, right, fixed, N, 1)
+        cyclic_transformation(len(body.nodes), faces, fixed, 1)

@@ -133,7 +133,7 @@ def test_a_blade_that_does_not_fit_is_refused(annulus):
         local_basis(own, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, sizes, "disk")
     with pytest.raises(ValueError, match="location 'rim', which is not on the blade"):
         local_basis(part, annulus.fe.cyclic, wanted(annulus.contact, rim=int(disk[0])), annulus.dampers, sizes, "blade")
-    wide = np.union1d(part.nodes, annulus.fe.left[:2])
+    wide = np.union1d(part.nodes, annulus.fe.faces.independent[:2])
     own = BladePart(body, wide, part.fixed)
     with pytest.raises(ValueError, match="lies on a face at which the sector repeats"):
         local_basis(own, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, sizes, "blade")

@@ -16,7 +16,7 @@ def matrices(ring):
     out = np.zeros((ring.n * n_rows, ring.n_coordinates), complex)
     factors = np.zeros(ring.n_coordinates)
     for l, s, phases, factor in ring.blocks:
-        G = np.asarray(ring.system.bases[l].G).reshape(n_rows, -1)
+        G = np.asarray(ring.wide.structure.bases[l].G).reshape(n_rows, -1)
         out[:, s] = (phases[:, None, None] * G).reshape(ring.n * n_rows, -1)
         factors[s] = factor
     back = (factors / np.where(ring.mass > 0.0, ring.mass, 1.0))[:, None] / ring.n * out.conj().T
@@ -27,7 +27,7 @@ def matrices(ring):
 
 def force(ring, x, w):
     """Contact force and slider after the law was applied, for motion x (n_sectors, n_points, 3) and slider w before."""
-    p = ring.system.points
+    p = ring.system.structure.points
     kt, law = p.kt, np.asarray(p.law)
     mu = np.where(law == LAW_NORMAL, 0.0, p.mu)
     constant = (law == LAW_CONSTANT) | (law == LAW_COUPLED_CONSTANT)
@@ -55,7 +55,7 @@ def march(ring, motion, omega, n_steps, steps, first=0, omega_end=None):
     q, v, w = motion
     mass, omega2, damping, stiffness = (np.tile(x, 2) for x in (ring.mass, ring.omega2, ring.damping, ring.stiffness))
     light = (mass == 0.0) & (np.abs(B).sum(axis=1) > 0.0)  # imaginary parts of real coordinates are none
-    springs = np.tile(np.column_stack([ring.system.points.kt, ring.system.points.kn]).ravel(), ring.n)
+    springs = np.tile(np.column_stack([ring.system.structure.points.kt, ring.system.structure.points.kn]).ravel(), ring.n)
     closed = np.diag(stiffness[light]) + B[light] @ (springs[:, None] * A[:, light])
 
     def excitation(k):
@@ -65,7 +65,7 @@ def march(ring, motion, omega, n_steps, steps, first=0, omega_end=None):
     def contact(k, q, w):
         """Modal force, coordinates, of which those without mass are found by chord iterations, and sliders."""
         for _ in range(20000):
-            x = (A @ q).reshape(ring.n, -1, 3) + ring.system.points.shift
+            x = (A @ q).reshape(ring.n, -1, 3) + ring.system.structure.points.shift
             F, moved = force(ring, x, w)
             pressed = B @ F.ravel()
             missing = (stiffness * q + pressed - excitation(k))[light]
@@ -127,7 +127,7 @@ def implicit(ring, motion, omega, n_steps, steps, radius=0.8, first=0):
         """Modal forces g = B F(A (free - beta g)): Newton's method, halved where it does not help."""
 
         def off(g):
-            x = (A @ (free - beta * g)).reshape(ring.n, -1, 3) + ring.system.points.shift
+            x = (A @ (free - beta * g)).reshape(ring.n, -1, 3) + ring.system.structure.points.shift
             F, moved = force(ring, x, w)
             return B @ F.ravel() - g, x, moved
 

@@ -8,7 +8,8 @@ import pytest
 import bdamper as bd
 from bdamper.stability import time_sweep
 from bdamper.stability.march import BOUNDS
-from bdamper.stability.time_integration import Ring
+from bdamper.stability.time_integration import MarchFailed, Ring
+from tests.marches import fails_after
 
 F0, ZETA = 10.0, 0.01
 W0 = 2.0 * np.pi * F0
@@ -124,10 +125,10 @@ def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
         linear.sweep_in_time(0.0, BAND)
 
 
-def test_an_unmet_contact_condition_is_told(linear, monkeypatch):
-    monkeypatch.setattr(Ring, "unsolved", "not met at 3 of 61 instants")
-    found = linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
-    assert found.complete and "complete (not met at 3 of 61 instants)" in found.details()
+def test_a_march_that_fails_is_no_sweep(linear, monkeypatch):
+    fails_after(monkeypatch, 4)
+    with pytest.raises(MarchFailed, match="the march fails near "):
+        linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
 
 
 def test_it_starts_from_a_point_of_a_curve(separating):

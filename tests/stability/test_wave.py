@@ -1,7 +1,6 @@
 """Which points of a curve are judged: verdicts made up, so that the truth is known everywhere."""
 
 import numpy as np
-import pytest
 
 import bdamper as bd
 from bdamper.stability.wave import Verdict, judged_along, rests
@@ -15,7 +14,7 @@ def judged(growth, counts, moving=None, branch=None, positive=None):
 
     def judge(i):
         asked.append(i)
-        return Verdict((int(counts[i]),), float(growth[i]))
+        return Verdict(int(counts[i]), float(growth[i]))
 
     moving = np.ones(n, bool) if moving is None else moving
     branch = np.zeros(n, int) if branch is None else branch
@@ -70,27 +69,23 @@ def test_resting_contacts_on_springs_that_only_resist():
         excitation=bd.Excitation("tip", "tangential", 20.0),
     )  # fmt: skip
     curve = study.track(400.0, (250.0, 400.0))
-    system = study.system(400.0)
+    system = study.problem.system(400.0)
     still = np.array([rests(system, u) for u in curve.unknowns])
     assert still.any() and not still.all()
     for i, rest in enumerate(still):
         _, _, shares = system.contact(curve.unknowns[i])  # stick and slip of two directions, open
         assert rest == (np.minimum(shares, 1.0 - shares).max() < 1e-12)
     i = int(np.flatnonzero(still)[0])
-    system.arrays["damping"] = system.arrays["damping"] - 1.0
+    system.structure.arrays["damping"] = system.structure.arrays["damping"] - 1.0
     assert not rests(system, curve.unknowns[i])
 
 
-@pytest.mark.parametrize("oscillating", [False, True])
-def test_the_note_says_what_was_counted(oscillating):
+def test_the_note_says_what_was_counted():
     model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
     study = plain_study(
         model, engine_order=2, contact_stiffness=1e5, friction_coefficient=0.3,
         excitation=bd.Excitation("tip", "tangential", 20.0),
     )  # fmt: skip
-    curve = study.with_stability(study.track(400.0, (250.0, 400.0)), oscillating=oscillating)
-    note = curve.stability_note
-    assert (" counted, " in note) == oscillating
-    if oscillating:
-        words = note.split(f"of {len(curve)} points ")[1].replace(",", "").split()
-        assert sum(int(w) for w in words[:5:2]) == len(curve)
+    curve = study.with_stability(study.track(400.0, (250.0, 400.0)))
+    words = curve.stability_note.split(f"of {len(curve)} points ")[1].replace(",", "").split()
+    assert sum(int(w) for w in words[:5:2]) == len(curve)

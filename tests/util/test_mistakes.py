@@ -13,7 +13,7 @@ from bdamper.io.build import build_model
 from bdamper.io.contact_faces import ContactFaces
 from bdamper.problem.variation import vary
 from bdamper.util.warn import PlausibilityWarning
-from bdamper.wheel.mistuning import DamperVariation, Mistuning
+from bdamper.wheel import DamperVariation, Mistuning, Wheel, WheelPeakOptions
 from tests.plain import plain_study
 
 F = (270.0, 380.0)
@@ -88,6 +88,13 @@ REFUSED = {
     "misspelt model": (lambda s: bd.reference_model("blade_disk"), "found 'blade_disk'; did you mean bladed_disk"),
     "misspelt condition": (lambda s: s.at_speed(400.0, temperatur={}), "did you mean temperature"),
     "misspelt damper": (lambda s: DamperVariation.of(65, mas=1.1), "did you mean mass"),
+    "misspelt option of a wheel's peak": (lambda s: Wheel.peak(None, 9.0, option=None), "peak: .*did you mean options"),
+    "misspelt option of the search": (lambda s: WheelPeakOptions(climb=3), "WheelPeakOptions: .*did you mean climbs"),
+    "misspelt step of a wheel": (lambda s: Wheel.kept(None, None, steps=128), "kept: .*did you mean steps_per_period"),
+    "misspelt end of a curve": (lambda s: Wheel.track(None, 9.0, F, from_hihg=1), "track: .*did you mean from_high"),
+    "misspelt preloads of a wheel": (lambda s: Wheel.optimal_curve(None, preload=[9.0]), "curve: .*did you mean preloads"),
+    "misspelt wheels": (lambda s: bd.mistuned_sample(s, 0.02, 9.0, wheel=3), "mistuned_sample: .*did you mean wheels"),
+    "a sample without a preload": (lambda s: bd.mistuned_sample(s, 0.02), "mistuned_sample: .*'preload'"),
     # questions
     "a preload as a text": (lambda s: s.track("2 kN", F), "preload: .*found '2 kN'"),
     "a negative preload": (lambda s: s.track(-1.0, F), "preload: .*found -1.0"),
@@ -95,7 +102,7 @@ REFUSED = {
     "one frequency": (lambda s: s.track(9.0, 300.0), "frequency: .*found 300.0"),
     "an interval the wrong way": (lambda s: s.track(9.0, F[::-1]), r"frequency: .*found \(380.0, 270.0\)"),
     "a mode of number 0": (lambda s: s.peak(9.0, mode=0), "mode: .*found 0"),
-    "a tolerance in per cent": (lambda s: s.peak(9.0, F, tolerance=5.0), "tolerance: .*found 5.0"),
+    "a tolerance in per cent": (lambda s: bd.accuracy_cost(s, 9.0, F, tolerance=5.0), "tolerance: .*found 5.0"),
     "preloads the wrong way": (lambda s: s.optimal_curve((2e4, 20.0)), "preload"),
     "one preload": (lambda s: s.optimal_curve(20.0), "preload: .*found 20.0"),
     "margin without material": (lambda s: s.optimal_curve((20.0, 2e4), 3, quantity="margin"), "material: .*found None"),
@@ -178,9 +185,9 @@ def test_speeds_in_revolutions_per_minute(study):
     turn = np.pi / 30.0
     with warnings.catch_warnings():
         warnings.simplefilter("error", PlausibilityWarning)
-        assert study.at_speed(rpm=4000.0).speed == pytest.approx(4000.0 * turn)
+        assert study.at_speed(rpm=4000.0).settings.speed == pytest.approx(4000.0 * turn)
         low, high = 1000.0 * turn, 1500.0 * turn
         assert study.campbell(rpm=(1000.0, 1200.0, 1500.0), modes=1).speed[[0, -1]] == pytest.approx([low, high])
-        assert study.crossings(rpm=(1000.0, 1500.0), engine_orders=[5]).range == pytest.approx((low, high))
+        assert study.crossings(rpm=(1000.0, 1500.0), engine_orders=[5]).values[0]["kind"] == "none"
         with pytest.raises(bd.BdamperError, match=r"engine order 5 between 104\.72 and 157\.08 rad/s"):
             study.run_up(rpm=(1000.0, 1500.0))

@@ -18,7 +18,7 @@ import bdamper as bd
 from bdamper.continuation.curve import Curve
 from bdamper.design.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
-from bdamper.util.ladder import Ladder, Rung
+from bdamper.util.convergence import Convergence, HarmonicPeak
 from bdamper.util.plotting import Plottable, draws
 from bdamper.util.tables import (
     ROW,
@@ -33,7 +33,7 @@ from bdamper.util.tables import (
     label,
     quantities,
 )
-from bdamper.util.text import height
+from bdamper.util.text import amount, height
 from tests.plain import plain_study
 
 
@@ -106,13 +106,13 @@ class TestTables:
             getattr(curve, f"to_{module}")()
 
     def test_of_other_results(self, study, curve, swept):
-        ladder = Ladder(0.05, 1.0, 3, (Rung(3, 1.0, 2.0, 100.0), Rung(5, 1.0, 2.1, 101.0)))
+        more = Convergence(1.0, 0.05, (HarmonicPeak(3, 2.0, 100.0), HarmonicPeak(5, 2.1, 101.0)))
         limits = study.optimal_curve((6e3, 8e3), 2, frequency=(270.0, 380.0), check=False)
         cycle, losses = study.hysteresis(curve), study.dissipation(curve)
-        for result in (ladder, swept, limits, cycle, losses, study.contact_map(500.0)):
+        for result in (more, swept, limits, cycle, losses, study.contact_map(500.0)):
             flat = [column for column in result.columns().values() if not column.dims]
             assert len({len(column.values) for column in flat}) == 1, type(result)
-        assert ladder.columns()["amplitude"].values.tolist() == [2.0, 2.1]
+        assert more.columns()["amplitude"].values.tolist() == [2.0, 2.1]
         assert limits.columns()["preload"].values.tolist() == limits.preload.tolist()
 
     def test_every_table_has_columns(self):
@@ -187,9 +187,9 @@ class TestQuantities:
         assert label(Made, "place", "mm") == "Place (mm)"
 
     def test_rows_of_small_records(self):
-        columns = from_rows([Rung(3, 10.0, 2.0, 100.0), Rung(5, 10.0)])
-        assert columns["preload"].unit == "N" and columns["frequency"].unit == "Hz" and columns["change"].unit == ""
-        assert columns["status"].values.tolist() == ["complete", "complete"] and from_rows([]) == {}
+        columns = from_rows([HarmonicPeak(3, 2.0, 100.0), HarmonicPeak(5, 2.0, 101.0)])
+        assert columns["amplitude"].unit == "m" and columns["frequency"].unit == "Hz" and columns["harmonics"].unit == ""
+        assert columns["harmonics"].values.tolist() == [3, 5] and from_rows([]) == {}
 
 
 class TestNotebook:
@@ -198,7 +198,7 @@ class TestNotebook:
             page = shown._repr_html_()
             assert "<table>" in page and line in page and page.count("data:image/png;base64,iVBOR") == 1
         first = f"<div><p><b>{curve.bottom_line()}</b></p><table>"
-        assert curve._repr_html_().startswith(first) and f"{curve.peak.amplitude:.6g} m" in curve._repr_html_(), (
+        assert curve._repr_html_().startswith(first) and amount(curve.peak.amplitude, "m", 6) in curve._repr_html_(), (
             "folded away"
         )
         assert not plt.get_fignums(), "a notebook would show open figures once more"
@@ -226,11 +226,12 @@ class TestNotebook:
 class TestDifferences:
     def test_of_studies(self, study):
         twice = bd.Excitation("tip", amplitude=2.0)
-        other = replace(study, friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
+        other = study.with_(friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
         found = study.compare(other)
         assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
         assert "friction_coefficient.right  0.4  0.2  -50 %" in str(found) and "+100 %" in found._repr_html_()
-        assert not study.compare(replace(study)) and "no difference" in str(study.compare(replace(study)))
+        again = study.another(study.problem.anew())
+        assert not study.compare(again) and "no difference" in str(study.compare(again))
 
     def test_of_curves(self, study, curve):
         other = study.track(8000.0, (350.0, 358.0))
@@ -243,13 +244,13 @@ class TestDifferences:
     def test_of_peaks(self, study):
         one, other = (study.peak(preload, (350.0, 358.0)) for preload in (4000.0, 8000.0))
         named = {a.name: (a.value, b.value) for a, b in one.compare(other).outcomes}
-        assert named["peak amplitude"] == (one.amplitude, other.amplitude) and named["preload"] == (4000.0, 8000.0)
+        assert named["amplitude"] == (one.amplitude, other.amplitude) and named["preload"] == (4000.0, 8000.0)
         assert f'<td style="text-align:left">{one.frequency:.3g} Hz</td>' in one._repr_html_()
         assert one._repr_html_().count("<img") == 1 and not study.compare(one)
 
     def test_settings_of_a_study_and_a_result(self, study, curve):
         assert not study.compare(curve)
-        assert [name for name, *_ in replace(study, bias=False).compare(curve).settings] == ["bias"]
+        assert [name for name, *_ in study.with_(bias=False).compare(curve).settings] == ["bias"]
 
     def test_with_something_else_is_refused(self, curve):
         with pytest.raises(bd.SettingError, match="other: expected a study or a result to compare with, found a float"):
@@ -263,7 +264,7 @@ class TestMistakenArguments:
         with pytest.raises(bd.SettingError, match=r"curve: expected a tracking curve, found a list of 1 Curve$"):
             study.with_stability([curve])
         with pytest.raises(bd.SettingError, match=r"found a tuple of 2 Curve$"):
-            study.of((curve, curve))
+            study.with_stability((curve, curve))
 
     def test_a_forgotten_engine_order(self, study):
         with pytest.raises(bd.SettingError, match="engine_order: expected that of the excitation, since the model has 65"):
@@ -277,9 +278,9 @@ class TestMistakenArguments:
             bd.load_model(tmp_path / "curve.h5")
 
     def test_a_model_in_the_place_of_a_study(self, study):
-        with pytest.raises(bd.SettingError, match="problem: expected a study, found a Model"):
+        with pytest.raises(bd.SettingError, match="study: expected a Study, found a Model"):
             bd.prescribe_preload(study.model, {})
-        with pytest.raises(bd.SettingError, match="study: expected a Problem, found a Model"):
+        with pytest.raises(bd.SettingError, match="study: expected a Study, found a Model"):
             rigid_motion(study.model, np.zeros(3))
 
     @pytest.mark.parametrize("kind", ["save", "to_csv"])

@@ -70,8 +70,8 @@ def lumped_study(n_blades=6, engine_order=1, harmonics=1, n_points=4, constraint
 
 def solution(system, omega, start=None, tolerance=1e-11):
     """Newton's method with shortened steps at one frequency, from the static state or from unknowns."""
-    y = np.append(system.at_rest if start is None else start, omega)
-    return system.solve(y, Fixed(), system.units_about(y, 1.0), tolerance, 60, 2)
+    y = np.append(system.structure.at_rest if start is None else start, omega)
+    return system.solve(y, Fixed(), system.structure.units_about(y, 1.0), tolerance, 60, 2)
 
 
 def size(system, r):

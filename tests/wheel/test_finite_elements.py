@@ -47,7 +47,7 @@ def wheel_of(n_blades, harmonics, engine_order=1):
 
 def slip_and_separation(wheel, system, X):
     """Share of the cycle in slip, and of friction points that open and close."""
-    shares = system.contact(system.flat(X))[2].reshape(len(X), -1, 5)[:, wheel.tuned().friction > 0.0]
+    shares = system.contact(system.structure.flat(X))[2].reshape(len(X), -1, 5)[:, wheel.structure.tuned.friction > 0.0]
     return 0.5 * shares[..., [1, 3]].sum(axis=-1).mean(), ((shares[..., 4] > 0.02) & (shares[..., 4] < 0.98)).mean()
 
 
@@ -55,10 +55,10 @@ def solved(wheel, frequency):
     """A solution from the wave of the tuned wheel, and the equations."""
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * frequency
-    y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter(0.0))
-    found = solution(system, omega, system.flat(wave_of(wheel.structure, y[:-1])))
+    y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter(0.0))
+    found = solution(system, omega, system.structure.flat(wave_of(wheel.structure, y[:-1])))
     assert found.status == 0
-    X = system.array(found.y[:-1])
+    X = system.structure.array(found.y[:-1])
     assert min(slip_and_separation(wheel, system, X)) > 0.1
     return X, system
 
@@ -75,7 +75,7 @@ class Ring:
         modes = L @ modes
         self.C = (modes * (2.0 * ZETA * np.sqrt(values))) @ modes.T
         self.n, self.system, self.place = wheel.structure.n, system, np.argsort(wheel.structure.order)
-        coupling = wheel.tuned().coupling
+        coupling = wheel.structure.tuned.coupling
         damper = coupling.model.bodies["damper"]
         half = annulus.contact.shape[0] // 2
         n_damper = wheel.structure.n_damper
@@ -105,10 +105,11 @@ class Ring:
         x = self.all_coordinates(X)
         blades = len(self.K)
         motion = np.einsum("spcj,lj->spcl", self.G, x)
-        own, F, _ = (part.reshape(motion.shape[:2] + part.shape[1:]) for part in self.system.contact(self.system.flat(X)))
-        motion[..., 0] += self.system.points.shift.reshape(motion.shape[:3])
+        scene = self.system.structure
+        own, F, _ = (part.reshape(motion.shape[:2] + part.shape[1:]) for part in self.system.contact(scene.flat(X)))
+        motion[..., 0] += scene.points.shift.reshape(motion.shape[:3])
         np.testing.assert_allclose(own, motion, rtol=0, atol=1e-9 * np.abs(motion).max())
-        out = np.einsum("spcj,spcl->lj", self.G, F) - self.all_coordinates(self.system.array(self.system.force))
+        out = np.einsum("spcj,spcl->lj", self.G, F) - self.all_coordinates(scene.array(scene.force))
         u = x[:, :blades]
         out[:, :blades] += u @ self.K
         for l in range(1, len(x) // 2 + 1):
@@ -121,7 +122,7 @@ class Ring:
 
     def of_sectors(self, r):
         """The residual as the wheel has it, sector by sector."""
-        N, blades, out = len(self.G), len(self.K), np.empty(self.system.shape)
+        N, blades, out = len(self.G), len(self.K), np.empty(self.system.structure.shape)
         out[..., self.place] = r[:, :blades].reshape(len(r), N, -1).transpose(1, 0, 2)
         out[..., self.n :] = r[:, blades:].reshape(len(r), N, -1).transpose(1, 0, 2)
         return out
@@ -135,22 +136,23 @@ def test_a_mistuned_wheel_solves_the_equations_of_the_annulus(n_blades):
     frequency = AT[n_blades][2]
     found, system = solved(wheel, frequency)
     ring, omega = Ring(annulus(n_blades), wheel, system), 2.0 * np.pi * frequency
-    X = found + 0.3 * np.abs(found).max(axis=(0, 2), keepdims=True) * np.random.default_rng(1).normal(size=system.shape)
+    random = np.random.default_rng(1).normal(size=system.structure.shape)
+    X = found + 0.3 * np.abs(found).max(axis=(0, 2), keepdims=True) * random
     assert min(slip_and_separation(wheel, system, X)) > 0.1
-    own = system.array(system.residual(np.append(system.flat(X), omega)))
+    own = system.structure.array(system.residual(np.append(system.structure.flat(X), omega)))
     exact = ring.residual(X, omega)
     np.testing.assert_allclose(ring.all_coordinates(own), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
-    amplitude = np.abs(system.responses(system.flat(found))[:, 1])
+    amplitude = np.abs(system.structure.responses(system.structure.flat(found))[:, 1])
     assert amplitude.max() > 1.5 * amplitude.min()
     # the annulus' equations solved by themselves, from a motion that is off by a ten-thousandth
     X = (1.0 + 1e-4 * np.sin(np.arange(found.size)).reshape(found.shape)) * found
     for _ in range(30):
-        r = system.flat(ring.of_sectors(ring.residual(X, omega)))
+        r = system.structure.flat(ring.of_sectors(ring.residual(X, omega)))
         if size(system, r) < 1e-11:
             break
-        y = np.append(system.flat(X), omega)
+        y = np.append(system.structure.flat(X), omega)
         step = system.solve_linear(y, np.eye(len(y))[-1], np.ones(len(y)), -np.append(r, 0.0)[None])[0]
-        X = X + system.array(step[:-1])
+        X = X + system.structure.array(step[:-1])
     assert size(system, r) < 1e-11
     assert_same(X, found, 1e-7)
 
@@ -160,8 +162,8 @@ def test_a_tuned_wheel_has_the_wave_of_its_study():
     wheel = wheel_of(8, 3).with_(mistuning=None)
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * AT[8][2]
-    y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
-    wave = system.flat(wave_of(wheel.structure, y[:-1]))
+    y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
+    wave = system.structure.flat(wave_of(wheel.structure, y[:-1]))
     assert size(system, system.residual(np.append(wave, omega))) < 1e-7
 
 
@@ -173,10 +175,10 @@ def test_directions_of_a_wheel_of_finite_elements():
     found, system = solved(forward, frequency)
     other, _ = solved(forward.with_(mistuning=pattern.turned()), frequency)
     assert_same(other, turned(found), 1e-7)
-    height = np.abs(system.responses(system.flat(found))[:, 1])
+    height = np.abs(system.structure.responses(system.structure.flat(found))[:, 1])
     for mistuning, places in ((pattern.mirrored(), -np.arange(5)), (pattern, np.arange(5))):
         back, system = solved(backward.with_(mistuning=mistuning), frequency)
-        ratio = np.abs(system.responses(system.flat(back))[:, 1])[places] / height
+        ratio = np.abs(system.structure.responses(system.structure.flat(back))[:, 1])[places] / height
         assert np.abs(ratio - 1.0).max() > 1e-3
 
 

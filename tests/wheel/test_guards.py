@@ -31,16 +31,16 @@ def test_the_band_reaches_as_far_as_the_blades_deviate():
 def test_a_gap_of_the_dampers_is_one_of_the_study():
     """It opens: the state is that of the study whose faces are as much further apart."""
     tuned = lumped_study(6, 1, n_c=2, r=2)
-    faces = tuned.coupling.model.interfaces
+    faces = tuned.problem.coupling.model.interfaces
     one, none = np.ones(6), np.zeros(6)
-    plain = Wheel(tuned).system(PRELOAD).points
+    plain = Wheel(tuned).system(PRELOAD).structure.points
     apart = Wheel(tuned.with_(gap={name: face.gap + 2e-7 for name, face in faces.items()}))
     varied = Wheel(tuned, dampers=DamperVariation(one, one, one, 2e-7 * one, none > 0.0))
     system, expected = varied.system(PRELOAD), apart.system(PRELOAD)
-    np.testing.assert_allclose(system.points.n0, expected.points.n0, rtol=1e-12)
-    assert (system.points.n0 < plain.n0).all()
-    rest = expected.at_rest
-    np.testing.assert_allclose(system.at_rest, rest, rtol=0.0, atol=1e-6 * np.abs(rest).max())
+    np.testing.assert_allclose(system.structure.points.n0, expected.structure.points.n0, rtol=1e-12)
+    assert (system.structure.points.n0 < plain.n0).all()
+    rest = expected.structure.at_rest
+    np.testing.assert_allclose(system.structure.at_rest, rest, rtol=0.0, atol=1e-6 * np.abs(rest).max())
 
 
 def test_a_curve_has_its_folds_and_no_solution_far_from_the_one_before():
@@ -84,7 +84,7 @@ def test_the_best_preload_is_open_where_held_dampers_leave_it_so(amplitude, erro
     assert curve.candidates.tolist() == candidates
     assert curve.best == (candidates[0] if len(candidates) == 1 else None)
     if curve.best is not None:
-        assert curve.facts()[1] == ("best preload computed", 100.0 * (curve.best + 1), "N")
+        assert f"lowest at {100 * (curve.best + 1)} N of {len(curve)} preloads" in curve.bottom_line()
     elif candidates:
         assert curve.bottom_line().endswith(" or ".join(f"{100 * (k + 1)} N" for k in sorted(candidates)) + ".")
     else:

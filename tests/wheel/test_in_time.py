@@ -25,7 +25,7 @@ class March:
     """
 
     def __init__(self, system, omega):
-        s = system.structure
+        s = system.structure.structure
         n, nd, r = s.n, s.n_damper, s.local.n_interface
         N = s.n_blades
         blades, total = N * n, N * s.n_sector
@@ -46,8 +46,9 @@ class March:
                 b = (a + onward) % N
                 G[a, p, :, b * n : (b + 1) * n] = s.rows[p, :, :n]
                 G[a, p, :, blades + a * nd : blades + (a + 1) * nd] = s.rows[p, :, n:]
-        self.G, self.points, self.shift = G.reshape(-1, total), system.points, system.points.shift.ravel()
-        inverse, force = np.linalg.inv(M), system.array(system.force)
+        scene = system.structure
+        self.G, self.points, self.shift = G.reshape(-1, total), scene.points, scene.points.shift.ravel()
+        inverse, force = np.linalg.inv(M), scene.array(scene.force)
         self.K, self.C, self.contact = inverse @ K, inverse @ C, inverse @ self.G.T
         self.mean, self.cosine, self.sine = (inverse @ self.flat(force[:, c], n) for c in range(3))
         self.omega, self.n, self.blades = omega, n, blades
@@ -98,11 +99,11 @@ def test_a_marched_ring_has_the_amplitudes_of_the_wheel(seed):
     system, omega = wheel.system(PRELOAD), 2.0 * np.pi * 190.0
     found = solution(system, omega, tolerance=1e-10)
     assert found.status == 0
-    shares = system.contact(found.y[:-1])[2].reshape(N, -1, 5)[:, wheel.tuned().friction > 0.0]
+    shares = system.contact(found.y[:-1])[2].reshape(N, -1, 5)[:, wheel.structure.tuned.friction > 0.0]
     assert 0.5 * shares[..., [1, 3]].sum(axis=-1).mean() > 0.2
-    amplitude = np.abs(system.responses(found.y[:-1])[:, 1])
+    amplitude = np.abs(system.structure.responses(found.y[:-1])[:, 1])
     assert amplitude.max() > 1.2 * amplitude.min()
-    marched = np.abs(March(system, omega).run(system.array(found.y[:-1]), 40) @ wheel.response_row)
+    marched = np.abs(March(system, omega).run(system.structure.array(found.y[:-1]), 40) @ wheel.response_row)
     assert abs(marched[0] / amplitude - 1.0).max() > 0.05, "sliders at rest are not those of the vibration"
     assert np.ptp(marched[-10:], axis=0).max() < 1e-3 * amplitude.max(), "steady"
     np.testing.assert_allclose(marched[-1], amplitude, rtol=0.01)
@@ -115,14 +116,14 @@ def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_fr
     system, low = wheel.system(PRELOAD), 2.0 * np.pi * 150.0
     options = ContinuationOptions(locate=False, max_points=240)
     points = follow(system, solution(system, low).y, (low, 4.0 * low), options=options).points
-    height = np.array([np.abs(system.responses(p.y[:-1])[:, 1]).max() for p in points])
+    height = np.array([np.abs(system.structure.responses(p.y[:-1])[:, 1]).max() for p in points])
     tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])) + 1
     places = tops[0], next(i for i in tops if height[i] > 5e-3)
     assert height[places[0]] == pytest.approx(2.25e-3, rel=0.01)
     peak, kept = wheel.peak(PRELOAD, options=WheelPeakOptions(connected=False)), []
     assert peak.amplitude == pytest.approx(height[places[0]], rel=0.01)
     for i in places:
-        X, omega = system.array(points[i].y[:-1]), points[i].y[-1]
+        X, omega = system.structure.array(points[i].y[:-1]), points[i].y[-1]
         marched = np.abs(March(system, omega).run(X, 120) @ wheel.response_row)
         blade = int(marched[0].argmax())
         at = replace(peak, unknowns=X, frequency=omega / (2.0 * np.pi), amplitude=float(height[i]), blade=blade)

@@ -34,6 +34,22 @@ def test_intervals_hold_wherever_unknown_values_lie():
     assert percentile(np.append(known[:80], np.full(20, np.nan)), 50.0)[::2] == (19.0, 60.0)
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_intervals_hold_wherever_values_lie_within_their_errors(side):
+    """What is found is off by its error, all of it to one side: the interval of what is found alone covers nothing."""
+    rng = np.random.default_rng(2)
+    true, covered = -np.log(1.0 - 0.9), []
+    for row in rng.exponential(size=(500, 200)):
+        error = rng.uniform(0.3, 0.5, 200)
+        found = row / (1.0 + side * error)
+        covered.append([low <= true <= high for low, _, high in (percentile(found, 90.0, e) for e in (error, 0.0))])
+    with_errors, without = np.mean(covered, axis=0)
+    assert 0.945 < with_errors < 0.99 and without < 0.6
+    assert percentile(found, 90.0, error).value == percentile(found, 90.0).value
+    unknown = np.where(np.arange(200) < 15, np.nan, error)  # errors that are not known leave the interval open
+    assert percentile(found, 95.0, unknown).high == np.inf and np.isfinite(percentile(found, 95.0, error).high)
+
+
 def test_what_a_sample_does_not_bound_is_open():
     found = percentile(np.arange(50.0), 99.0)
     assert found.high == np.inf and "not bounded by the sample" in str(found)

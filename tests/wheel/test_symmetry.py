@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.wheel import DamperVariation, Mistuning, Wheel
 from tests.wheel.lumped import lumped_study, size, solution
@@ -27,11 +27,11 @@ def solved(wheel, omega=2.0 * np.pi * 190.0, tolerance=1e-12):
     found = solution(system, omega, tolerance=tolerance)
     assert found.status == 0
     assert 0.05 < system.contact(found.y[:-1])[2][..., 1].mean() < 0.9
-    return system.array(found.y[:-1]), system
+    return system.structure.array(found.y[:-1]), system
 
 
 def heights(system, X):
-    return np.abs(system.responses(system.flat(X))[:, 1])
+    return np.abs(system.structure.responses(system.structure.flat(X))[:, 1])
 
 
 def taken(dampers, order):
@@ -138,7 +138,7 @@ def test_a_mirrored_wheel_with_the_reversed_order_has_the_mirrored_answer():
     for pattern, shift in ((PATTERN, 1), (PATTERN.mirrored(), 0)):
         others = taken(dampers, -np.arange(N) - shift)
         system = backward.with_(mistuning=pattern, dampers=others).system(PRELOAD)
-        y = np.append(system.flat(expected), 2.0 * np.pi * 190.0)
+        y = np.append(system.structure.flat(expected), 2.0 * np.pi * 190.0)
         assert size(system, system.residual(y)) > 1e-3, "a neighbour's place"
 
 
@@ -163,12 +163,12 @@ def test_the_work_of_the_excitation_is_what_damping_and_friction_take(harmonics)
     l = np.repeat(np.arange(harmonics + 1), 2)[1:, None]
     quarter = np.zeros_like(X)  # the velocity over the frequency: cosine l s, sine -l c
     quarter[:, 1::2], quarter[:, 2::2] = X[:, 2::2] * l[1::2], -X[:, 1::2] * l[2::2]
-    work = np.pi * float(system.force @ system.flat(quarter))
+    work = np.pi * float(system.structure.force @ system.structure.flat(quarter))
     s = wheel.structure
     wave = np.fft.fft(quarter[..., : s.n], axis=0)
     viscous = np.fft.ifft(np.einsum("dij,dcj->dci", s.damping, wave), axis=0).real
     viscous = np.pi * omega * float((viscous * quarter[..., : s.n]).sum())
-    F = system.contact(system.flat(X))[1].reshape(N, -1, 3, X.shape[1])
+    F = system.contact(system.structure.flat(X))[1].reshape(N, -1, 3, X.shape[1])
     friction = np.pi * sum(float((F[..., c] * s.motion(quarter[:, c])).sum()) for c in range(X.shape[1]))
     assert friction > 0.1 * work > 0.0
     assert abs(work - viscous - friction) < 1e-10 * work
@@ -180,7 +180,7 @@ def test_the_tuned_wheel_tracks_the_curve_of_the_study():
     assert curve.complete, curve.reason
     tuned = wheel.tuned()
     whole = tuned.track(2000.0, (150.0, 215.0))
-    system = tuned.system(2000.0)
+    system = tuned.problem.system(2000.0)
     assert np.ptp(curve.amplitude, axis=1).max() < 1e-7 * curve.envelope.max()
     near = np.abs(curve.frequency[:, None] - whole.frequency).argmin(axis=1)
     for i in range(0, len(curve), 5):
@@ -255,9 +255,9 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
     def coordinates(x):
         return np.concatenate([V.T @ M.reshape(N * n, -1) @ x[:, :n].ravel(), x[:, n:].ravel()])
 
-    forces = system.array(system.force)
+    forces = system.structure.array(system.structure.force)
     force = np.concatenate([modal(forces[:, c]) for c in range(7)])
-    whole = HarmonicSystem([basis] * 4, system.points, force, [np.zeros(N * ns)] * 4, "exact")
+    whole = Sector([basis] * 4, system.structure.points, force, [np.zeros(N * ns)] * 4, "exact").equations
     u = np.concatenate([coordinates(X[:, c]) for c in range(7)])
     residual = whole.evaluate(u, omega)[0]
     assert np.abs(residual).max() < 1e-9 * np.abs(force).max()

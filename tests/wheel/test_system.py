@@ -12,6 +12,7 @@ from bdamper.util.cost import CostMeter
 from bdamper.wheel import DamperVariation, Mistuning, WheelPeakOptions
 from bdamper.wheel.loading import wheel_system
 from bdamper.wheel.reduction import family_shapes, reduced_state
+from bdamper.wheel.system import of_blade
 from bdamper.wheel.wheel import Wheel
 from tests.following import find_start
 from tests.wheel.lumped import lumped_study, size, solution
@@ -37,10 +38,10 @@ def test_bordered_equations_of_a_wheel_are_those_of_dense_algebra(n_blades, harm
     far = 0.01 * np.cos(4.0 * np.pi * np.arange(n_blades) / n_blades)[:, None, None] * np.eye(2)
     w = Wheel(w.study, w.mistuning, _structure=replace(w.structure, disk_mass=w.structure.disk_mass + far, n_kept=kept))
     for dampers in (None, DamperVariation.drawn(n_blades, mass=0.1, missing=[1], seed=1)):
-        system = w.with_(dampers=dampers).system(PRELOAD).held(1e-3)
-        u = system.at_rest + 1e-6 * rng.normal(size=system.n_unknowns)
+        system = w.with_(dampers=dampers).system(PRELOAD).structure.held(1e-3)
+        u = system.structure.at_rest + 1e-6 * rng.normal(size=system.n_unknowns)
         y, row = np.append(u, 2.0 * np.pi * 180.0), rng.normal(size=len(u) + 1)
-        scale = system.units_about(y, 10.0)
+        scale = system.structure.units_about(y, 10.0)
         _, J, C = system.evaluate_at(y)
         B = np.vstack([np.column_stack([J, C]) * scale, row])
         right = rng.normal(size=(2, len(y)))
@@ -54,23 +55,24 @@ def test_bordered_equations_of_a_wheel_are_those_of_dense_algebra(n_blades, harm
 
 def test_springs_pull_the_mean_of_dampers_to_their_place_at_rest():
     system = wheel(5, 1).system(PRELOAD)
-    rng, n = np.random.default_rng(4), system.structure.n
-    y = np.append(system.at_rest + 1e-6 * rng.normal(size=system.n_unknowns), 900.0)
-    pulled = system.array(system.held(0.1).residual(y) - system.residual(y))
-    off = system.array(y[:-1] - system.at_rest)[:, 0, n:]
-    np.testing.assert_allclose(pulled[:, 0, n:], 0.1 * system.stuck * off, rtol=1e-6, atol=1e-9 * np.abs(pulled).max())
+    rng, n = np.random.default_rng(4), system.structure.structure.n
+    y = np.append(system.structure.at_rest + 1e-6 * rng.normal(size=system.n_unknowns), 900.0)
+    pulled = system.structure.array(system.structure.held(0.1).residual(y) - system.residual(y))
+    off = system.structure.array(y[:-1] - system.structure.at_rest)[:, 0, n:]
+    springs = 0.1 * system.structure.stuck
+    np.testing.assert_allclose(pulled[:, 0, n:], springs * off, rtol=1e-6, atol=1e-9 * np.abs(pulled).max())
     assert np.abs(pulled[:, 1:]).max() < 1e-9 * np.abs(pulled).max() > 0.0
     assert not pulled[..., :n].any()
 
 
 def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
     """Near a peak Newton's method with whole steps fails, and so it does with those that reduce the residual."""
-    system = Wheel(study(), PATTERN).system(PRELOAD).held(0.1)
+    system = Wheel(study(), PATTERN).system(PRELOAD).structure.held(0.1)
     found = dict.fromkeys((0, 1, 2), 0)
     for f in np.linspace(200.0, 500.0, 16):
-        y = np.append(system.at_rest, 2.0 * np.pi * f)
+        y = np.append(system.structure.at_rest, 2.0 * np.pi * f)
         for line_search in found:
-            c = system.correct_at(y[:-1], y[-1], system.units_about(y, 1.0), 1e-9, 60, line_search)
+            c = system.correct_at(y[:-1], y[-1], system.structure.units_about(y, 1.0), 1e-9, 60, line_search)
             found[line_search] += c.status == 0
     assert max(found[0], found[1]) < 14 < found[2] == 16, found
 
@@ -79,8 +81,8 @@ def test_steps_that_lead_to_and_fro_end_early_where_a_rough_point_is_enough():
     """With dampers free there is no solution near that at rest at some frequencies, and one at others."""
     system = Wheel(study(), PATTERN).system(300.0)
     for f, found in ((240.0, True), (400.0, True), (300.0, False), (320.0, False), (340.0, False)):
-        y = np.append(system.at_rest, 2.0 * np.pi * f)
-        scale = system.units_about(y, 1.0)
+        y = np.append(system.structure.at_rest, 2.0 * np.pi * f)
+        scale = system.structure.units_about(y, 1.0)
         whole, early = (system.solve(y, Fixed(), scale, 1e-9, 25, 2, rough=rough) for rough in (0.0, 1e-2))
         assert (whole.status == 0) == (early.status == 0) == found
         assert early.iterations == whole.iterations if found else early.iterations < 13 < whole.iterations == 25
@@ -88,8 +90,8 @@ def test_steps_that_lead_to_and_fro_end_early_where_a_rough_point_is_enough():
 
 def test_newton_ends_where_it_may():
     system = wheel(6, 1).system(PRELOAD)
-    y = np.append(system.at_rest, 2.0 * np.pi * 190.0)
-    scale, row = system.units_about(y, 1.0), np.eye(len(y))[-1]
+    y = np.append(system.structure.at_rest, 2.0 * np.pi * 190.0)
+    scale, row = system.structure.units_about(y, 1.0), np.eye(len(y))[-1]
 
     def ended(**options):
         at, tangent = y.copy(), np.zeros(len(y))
@@ -106,19 +108,20 @@ def test_newton_ends_where_it_may():
 @pytest.mark.parametrize("harmonics", [1, 3])
 def test_a_tuned_wheel_has_the_waves_of_the_study(harmonics):
     w = wheel(6, harmonics)
-    tuned = w.tuned()
+    tuned = w.structure.tuned
     system, omega = w.system(PRELOAD), 2.0 * np.pi * 200.0
     y, _ = find_start(tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
-    wave = system.flat(wave_of(w.structure, y[:-1]))
+    wave = system.structure.flat(wave_of(w.structure, y[:-1]))
     assert size(system, system.residual(np.append(wave, omega))) < 1e-10
     found = solution(system, omega)
     assert found.status == 0
     assert 0.1 < system.contact(wave)[2][:, 1].mean() < 0.9
     assert np.abs(found.y[:-1] - wave).max() < 1e-7 * np.abs(wave).max()
     rows = tuned.system(PRELOAD).response(y[:-1])
-    np.testing.assert_allclose(system.responses(wave)[0], rows, rtol=1e-9, atol=1e-12 * np.abs(rows).max())
+    np.testing.assert_allclose(system.structure.responses(wave)[0], rows, rtol=1e-9, atol=1e-12 * np.abs(rows).max())
     for blade in (0, 4):
-        assert system.of_blade(blade).first_harmonic(found.y) == pytest.approx(system.responses(found.y[:-1])[blade, 1])
+        own = system.structure.responses(found.y[:-1])[blade, 1]
+        assert of_blade(system, blade).first_harmonic(found.y) == pytest.approx(own)
 
 
 def test_the_static_state_of_dampers_that_are_alike_is_that_of_the_study():
@@ -126,9 +129,9 @@ def test_the_static_state_of_dampers_that_are_alike_is_that_of_the_study():
     ones = np.ones(5)
     alike = DamperVariation(ones, ones, ones, 0.0 * ones, np.zeros(5, bool))
     system, other = w.system(PRELOAD), w.with_(dampers=alike).system(PRELOAD)
-    assert np.abs(other.at_rest - system.at_rest).max() < 1e-8 * np.abs(system.at_rest).max()
-    slip = np.abs(system.points.slider - other.points.slider)
-    assert slip.max() < 1e-8 * np.abs(system.points.slider).max()
+    assert np.abs(other.structure.at_rest - system.structure.at_rest).max() < 1e-8 * np.abs(system.structure.at_rest).max()
+    slip = np.abs(system.structure.points.slider - other.structure.points.slider)
+    assert slip.max() < 1e-8 * np.abs(system.structure.points.slider).max()
 
 
 def test_a_missing_damper_leaves_its_place_empty():
@@ -140,12 +143,12 @@ def test_a_missing_damper_leaves_its_place_empty():
     system = w.system(PRELOAD)
     found = solution(system, 2.0 * np.pi * 190.0)
     assert found.status == 0
-    n, X = w.structure.n, system.array(found.y[:-1])
+    n, X = w.structure.n, system.structure.array(found.y[:-1])
     F = system.contact(found.y[:-1])[1].reshape(6, -1, 3, 3)
     assert not X[2, :, n:].any() and not F[2].any()
     assert F[[1, 3]].any(axis=(1, 2, 3)).all()
     balance = F[..., 0].reshape(6, -1) @ w.structure.rows[..., n:].reshape(-1, 6)
-    load = system.array(system.force)[:, 0, n:]
+    load = system.structure.array(system.structure.force)[:, 0, n:]
     assert np.abs(balance - load).max() < 1e-8 * np.abs(load).max()
     assert load[0].max() > 0.0 and load[2].max() == 0.0
 
@@ -179,18 +182,18 @@ def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
         row = w.response_row @ shapes
         excitation = np.hstack([w.excitation[:, :n] @ shapes, w.excitation[:, n:]])
         system = wheel_system(w.structure.reduced(shapes), reduced_state(w.structure, state, shapes), excitation, row)
-        b = 1e-6 * rng.normal(size=system.shape)
+        b = 1e-6 * rng.normal(size=system.structure.shape)
         b[:, 0, m:] += state.mean[:, n:]
         X = np.concatenate([b[..., :m] @ shapes.T, b[..., m:]], axis=2)
         X[:, 0, :n] += state.mean[:, :n]
         omega = 900.0
-        r = whole.array(whole.residual(np.append(whole.flat(X), omega)))
+        r = whole.structure.array(whole.residual(np.append(whole.structure.flat(X), omega)))
         expected = np.concatenate([r[..., :n] @ shapes, r[..., n:]], axis=2)
-        found = system.array(system.residual(np.append(system.flat(b), omega)))
+        found = system.structure.array(system.residual(np.append(system.structure.flat(b), omega)))
         for part in (slice(0, m), slice(m, None)):
             np.testing.assert_allclose(found[..., part], expected[..., part], rtol=0, atol=1e-9 * np.abs(r).max())
-        moved = whole.responses(whole.flat(X))[:, 1]
-        np.testing.assert_allclose(system.responses(system.flat(b))[:, 1], moved, rtol=1e-9)
+        moved = whole.structure.responses(whole.structure.flat(X))[:, 1]
+        np.testing.assert_allclose(system.structure.responses(system.structure.flat(b))[:, 1], moved, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("harmonics", "kept"), [(1, 1), (3, 8)])

@@ -1,0 +1,288 @@
+r"""Contact laws as compiled functions: those that a user brings, and Jenkins elements, Iwan and Bouc-Wen.
+
+A law leads from one instant to the next.  Its state :math:`s` follows from the motion :math:`x = (u_1, u_2, v)`, the motion
+one instant earlier and the state there; the forces :math:`F = (T_1, T_2, N)` follow from the motion and the new state:
+
+.. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
+
+The function has the signature ``bd_user_law`` of ``csrc/bd_law.h``.  The core calls it without the interpreter, in harmonic
+balance (``csrc/bd_user.c``), in the static analysis and in the march in time.
+
+The four parameters of Segalman (J. Appl. Mech. 72, 2005, 752-760) are a strength :math:`F_S`, a stiffness :math:`K_T`, an
+exponent :math:`\chi` and a ratio :math:`\beta`.  They stand for Jenkins elements of unit stiffness density that slip at
+displacements :math:`\phi`, with
+
+.. math::
+    \rho(\phi) = R \phi^\chi \text{ for } \phi < \phi_m, \quad S \text{ of them at } \phi_m, \quad
+    \phi_m = \frac{F_S (1 + \beta)}{K_T \left(\beta + \frac{\chi + 1}{\chi + 2}\right)}, \quad
+    R \phi_m^{\chi + 1} = \frac{K_T (\chi + 1)}{1 + \beta}, \quad S = \frac{K_T \beta}{1 + \beta}.
+
+Below macroslip the loss of a cycle grows with the amplitude to the power :math:`\chi + 3`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import LowLevelCallable
+
+from bdamper import _core
+from bdamper.model.model import ContactStiffness
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+SIGNATURE = re.compile(r"void ?\(([^,()]*\*,){10}[^,()]*\*\)")
+"""Eleven pointers and no value, as SciPy and C name them."""
+Numbers = Sequence[float] | NDArray
+SHIPPED = {"jenkins": _core.jenkins, "bouc_wen": _core.bouc_wen}
+"""Functions that the core has itself, by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactLaw:
+    """A contact law as a compiled function, for ``friction_law=`` of a study.
+
+    The function has the signature ``bd_user_law`` of ``csrc/bd_law.h``: eleven pointers and no value.  It must not call
+    Python, and must do the same in every call with the same arguments: threads call it side by side.
+
+    Parameters
+    ----------
+    function : PyCapsule, scipy.LowLevelCallable or numba cfunc
+        A capsule has the C signature as its name.  The user data of a LowLevelCallable is the last argument.
+    n_state : int
+        Numbers in the state, which is zero before any load.
+    parameters : (n,) or (n_points, n) float
+        What the function takes as ``p``: the same for all points of an interface, or a row for each.
+    stick : (3,) or (n_points, 3) float, N/m
+        Springs kt1, kt2, kn of the law while nothing slips, in place of the contact stiffness: for stuck curves and
+        frequencies.  A ``gap`` is measured by them, too, so kn must not be zero where there is one.
+    name : str
+        For prints and files; the function's own name by default, if it has one.
+
+    Raises
+    ------
+    SettingError
+        If the function is none of these or has another signature; for numbers that do not fit.
+    """
+
+    function: Any = field(repr=False)
+    n_state: int
+    parameters: NDArray
+    stick: NDArray
+    name: str = ""
+    pointer: Any = field(init=False, repr=False)
+    """What the core calls."""
+
+    def __post_init__(self) -> None:
+        pointer, name = _pointer(self.function)
+        object.__setattr__(self, "pointer", pointer)
+        object.__setattr__(self, "name", self.name or name)
+        validate.whole("n_state", self.n_state, most=1000)
+        for own in ("parameters", "stick"):
+            given = np.array(getattr(self, own), float)
+            good = given.ndim in (1, 2) and np.isfinite(given).all()
+            validate.that(good, own, "finite numbers, (n,) or (n_points, n)", getattr(self, own))
+            object.__setattr__(self, own, given)
+        good = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
+        validate.that(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.parameters.shape[-1]} parameters, {self.n_state} states)"
+
+    @classmethod
+    def jenkins(cls, stiffness: Numbers, limit: Numbers | float, mu: Numbers | float = 0.0, *, kn: float = 0.0) -> Self:
+        """Springs with sliders, side by side along each tangential direction.
+
+        Parameters
+        ----------
+        stiffness : (n,) float, N/m
+        limit : number or (n,) float, N
+            Force at which each slider slips without normal force.
+        mu : number or (n,) float
+            What its limit gains with each newton of normal force.
+        kn : float, N/m
+            Of the normal spring, which only pushes.  Without it the sliders know nothing of separation.
+        """
+        k = validate.numbers("stiffness", stiffness, above=0.0)
+        several = [("limit", limit), ("mu", mu)]
+        f, m = (validate.numbers(n, [x] * len(k) if np.ndim(x) == 0 else x, len(k), least=0.0) for n, x in several)
+        kn = validate.number("kn", kn, least=0.0, unit="N/m")
+        parameters = np.concatenate([[len(k), kn], np.column_stack([k, f, m]).ravel()])
+        return cls(_core.jenkins, 2 * len(k), parameters, np.array([k.sum(), k.sum(), kn]), "jenkins")
+
+    @classmethod
+    def iwan(cls, strength: float, stiffness: float, chi: float, beta: float, *, kn: float = 0.0, n: int = 30) -> Self:
+        """Segalman's four-parameter Iwan model of a joint, in n + 1 Jenkins elements along each tangential direction.
+
+        Strength, stiffness and the share of each element are exact; its slip displacement is the mean of its interval.
+
+        Parameters
+        ----------
+        strength : float, N
+            Force of macroslip.
+        stiffness : float, N/m
+            Tangential stiffness of the joint that sticks.
+        chi : float
+            Exponent of the density of slip displacements, -1 < chi <= 0 for joints.
+        beta : float
+            Stiffness of the elements that slip last over that of the others.
+        kn : float, N/m
+            As of :meth:`jenkins`.
+        n : int
+            Intervals of slip displacements, of equal ratio over three decades except for the first one.
+        """
+        F = validate.number("strength", strength, above=0.0, unit="N")
+        K = validate.number("stiffness", stiffness, above=0.0, unit="N/m")
+        chi = validate.number("chi", chi, above=-1.0)
+        beta = validate.number("beta", beta, least=0.0)
+        edge = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, validate.whole("n", n, least=2, most=400))])
+        last = F * (1.0 + beta) / (K * (beta + (chi + 1.0) / (chi + 2.0)))
+        share = np.diff(edge ** (chi + 1.0))
+        mean = (chi + 1.0) / (chi + 2.0) * np.diff(edge ** (chi + 2.0)) / share
+        k, slip = np.append(share, beta) * K / (1.0 + beta), np.append(mean, 1.0) * last
+        held = k > 0.0
+        return cls.jenkins(k[held], (k * slip)[held], kn=kn)
+
+    @classmethod
+    def bouc_wen(
+        cls, stiffness: float, alpha: float, beta: float, gamma: float, n: float = 1.0, *, kn: float = 0.0
+    ) -> Self:
+        """Bouc-Wen hysteresis along each tangential direction, T = alpha k u + (1 - alpha) k z.
+
+        Its state follows dz = du - beta abs(du) abs(z)^(n - 1) z - gamma du abs(z)^n.
+
+        Parameters
+        ----------
+        stiffness : float, N/m
+            k.
+        alpha : float
+            Share of the stiffness that stays in macroslip, 0 to 1.
+        beta, gamma : float, 1/m^n
+            -beta <= gamma <= beta, without which the law could gain energy.
+        n : float
+            At least 1.
+        kn : float, N/m
+            Of the normal spring, which only pushes and has no influence on T.
+        """
+        k = validate.number("stiffness", stiffness, above=0.0, unit="N/m")
+        alpha = validate.number("alpha", alpha, least=0.0, most=1.0)
+        beta = validate.number("beta", beta, above=0.0)
+        gamma = validate.number("gamma", gamma, least=-beta, most=beta)
+        n = validate.number("n", n, least=1.0)
+        kn = validate.number("kn", kn, least=0.0, unit="N/m")
+        return cls(_core.bouc_wen, 2, np.array([kn, k, alpha, beta, gamma, n]), np.array([k, k, kn]), "bouc_wen")
+
+    def record(self) -> dict[str, Any]:
+        """Record of the law for files and results: everything except the function."""
+        numbers = {"parameters": self.parameters.tolist(), "stick": self.stick.tolist()}
+        return {"contact_law": self.name, "n_state": self.n_state, **numbers}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> Self:
+        """The law of a record, if bdamper has its function.
+
+        Raises
+        ------
+        SettingError
+        """
+        name = record["contact_law"]
+        if name not in SHIPPED:
+            found = f"'{name}', of which a file has no function; make the study again with the law"
+            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {found}")
+        return cls(SHIPPED[name], record["n_state"], record["parameters"], record["stick"], name)
+
+    def __reduce__(self) -> Any:
+        """Shipped laws go to other processes; the address of another function means nothing there."""
+        return ContactLaw.of_record, (self.record(),)
+
+    def springs(self, n: int) -> ContactStiffness:
+        """The contact stiffness of n points under the law."""
+        return ContactStiffness(np.broadcast_to(self.stick, (n, 3)).copy(), "user")
+
+    def of_points(self, n: int, interface: str) -> list[tuple[ContactLaw, NDArray]]:
+        """The law and its parameters for each of n points of an interface."""
+        for name, given in (("parameters", self.parameters), ("stick", self.stick)):
+            good = given.ndim == 1 or len(given) == n
+            validate.require(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(given)}")
+        return [(self, p) for p in np.broadcast_to(self.parameters, (n, self.parameters.shape[-1]))]
+
+
+def _pointer(function: Any) -> tuple[LowLevelCallable, str]:
+    """What the core calls, and the name of the function if it has one."""
+    name = getattr(function, "__name__", "own law")
+    try:
+        if hasattr(function, "native_name") and hasattr(function, "ctypes"):  # a cfunc of numba
+            function = function.ctypes
+        made = function if isinstance(function, LowLevelCallable) else LowLevelCallable(function)
+        signature = str(made.signature)
+    except (TypeError, ValueError) as error:
+        expected = "a PyCapsule, scipy.LowLevelCallable or cfunc of numba, since the core calls no Python"
+        raise validate.unfit("function", expected, function) from error
+    if SIGNATURE.fullmatch(signature.replace(", ", ",")) is None:
+        raise SettingError(f"function: expected the signature void of eleven pointers (bd_user_law), found '{signature}'")
+    return made, getattr(made.function, "__name__", name)
+
+
+@dataclass(frozen=True, eq=False)
+class OwnLaws:
+    """Laws of the contact points of a structure, of which some have functions of their own.
+
+    Parameters
+    ----------
+    points : sequence of (ContactLaw, parameters) or None
+        For each point.
+    rest : (n_points,) float, m
+        Closing of the surfaces where the motion is zero: interference, or minus the gap.
+    """
+
+    points: Sequence[tuple[ContactLaw, NDArray] | None]
+    rest: NDArray
+
+    @classmethod
+    def of(cls, laws: Sequence[tuple[slice, str, ContactLaw]], kn: NDArray, gap: NDArray) -> Self | None:
+        """Laws of several interfaces, each with its rows among all points, which have springs kn and gaps (n_points,)."""
+        points: list[Any] = [None] * len(kn)
+        for rows, name, law in laws:
+            points[rows] = law.of_points(rows.stop - rows.start, name)
+        return cls(points, np.where(kn > 0.0, -gap, 0.0)) if any(points) else None
+
+    @property
+    def held(self) -> NDArray:
+        """(n_points,) bool: points with functions."""
+        return np.array([point is not None for point in self.points])
+
+    @property
+    def width(self) -> int:
+        """Numbers that a point remembers: its latest motion and the state of its law there."""
+        return max(3 + point[0].n_state for point in self.points if point is not None)
+
+    def core(self, memory: NDArray) -> tuple[tuple[Any, ...] | None, ...]:
+        """Functions as the core takes them, with what each point (n_points, width) remembers."""
+        return tuple(
+            None if point is None else (point[0].pointer, point[1].copy(), kept[: 3 + point[0].n_state].copy(), point[0])
+            for point, kept in zip(self.points, np.asarray(memory, float))
+        )
+
+    def step(self, x: NDArray, memory: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Forces (n_points, 3), their derivative (n_points, 3, 3) and what points remember after a step to motions x.
+
+        What belongs to points without functions is zero, and what they remember as it was.
+        """
+        at = np.array(x, float)
+        at[:, 2] += self.rest
+        before, after = np.array(memory, float, order="C"), np.array(memory, float, order="C")
+        F, D = np.zeros((len(at), 3)), np.zeros((len(at), 3, 3))
+        _core.step_laws(self.core(before), at, before, after, F, D)
+        return F, D, after
+
+
+def refuse(own: OwnLaws | None, what: str) -> None:
+    """Refuse contact laws of a user's own where nothing is known of their events or of how they change."""
+    if own is not None:
+        names = sorted({point[0].name for point in own.points if point is not None})
+        raise SettingError(f"friction_law: {what} expected laws whose events bdamper knows, found {', '.join(names)}")

@@ -1,0 +1,443 @@
+r"""Parameters of a study from measured responses, with intervals that count what the model gets wrong.
+
+Unknown are the logarithms of parameters; the sum of the squared residuals of :mod:`bdamper.design.residuals` is least.
+Natural frequencies, damping and the force gain come from the response without damper, where there is one, and are held
+while contact parameters are found: with loaded responses alone a stiffer contact is a stiffer structure.
+
+Two intervals are found for each parameter, and the wider one is given.  That of the profile: the parameter is held at a
+value and the others are found again, until the sum of squares rises by as much as a t distribution allows for 95 %, with
+the residual itself as the measure of the noise where it is larger.  Errors of a model are no noise: more points do not
+average them, and the parameters take up a part of them that the residual does not show.  Where the residual exceeds the
+noise, the profile therefore goes on to where the misfit has doubled: the sum of squares rises by three times its excess
+over what noise explains.  And that of leaving tests out, one after the other,
+
+.. math:: d_t = (J^T J - J_t^T J_t)^{-1} J_t^T r_t,
+
+:math:`J_t` and :math:`r_t` the rows of test t: the standard error of the jackknife, which counts that the model is wrong in
+different ways under different loads.  No residual shows an error that the parameters make up for under all loads alike:
+then the constants of the structure lie outside of both intervals, which :meth:`Fitted.beside` widens by a richer model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import scipy  # scipy.stats is loaded where it is used: half a second
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from bdamper.design.residuals import EDGE, FORCE, LOST, Separation, Test, Variations, of_resonances, of_test
+from bdamper.design.sensitivity import setting_value
+from bdamper.io.measured import Measured, Measurement
+from bdamper.problem.asked import A, asked, problem_of
+from bdamper.problem.problem import Problem
+from bdamper.problem.results import check_result
+from bdamper.problem.variation import setting_names, vary
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Recorded, Storable
+from bdamper.util.plotting import Plottable
+from bdamper.util.repr import brief
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.tables import Column, Tabular
+from bdamper.util.text import percent, spaced
+
+P95 = 0.975
+"""Quantile whose two sides leave 95 % between them."""
+TAKEN_UP = 3.0
+"""Rise of the sum of squares over its excess at the best point up to which values count as possible: the misfit doubles."""
+ROUGH = 1e-4
+"""Relative tolerance on the sum of squares along a profile."""
+MOST = 60
+"""Evaluations of a fit."""
+ALIKE = 1e4
+"""Condition of the derivatives by the logarithms of the parameters from which a combination of them counts as not known."""
+ONE = 0.9
+"""Share of what is known of a parameter from which it is said that one test alone tells it."""
+UNLOADED = {"damping_factor": (0.05, 20.0), "frequency_factor": (0.8, 1.25), FORCE: (0.2, 5.0)}
+"""Parameters that are found from the response without damper, with their ranges."""
+
+
+@brief
+@dataclass(frozen=True)
+class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="point"):
+    """Parameters found from measured responses; they belong to the settings with which they were found.
+
+    ``plot`` draws measured and computed responses with the residuals (:func:`bdamper.plot.plot_fit`), and
+    :func:`bdamper.plot.plot_information` which test tells what.
+
+    Parameters
+    ----------
+    names : tuple of str
+    values, low, high : (k,) float
+        Estimates and their intervals within the ranges: for 95 %, or wider where the model is wrong by more than the noise.
+    deviation, left_out : (k,) float
+        Relative standard deviations: by the covariance, scaled by the misfit where that exceeds 1, and by leaving tests out
+        (NaN with fewer than two tests).
+    information : (k, n_tests) float
+        Share of each test in what is known of each parameter.
+    profiles : mapping of name to (m, 2) float
+        Values of a parameter, and by how much the sum of squares is larger there with the others found again.
+    tests : tuple of str
+    noise : float
+        Relative standard deviation of the measured amplitudes.
+    place : (n,) float
+        Frequencies of the points, Hz.
+    measured, model : (n,) complex
+        m; of resonances over load their ratio to that without load, times that of the model.
+    residual : (n, 2) float
+        In units of the noise.
+    test : (n,) int
+    status : str
+        "complete", or "incomplete: ..." with what makes the values doubtful.
+    notes : tuple of str
+    settings, model_hash
+        Of the study before the fit.
+    """
+
+    names: tuple[str, ...]
+    values: NDArray
+    low: NDArray
+    high: NDArray
+    deviation: NDArray
+    left_out: NDArray
+    information: NDArray
+    profiles: dict[str, NDArray]
+    tests: tuple[str, ...]
+    noise: float
+    place: NDArray
+    measured: NDArray
+    model: NDArray
+    residual: NDArray
+    test: NDArray
+    status: str = COMPLETE
+    notes: tuple[str, ...] = ()
+    _told = ("status", "notes")
+
+    @property
+    def misfits(self) -> NDArray:
+        """(n_tests,) float: root mean square of the residuals of each test, in units of the noise."""
+        n = len(self.tests)
+        sums = np.bincount(self.test, (self.residual**2).sum(axis=1), n)
+        return np.sqrt(sums / np.maximum(np.bincount(self.test, np.count_nonzero(self.residual, axis=1), n), 1))
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of all residuals, in units of the noise."""
+        return float(np.sqrt((self.residual**2).sum() / max(np.count_nonzero(self.residual), 1)))
+
+    def __getitem__(self, name: str) -> float:
+        """Estimate of a parameter."""
+        return float(self.values[self.names.index(validate.choice("parameter", name, self.names))])
+
+    def profile(self, name: str) -> NDArray:
+        """(m, 2) float: values of a parameter, and by how much the sum of squares is larger there."""
+        return self.profiles[validate.choice("parameter", name, tuple(self.profiles))]
+
+    def apply(self, study: A) -> A:
+        """A study with the parameters that were found; the force gain is one of the rig and stays out.
+
+        Raises
+        ------
+        SettingError
+            If the study has another model or other settings than the one that was fitted: contact parameters make up for
+            what its modes, contact points and harmonics leave out, and mislead with others.
+        """
+        check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
+        return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
+
+    def beside(self, richer: Fitted) -> Fitted:
+        """The same with intervals that are wider, to both sides, by how far a fit with richer settings lies from it.
+
+        Neither interval of one model sees an error that it makes under all loads alike.
+
+        Parameters
+        ----------
+        richer : Fitted
+            Of the same parameters from the same data, with more harmonics, modes or contact points.
+        """
+        validate.require(richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}")
+        away = np.exp(np.abs(np.log(richer.values / self.values)))
+        low, high = np.minimum(self.low / away, richer.low), np.maximum(self.high * away, richer.high)
+        return replace(self, low=low, high=high, notes=(*self.notes, f"intervals reach a fit with {richer._belong()}"))
+
+    def _belong(self) -> str:
+        s = self.settings
+        given = {
+            "harmonics": " ".join(map(str, s["harmonics"])),
+            "blade modes": s["blade_modes"],
+            "contact points": s["contact_points"] or "all of the model",
+            "contact stiffness": s["contact_stiffness"] if isinstance(s["contact_stiffness"], str) else "given",
+        }
+        return ", ".join(f"{name} {value}" for name, value in given.items())
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each measured point."""
+        own = {"test": self.test, "place": self.place, "measured": np.abs(self.measured), "model": np.abs(self.model)}
+        return {name: Column(v) for name, v in own.items()} | {"residual": Column(self.residual[:, 0])}
+
+    def bottom_line(self) -> str:
+        rows = zip(self.names, self.values, self.low, self.high)
+        found = "; ".join(f"{spaced(name)} {v:.3g} ({a:.3g} to {b:.3g})" for name, v, a, b in rows)
+        worst = int(np.argmax(self.misfits))
+        out = [f"{found[:1].upper()}{found[1:]}, with intervals for 95 %."]
+        wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
+        most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
+        out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
+        if wrong:
+            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (beside).")
+        out.append(f"The constants belong to {self._belong()}, and to no other settings.")
+        if self.status != COMPLETE:
+            out.append(f"The fit is {self.status}.")
+        return " ".join(out)
+
+
+@dataclass(eq=False)
+class Objective:
+    """Residuals of all data as a function of the logarithms of the parameters.
+
+    Parameters
+    ----------
+    problem : Problem
+    data : sequence of Test or Measured
+    ranges : mapping of name to (low, high)
+    noise : float
+    held : mapping of name to float
+        Parameters that stay.
+    """
+
+    problem: Problem
+    data: Sequence[Test | Measured]
+    ranges: Mapping[str, tuple[float, float]]
+    noise: float
+    held: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.problem = problem_of(self.problem)
+        self._last: tuple[NDArray, list[Separation]] | None = None
+
+    @property
+    def bounds(self) -> NDArray:
+        """(2, k) logarithms of the ranges."""
+        return np.log(np.array(list(self.ranges.values()))).T
+
+    def parts(self, x: NDArray) -> list[Separation]:
+        """Residuals of each set of data; those of the last point are kept."""
+        if self._last is None or not np.array_equal(self._last[0], x):
+            values = dict(zip(self.ranges, np.exp(x).tolist()))
+            varied = Variations(vary(self.problem, _settings(self.held)), values | self._gain(values))
+            how: dict[type, Callable[..., Separation]] = {Test: of_test, Measured: of_resonances}
+            self._last = x.copy(), [how[type(each)](varied, each, self.noise) for each in self.data]
+        return self._last[1]
+
+    def _gain(self, values: dict[str, float]) -> dict[str, float]:
+        """The gain of the force that is held, for which derivatives are found, too, and left out."""
+        return {FORCE: self.held[FORCE]} if FORCE in self.held and FORCE not in values else {}
+
+    def residual(self, x: NDArray) -> NDArray:
+        """(m,) of all data."""
+        return np.concatenate([part.residual.ravel() for part in self.parts(x)])
+
+    def jacobian(self, x: NDArray) -> NDArray:
+        """(m, k) derivatives by the logarithms."""
+        k = len(self.ranges)
+        slopes = [part.slopes()[..., :k].reshape(-1, k) for part in self.parts(x)]
+        return np.concatenate(slopes) * np.exp(x)
+
+    def log_probability(self, values: Sequence[float] | NDArray) -> float:
+        """Logarithm of the probability of values of the parameters, up to a constant, as samplers ask for it.
+
+        Noise is normal, values outside of the ranges are impossible and within equally probable in their logarithm.
+        """
+        x = np.log(validate.numbers("values", values, len(self.ranges), above=0.0))
+        low, high = self.bounds
+        return -0.5 * float((self.residual(x) ** 2).sum()) if ((x >= low) & (x <= high)).all() else -np.inf
+
+    def least(self, x: NDArray, free: NDArray, tolerance: float = 1e-12) -> NDArray:
+        """The best point from one near it, with some of the coordinates held."""
+        low, high = self.bounds
+
+        def whole(part: NDArray) -> NDArray:
+            out = x.copy()
+            out[free] = part
+            return out
+
+        margin = 1e-6 * (high - low)[free]
+        start = np.clip(x[free], low[free] + margin, high[free] - margin)
+        ways: dict[str, Any] = {"xtol": np.sqrt(tolerance) * 1e-4, "ftol": tolerance, "gtol": tolerance, "max_nfev": MOST}
+        found = least_squares(
+            lambda part: self.residual(whole(part)), start, lambda part: self.jacobian(whole(part))[:, free],
+            (low[free], high[free]), **ways,
+        )  # fmt: skip
+        return whole(found.x)
+
+
+def _settings(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if name != FORCE}
+
+
+def deviations(J: NDArray) -> NDArray:
+    """(k,) standard deviations of parameters for residuals of unit variance, from the derivatives (m, k) of these."""
+    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(J.T @ J))))
+
+
+@asked
+@one_thread
+def fit(
+    problem: Problem,
+    data: Test | Measured | Sequence[Test | Measured],
+    vary: Mapping[str, tuple[float, float]],
+    *,
+    free: Measurement | Test | None = None,
+    noise: float = 0.02,
+) -> Fitted:
+    """Find parameters of a study from measured responses.
+
+    Parameters
+    ----------
+    problem : Problem
+        Where the search begins.
+    data : Test, Measured, or a sequence of these
+        Swept responses; resonances over load, relative to that without load.
+    vary : mapping of name to (low, high)
+        Settings as in :mod:`bdamper.problem.variation`, such as "friction_coefficient", "friction_coefficient.left",
+        "contact_stiffness_factor", "contact_stiffness_factor.normal", "damping_factor", "frequency_factor" or
+        "gap_factor", and "force_factor", the gain of all forces; with the range of each, above 0.
+    free : Measurement or Test, optional
+        The response without damper, from which damping, frequency and force gain are found first and then held; ``vary``
+        may give their ranges.
+    noise : float
+        Relative standard deviation of a measured amplitude, and of a phase in radians.
+
+    Returns
+    -------
+    Fitted
+
+    Raises
+    ------
+    SettingError
+        Before work begins: if there are no parameters or ranges of them, or data cannot tell them apart.
+    """
+    data = [data] if isinstance(data, Test | Measured) else list(data)
+    validate.require(data, "data", "one test or more", "none")
+    for each in data:
+        validate.instance("data", each, (Test, Measured))
+    noise = validate.number("noise", noise, above=0.0, below=1.0)
+    names = (*setting_names(problem), FORCE)
+    validate.that(isinstance(vary, Mapping) and vary, "vary", "a mapping of parameters to their ranges", vary)
+    ranges = {}
+    for name, ends in vary.items():
+        ranges[validate.choice("vary", name, names)] = validate.interval(
+            f"range of {name}", ends, "the unit of the parameter"
+        )
+    stages, held = [], {}
+    if free is not None:
+        first = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
+        validate.require(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
+        stages.append(_stage(Objective(problem, [free if isinstance(free, Test) else Test(free, 0.0)], first, noise)))
+        held = dict(zip(stages[0].names, stages[0].values.tolist()))
+    stiff = [name for name in ranges if name.startswith("contact_stiffness")]
+    if "frequency_factor" in ranges and stiff and not any(isinstance(t, Test) and t.preload == 0.0 for t in data):
+        raise SettingError(
+            f"vary: expected a test without load (free=) beside frequency_factor and {stiff[0]}, found none: a stiffer "
+            "contact and a stiffer structure have the same resonances"
+        )
+    stages.append(_stage(Objective(problem, data, ranges, noise, held)))
+    return _joined(stages)
+
+
+def _stage(objective: Objective) -> Fitted:
+    """Fit of one stage with its intervals."""
+    problem, names = objective.problem, tuple(objective.ranges)
+    start = np.log([1.0 if name == FORCE else setting_value(problem, name) or 1e-300 for name in names])
+    low, high = objective.bounds
+    x = objective.least(np.clip(start, low, high), np.ones(len(names), bool))
+    r, J, parts = objective.residual(x), objective.jacobian(x), objective.parts(x)
+    k, counted = len(names), int(np.count_nonzero(r))
+    sizes = np.cumsum([0, *(part.residual.size for part in parts)])
+    rows = [slice(a, b) for a, b in zip(sizes, sizes[1:])]
+    notes, doubts = [], []
+    scale = max(1.0, float(r @ r) / max(counted - k, 1))
+    deviation = np.sqrt(scale) * deviations(J)
+    quantile = float(scipy.stats.t.ppf(P95, max(counted - k, 1)))
+    excess = max(float(r @ r) - float(scipy.stats.chi2.ppf(P95, max(counted - k, 1))), 0.0)
+    rise = max(scale * quantile**2, TAKEN_UP * excess)
+    half = np.array(2 * [np.sqrt(rise / scale) * deviation])
+    profiles = {}
+    for j, name in enumerate(names):
+        profiles[name], half[:, j] = _profile(objective, x, j, half[0, j], rise)
+    moved = np.array([np.linalg.pinv(J.T @ J - J[s].T @ J[s]) @ (J[s].T @ r[s]) for s in rows])
+    n, left_out = len(rows), np.full(k, np.nan)
+    if n > 1:
+        left_out = np.sqrt((n - 1.0) / n * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
+        half = np.fmax(half, float(scipy.stats.t.ppf(P95, n - 1)) * left_out)
+    told = np.array([(J[s] ** 2).sum(axis=0) for s in rows]).T
+    information = told / np.maximum(told.sum(axis=1, keepdims=True), 1e-300)
+    labels = tuple(str(each) if isinstance(each, Test) else each.source or "resonances" for each in objective.data)
+    _, singular, ways = np.linalg.svd(J, full_matrices=False)
+    if singular[-1] * ALIKE < singular[0]:
+        parts_of = " ".join(f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1)
+        doubts.append(f"the data do not tell {parts_of}")
+    for j, name in enumerate(names):
+        if min(x[j] - low[j], high[j] - x[j]) < 1e-3 * (high[j] - low[j]):
+            doubts.append(f"{spaced(name)} is at an end of its range")
+        best = int(np.argmax(information[j]))
+        if n > 1 and information[j, best] > ONE:
+            notes.append(f"{spaced(name)}: {labels[best]} alone tells {percent(information[j, best])} of it")
+    if lost := sum(int(part.lost.sum()) for part in parts):
+        doubts.append(f"at {lost} measured points the model has no response, each counted as {LOST:g} times the noise")
+    ends = np.exp(np.clip([x - half[0], x + half[1]], low, high))
+    return Fitted(
+        names=names, values=np.exp(x), low=ends[0], high=ends[1], deviation=deviation,
+        left_out=left_out, information=information, profiles=profiles, tests=labels, noise=objective.noise,
+        place=np.concatenate([part.place for part in parts]), measured=np.concatenate([part.measured for part in parts]),
+        model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
+        test=np.repeat(np.arange(n), [len(part.place) for part in parts]),
+        status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE, notes=tuple(notes), **problem.recorded(),
+    )  # fmt: skip
+
+
+def _profile(objective: Objective, x: NDArray, j: int, half: float, rise: float) -> tuple[NDArray, NDArray]:
+    """Values of one parameter with the rise of the sum of squares, and how far it may go to both sides."""
+    least = float((objective.residual(x) ** 2).sum())
+    free = np.arange(len(x)) != j
+    J = objective.jacobian(x)
+    others = -np.linalg.lstsq(J[:, free], J[:, j], rcond=None)[0] if free.any() else np.zeros(0)
+    points, ends = [(float(np.exp(x[j])), 0.0)], np.full(2, half)
+    low, high = objective.bounds
+    for side, sense in enumerate((-1.0, 1.0)):
+        for _ in range(3):  # once by the quadratic, and again where it has missed
+            at = x.copy()
+            at[j] += sense * ends[side]
+            at[free] += sense * ends[side] * others
+            at = np.clip(at, low, high)
+            at = objective.least(at, free, ROUGH) if free.any() else at
+            more = float((objective.residual(at) ** 2).sum()) - least
+            points.append((float(np.exp(at[j])), more))
+            gone = abs(at[j] - x[j])
+            if more <= 0.0 or gone < ends[side] * (1.0 - EDGE) or abs(more / rise - 1.0) < 0.1:
+                break
+            ends[side] = gone * float(np.clip(np.sqrt(rise / more), 0.2, 5.0))
+    return np.array(sorted(points)), ends
+
+
+def _joined(stages: Sequence[Fitted]) -> Fitted:
+    """One result of the stages, their parameters and tests one after the other."""
+    last = stages[-1]
+    if len(stages) == 1:
+        return last
+    first = stages[0]
+    information = scipy.linalg.block_diag(first.information, last.information)
+    arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual")
+    whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
+    doubts = [s.status.partition(": ")[2] for s in stages if s.status != COMPLETE]
+    return replace(
+        last, names=first.names + last.names, tests=first.tests + last.tests, notes=first.notes + last.notes,
+        **whole, information=information, profiles=first.profiles | last.profiles,
+        test=np.append(first.test, last.test + len(first.tests)),
+        status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE,
+    )  # fmt: skip

@@ -1,0 +1,205 @@
+"""What a motion comes to that starts at a point of a tracking curve: where it settles, and whether it stays there.
+
+All sectors are marched from the solution (:mod:`bdamper.stability.march`) with a disturbance of every nodal diameter.  If
+the response amplitudes of the periods stay the same the response is periodic; if they repeat after some periods it is
+subharmonic; otherwise, as for a damper that rattles in its seat, it is irregular and is described by a mean and a range.
+Both are those of the highest blade over the second half of the periods.
+
+:func:`settle` marches a number of periods, for frequencies at which harmonic balance has no solution or none that is
+stable.  :func:`verify` marches until ``bdamper.stability.march.judged`` says whether the amplitude stays that of the
+solution; a growth that shows only after hundreds of periods is beyond it, as it is beyond a test.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve
+from bdamper.problem.problem import Problem
+from bdamper.stability.kept import RULES, of_blades
+from bdamper.stability.march import BOUNDS, UNDECIDED, March, repeats_after, second_half, to_come
+from bdamper.stability.time_integration import Ring, ring_of
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.cost import Stopwatch
+from bdamper.util.kept import Marched
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, because
+
+FEWEST = BOUNDS.look
+"""Least number of periods from which a mean and a range are taken."""
+
+
+def march_from(ring: Ring, u: NDArray, omega: float, steps: int | None = None) -> March:
+    """A march from a solution (n_unknowns,) with a disturbance of every nodal diameter."""
+    march = March(ring, omega, u, steps)
+    return March(ring, omega, ring.seeded(march.motion, RULES.seed, 0), march.steps)
+
+
+def described(march: March, preload: float, status: str, **more: Any) -> Marched:
+    """The result of a march, with mean and range over the second half of its periods."""
+    amplitude = second_half(march.amplitude)
+    return Marched(
+        float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), march.omega / (2.0 * np.pi), preload,
+        status=status, periods=len(march.harmonics), diameters=march.ring.nodal_diameters, harmonics=march.response,
+        repeats_after=repeats_after(march.response), **of_blades(march, len(amplitude)), **{"balance": np.nan, **more},
+    )  # fmt: skip
+
+
+def settled(march: March, preload: float, periods: int = 200, progress: bool = False, **more: Any) -> Marched:
+    """What a march over whole periods of the excitation comes to; ``more`` are fields of the result.
+
+    Raises
+    ------
+    SettingError
+        If there are too few periods to judge.
+    MarchFailed
+        If the march fails.
+    """
+    watch = Stopwatch()
+    stopped = march.run(validate.whole("periods", periods, least=FEWEST), progress)
+    if stopped and len(march.harmonics) < FEWEST:
+        raise KeyboardInterrupt
+    change = to_come(march.amplitude, march.memory)
+    status, text = COMPLETE, f"estimated change of the mean still to come {100.0 * change:+.2g} %"
+    if abs(change) > BOUNDS.drift:
+        longer = int(np.ceil(march.memory * np.log(abs(change) / BOUNDS.drift) / 10.0)) * 10
+        status = because(INCOMPLETE, f"still moving, {text}; some {longer} more periods would settle it")
+    status = INTERRUPTED if stopped else status
+    return described(march, preload, status, cost=replace(march.ring.cost, **watch.read()), **more)
+
+
+def verified(
+    march: March, expected: NDArray, preload: float = np.nan, tolerance: float = BOUNDS.tolerance,
+    periods: int = BOUNDS.most, progress: bool = False, **more: Any,
+) -> Marched:  # fmt: skip
+    """March until it is clear whether the motion keeps to a response (n_harmonics + 1,) complex, m.
+
+    Raises
+    ------
+    MarchFailed
+        If the march fails.
+    """
+    periods = validate.whole("periods", periods, least=1)
+    tolerance = validate.number("tolerance", tolerance, above=0.0, most=1.0)
+    watch, size = Stopwatch(), float(abs(expected[1]))
+    stopped = march.until_judged(size, tolerance, periods, progress=progress)
+    if not march.harmonics:
+        raise KeyboardInterrupt
+    verdict, reason = march.judged(size, tolerance)
+    distance = np.linalg.norm((march.response[-1] - expected)[1:]) / max(float(np.linalg.norm(expected[1:])), 1e-300)
+    status = INTERRUPTED if stopped else because(INCOMPLETE, "undecided") if verdict == UNDECIDED else COMPLETE
+    return described(
+        march, preload, status, balance=size, verdict=verdict, reason=reason, distance=float(distance),
+        cost=replace(march.ring.cost, **watch.read()), **more,
+    )  # fmt: skip
+
+
+@one_thread
+def settle(
+    problem: Problem,
+    start: Curve,
+    frequency: float | None = None,
+    *,
+    periods: int = 200,
+    steps_per_period: int | None = None,
+    progress: bool = False,
+) -> Marched:
+    """March in time for a number of periods, and say what the response comes to.
+
+    This is for frequencies at which no solution was found, or none that is stable: a damper that rattles may have no
+    periodic response at all, and is described by a mean amplitude and a range (:mod:`bdamper.stability.settled`).
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Curve
+        A tracking curve, from whose solution nearest in frequency the march starts.
+    frequency : float, Hz, optional
+        By default the middle of the widest part of the curve without solutions.
+    periods : int
+        Of the excitation.  A transient of a mode with the damping ratio ``zeta`` takes about ``1/(2 zeta)`` of them.
+    steps_per_period : int, optional
+        256 by default.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    Marched
+        "incomplete" while the mean still moves; after Ctrl-C that of the periods marched by then, if these are 16.
+
+    Raises
+    ------
+    SettingError, MarchFailed
+        If the curve has a solution at every frequency and none is given, or an argument does not fit; if the march fails.
+    """
+    validate.instance("start", start, Curve, "a tracking curve")
+    if frequency is not None:
+        frequency = validate.number("frequency", frequency, above=0.0, unit="Hz")
+    check_curve(problem, start)
+    validate.that(len(start), "start", "a curve with points", f"one without ({start.status}: {start.reason})")
+    if frequency is None:
+        if start.gap is None:
+            raise validate.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
+        frequency = float(np.mean(start.gap))
+    u = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
+    march = march_from(ring_of(problem, start.preload), u, 2.0 * np.pi * frequency, steps_per_period)
+    recorded = {"settings": problem.record(), "model_hash": problem.model.hash}
+    return settled(march, start.preload, periods, progress, **recorded)
+
+
+@one_thread
+def verify(
+    problem: Problem,
+    curve: Curve,
+    index: int | None = None,
+    *,
+    tolerance: float = BOUNDS.tolerance,
+    periods: int = BOUNDS.most,
+    steps_per_period: int | None = None,
+    progress: bool = False,
+) -> Marched:
+    """March in time from a point of a tracking curve and say whether the motion agrees with it.
+
+    All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
+    (:mod:`bdamper.stability.settled`).  The march ends as soon as it is decided, most often after 48 to 200 periods.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : Curve
+        Tracked with this problem.
+    index : int, optional
+        Of the point; the largest response by default.
+    tolerance : float
+        Difference of the amplitude, as a share of it, up to which the motion agrees.
+    periods : int
+        Periods of the excitation, at most.
+    steps_per_period : int, optional
+        1,024 by default.
+    progress : bool
+        Show a bar of the periods, with the time left.
+
+    Returns
+    -------
+    Marched
+        With the ``verdict`` "agrees", "does not agree" or "undecided"; after Ctrl-C that of the periods marched by then.
+
+    Raises
+    ------
+    SettingError, MarchFailed
+        If the settings describe something else than a structure in time, or a number does not fit; if the march fails.
+    """
+    validate.instance("curve", curve, Curve, "a tracking curve")
+    check_curve(problem, curve)
+    i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
+    system, u, omega = problem.system(curve.preload), curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i])
+    steps = BOUNDS.steps if steps_per_period is None else steps_per_period
+    march = march_from(ring_of(problem, curve.preload), u, omega, steps)
+    recorded = {"settings": problem.record(), "model_hash": problem.model.hash}
+    return verified(march, system.response(u), curve.preload, tolerance, periods, progress, **recorded)

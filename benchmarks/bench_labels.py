@@ -1,0 +1,87 @@
+"""Labels of stability beside the motion in time of all blades: twenty scenes, five points on each tracking curve.
+
+``python -m benchmarks.bench_labels [first last]`` draws each scene from its number before anything is computed: the turbine
+blade (even numbers, engine order 5 or 10) or the hard disk (odd ones, engine order 5) with nine contact points, unit
+tractions and three harmonics, a friction coefficient of 0.2 to 0.6 and a preload of 20 to 400 N per newton.  Five points
+are drawn from those with at least half the amplitude of the peak.
+
+The truth is a march of all blades and all nodal diameters from the point, with waves of 1 % of each nodal diameter, over
+120 or 200 periods of 256 steps: the point is kept if all blades have its amplitude in the mean of the last 40 periods, to
+5 % (and to 10 %, which counts less of what three harmonics cut off).
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from math import tau
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.stability.floquet import stability_of_points
+from bdamper.stability.kept import RULES, growth
+from bdamper.stability.settled import march_from
+from bdamper.stability.time_integration import MarchFailed, Ring, ring_of
+from benchmarks import PLAIN
+
+SEED, POINTS = 20261123, 5
+BANDS = {"turbine_blade": (600.0, 720.0), "bladed_disk": (250.0, 380.0)}
+
+
+def drawn(number: int) -> tuple[bd.Study, str, float, np.random.Generator]:
+    """Study, model and preload (N) of a number, and what draws its points."""
+    rng = np.random.default_rng([SEED, number])
+    name = "bladed_disk" if number % 2 else "turbine_blade"
+    order = 5 if number % 2 else int(rng.choice([5, 10]))
+    friction, preload = float(rng.uniform(0.2, 0.6)), float(np.exp(rng.uniform(np.log(20.0), np.log(400.0))))
+    excitation = bd.Excitation("tip") if number % 2 else bd.Excitation("tip", "tangential", 1.0)
+    given = PLAIN | {"harmonics": 3, "friction_coefficient": friction}
+    made = bd.Study(bd.reference_model(name, 9), excitation, order, **given)
+    return made, name, preload, rng
+
+
+def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[float, float, int]:
+    """Lowest and highest mean of the blades relative to the point's amplitude, and periods; NaN where a march fails."""
+    march = march_from(ring, u, omega)
+    try:
+        for periods in (120, 200):
+            march.run(periods)
+            before, last = (np.abs(x).mean(axis=0) / expected for x in (march.blades[-80:-40], march.blades[-40:]))
+            if np.abs(last - before).max() < 0.01 and growth(march, RULES)[0] < 1.1:
+                break
+    except MarchFailed:
+        return np.nan, np.nan, 0
+    return float(last.min()), float(last.max()), periods
+
+
+def main(first: int = 0, last: int = 20) -> None:
+    right = {(name, share): [0, 0] for name in ("sign of det J", "exponents") for share in (0.05, 0.1)}
+    for number in range(first, last):
+        made, name, preload, rng = drawn(number)
+        curve, system, ring = made.track(preload, BANDS[name]), made.problem.system(preload), ring_of(made.problem, preload)
+        high = np.flatnonzero(curve.amplitude > 0.5 * curve.amplitude.max())
+        chosen = np.sort(rng.choice(high, POINTS, replace=False))
+        u, omega = curve.unknowns[chosen], tau * curve.frequency[chosen]
+        signs = [np.linalg.slogdet(system.evaluate(x, w)[1])[0] > 0.0 for x, w in zip(u, omega)]
+        begin = time.process_time()
+        labels = {"sign of det J": signs, "exponents": stability_of_points(system, u, omega).stable}
+        seconds = (time.process_time() - begin) / POINTS
+        for k, i in enumerate(chosen):
+            low, high, periods = truth(ring, u[k], float(omega[k]), float(curve.amplitude[i]))
+            said = {label: "stable" if stable[k] else "unstable" for label, stable in labels.items()}
+            print(
+                f"{number} {name} {curve.frequency[i]:.2f} Hz {said}, blades {low:.3f} to {high:.3f} of the point after "
+                f"{periods} periods, {seconds:.2f} s",
+                flush=True,
+            )
+            for (label, share), counts in right.items():
+                kept = abs(low - 1.0) <= share and abs(high - 1.0) <= share
+                counts[0] += bool(labels[label][k]) == kept
+                counts[1] += periods > 0
+    for (label, share), (n, of) in right.items():
+        print(f"{label}: right at {n} of {of} points, kept to {share:.0%}")
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))

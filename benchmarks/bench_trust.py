@@ -1,0 +1,99 @@
+"""Whether the march can be relied on: a thousand random starts, and twenty drawn scenes beside an explicit march.
+
+``python -m benchmarks.bench_trust starts`` marches a thousand random motions of both disks for four periods: coordinates
+and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30 times the
+peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the interval, 128 or
+256 steps a period.  Each must end finite, with no more energy than it had and was given, or by ``MarchFailed``.
+
+``python -m benchmarks.bench_trust scenes [first last]`` draws scenes as ``benchmarks.bench_labels`` does, with other
+numbers, and asks ``study.march`` for the highest blade.  Its motion goes on for 15 periods in the explicit march of the
+tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from math import tau
+
+import numpy as np
+
+from bdamper.stability import kept
+from bdamper.stability.march import March
+from bdamper.stability.time_integration import MarchFailed, Motion, ring_of
+from bdamper.util.errors import BdamperError
+from benchmarks.bench_labels import BANDS, drawn
+from tests.stability.test_explicit_reference import STEPS, explicit
+
+FIRST = 100
+"""Number of the first scene."""
+STARTS, PERIODS = 1000, 4
+
+
+def random_starts(scenes: int = 20) -> None:
+    ended = {"finite": 0, "MarchFailed, 128 steps": 0, "MarchFailed, 256 steps": 0, "overflow": 0}
+    most, begin = 0.0, time.process_time()
+    for number in range(FIRST, FIRST + scenes):
+        made, name, preload, rng = drawn(number)
+        peak = made.track(preload, BANDS[name]).peak.amplitude
+        ring = ring_of(made.problem, preload)
+        like = ring.start(np.zeros(made.problem.system(preload).n_unknowns), tau * BANDS[name][0], 256)
+        for _ in range(STARTS // scenes):
+            omega = tau * rng.uniform(*BANDS[name])
+            q, v = rng.standard_normal((2, like.q.size))
+            own = np.sqrt(np.maximum(np.tile(ring.omega2, 2), omega**2))  # all modes with the same energy
+            q[ring.n_coordinates :][ring.real] = v[ring.n_coordinates :][ring.real] = 0.0
+            q /= own
+            size = peak * 10.0 ** rng.uniform(-1.0, 1.5) / np.abs(ring.rows @ q).max()
+            w = like.w + 10.0 * peak * rng.uniform(-1.0, 1.0, like.w.shape)
+            march = March(ring, omega, Motion(size * q, size * v, w), int(rng.choice([128, 256])))
+            try:
+                with np.errstate(all="ignore"):
+                    march.run(PERIODS)
+            except MarchFailed:
+                ended[f"MarchFailed, {march.steps} steps"] += 1
+                continue
+            grown = np.abs(march.blades).max() / (np.abs(ring.rows @ (size * q)).max() + peak)
+            ended["finite" if np.isfinite(march.blades).all() and grown < 1e3 else "overflow"] += 1
+            most = max(most, float(grown))
+        print(number, name, ended, f"{most:.3g} times the start at most, {time.process_time() - begin:.0f} s", flush=True)
+
+
+def scenes(first: int, last: int) -> None:
+    said = kept.of_blades
+    print("| scene | balance | highest blade in time, lowest | explicit | difference | status | s, explicit s |")
+    for number in range(first, last):
+        made, name, preload, _ = drawn(number)
+        begin, marches = time.process_time(), []
+        kept.of_blades = lambda march, periods, marches=marches: marches.append(march) or said(march, periods)
+        curve = made.track(preload, BANDS[name])
+        order, friction = made.problem.engine_order, made.settings.friction_coefficient
+        scene = f"{name}, engine order {order}, mu {friction:.2f}, {preload:.1f} N"
+        try:
+            found = made.march(curve)
+        except BdamperError as error:
+            print(f"| {scene} | | | | | {error} | |", flush=True)
+            continue
+        between = time.process_time()
+        omega = tau * (found.frequency if found.frequency > 0.0 else curve.peak.frequency)
+        ring = marches[-1].ring if marches else ring_of(made.problem, preload)
+        start = marches[-1].motion if marches else ring.start(curve.unknowns[curve.peak.index], omega, 256)
+        blades = 1e6 * np.abs(explicit(ring, Motion(*start[:3]), omega, 15, STEPS)[-8:]).mean(axis=0)
+        own = f"{1e6 * found.mean:.1f}, {1e6 * found.spread[0]:.1f} at {found.frequency:.2f} Hz"
+        print(
+            f"| {scene} | {1e6 * found.balance:.1f} | {own} | {blades.max():.1f}, {blades.min():.1f} | "
+            f"{1e-6 * blades.max() / found.mean - 1.0:+.1%} | {found.status} | {between - begin:.0f}, "
+            f"{time.process_time() - between:.0f} |",
+            flush=True,
+        )
+
+
+def main() -> None:
+    if "scenes" not in sys.argv:
+        random_starts()
+    if "starts" not in sys.argv:
+        scenes(*(map(int, sys.argv[2:]) if sys.argv[2:] else (FIRST, FIRST + 20)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,354 @@
+"""Contact laws as functions in studies: joints with known answers, statics, march, files, and what is refused."""
+
+import ctypes
+import pickle
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import LowLevelCallable
+from scipy.integrate import solve_ivp
+
+import bdamper as bd
+from bdamper import _core
+from bdamper.contact.own_law import OwnLaws
+from bdamper.harmonic_balance.cycle import energies
+from bdamper.stability.time_integration import Ring
+
+PAGE = (Path(__file__).parents[2] / "docs" / "own-laws.md").read_text()
+NUMBER = ctypes.POINTER(ctypes.c_double)
+
+
+def joint(law=None, force=0.4, **settings):
+    """One mass on a spring and a joint that slides."""
+    contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
+    settings = {"harmonics": 3, **({} if law is None else {"friction_law": law}), **settings}
+    return bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: force}, **settings)
+
+
+def ground(**settings):
+    """The blade of docs/lumped.md that rubs on the ground: slips, opens, and has two folds."""
+    contact = bd.Contact(0, 1, kt=0.6, kn=6.0, mu=0.4, preload=0.35)
+    return bd.lumped(
+        [1.0, 1.0], [0.05, 0.05], [[1.0, 0.3], [0.3, 2.0]], contacts=[contact], forces={0: 0.1, 1: 0.12}, response=1,
+        harmonics=5, **settings,
+    )  # fmt: skip
+
+
+def as_jenkins(study, names, mu):
+    """Laws with one element at each point, which is separable friction."""
+    laws = {}
+    for name in names:
+        k = study.problem.stiffness[name].stiffness
+        assert (k[:, 0] == k[:, 1]).all()
+        one, zero = np.ones(len(k)), np.zeros(len(k))
+        p = np.column_stack([one, k[:, 2], k[:, 0], zero, mu * one])
+        laws[name] = bd.ContactLaw(_core.jenkins, 2, p, k, "jenkins")
+    return laws
+
+
+def along(law, u):
+    """(n, 3) forces on a path of tangential motions u (n,), from rest."""
+    own, memory = OwnLaws(law.of_points(1, "joint"), np.zeros(1)), np.zeros((1, 3 + law.n_state))
+    F = np.zeros((len(u), 3))
+    for i, x in enumerate(u):
+        F[i : i + 1], _, memory = own.step(np.array([[x, 0.0, 0.0]]), memory)
+    return F
+
+
+class TestIwan:
+    def test_n_sliders_are_n_interfaces(self):
+        k, f = np.array([0.3, 0.4, 0.2, 0.1]), np.array([0.05, 0.2, 0.3, 1.0])
+        sampled = bd.Sampled(128)
+        contacts = [bd.Contact(0, kt=k_, mu=1.0, preload=f_) for k_, f_ in zip(k, f)]
+        many = bd.lumped(1.0, 0.02, 1.0, contacts=contacts, forces={0: 0.4}, harmonics=3, evaluation=sampled)
+        one = joint(bd.ContactLaw.jenkins(k, f))
+        expected, found = (study.track(0.0, (0.12, 0.25)) for study in (many, one))
+        np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-10)
+        assert found.cost.evaluations == expected.cost.evaluations
+        stuck = [study.stuck((0.1, 0.3), 0.0).peak.frequency for study in (many, one)]
+        assert stuck[0] == pytest.approx(stuck[1], rel=1e-12)
+
+    def test_strength_and_stiffness(self):
+        law = bd.ContactLaw.iwan(3.0, 20.0, -0.4, 0.3, n=25)
+        small, large = along(law, [1e-9])[0, 0] / 1e-9, along(law, [10.0])[0, 0]
+        assert small == pytest.approx(20.0, rel=1e-9)
+        assert large == pytest.approx(3.0, rel=1e-12)
+        np.testing.assert_allclose(law.stick, [20.0, 20.0, 0.0], rtol=1e-12)
+
+    @pytest.mark.parametrize("chi", [-0.7, -0.2, 0.0])
+    def test_loss_below_macroslip(self, chi):
+        """Segalman (2005): 4 R u^(chi + 3)/((chi + 2)(chi + 3)) a cycle, with the exponent chi + 3."""
+        F, K, beta = 2.0, 5.0, 0.5
+        law = bd.ContactLaw.iwan(F, K, chi, beta, n=120)
+        last = F * (1 + beta) / (K * (beta + (chi + 1) / (chi + 2)))
+        R = K * (chi + 1) / (1 + beta) / last ** (chi + 1)
+        amplitudes = last * np.geomspace(0.02, 0.8, 12)
+        losses = []
+        for u in amplitudes:
+            x = np.zeros((3, 3))
+            x[0, 1] = u
+            force = np.empty_like(x)
+            memory = np.zeros(3 + law.n_state)
+            _core.evaluate_contact(
+                x, np.zeros(2), 0.0, 0.0, 0.0, np.zeros(2), force, np.empty((3, 3, 3, 3)), 7, 1, 512,
+                own=((law.pointer, law.parameters, memory),),
+            )  # fmt: skip
+            losses.append(-np.pi * force[0, 2] * u)
+        expected = 4 * R * amplitudes ** (chi + 3) / ((chi + 2) * (chi + 3))
+        np.testing.assert_allclose(losses, expected, rtol=5e-3)
+        slope = np.polyfit(np.log(amplitudes), np.log(losses), 1)[0]
+        assert slope == pytest.approx(chi + 3, abs=2e-3)
+
+
+class TestBoucWen:
+    def test_area_of_the_loop(self):
+        """For n = 1 against an integration of the differential equation, and second order in the step."""
+        k, alpha, beta, gamma, u0 = 2.0, 0.1, 3.0, 1.0, 0.7
+        law = bd.ContactLaw.bouc_wen(k, alpha, beta, gamma)
+
+        def rate(t, z):
+            du = -u0 * np.sin(t)
+            return [du - beta * abs(du) * z[0] - gamma * du * abs(z[0]), (1 - alpha) * k * z[0] * du]
+
+        z, area = [0.0, 0.0], 0.0
+        for half in range(12):  # from one turning point to the next
+            run = solve_ivp(rate, (half * np.pi, (half + 1) * np.pi), [z[0], 0.0], rtol=1e-11, atol=1e-13)
+            z = run.y[:, -1]
+            area = area + z[1] if half >= 10 else 0.0
+        errors = []
+        for n in (64, 256):
+            u = u0 * np.cos(2 * np.pi * np.arange(12 * n + 1) / n)
+            T = along(law, u)[:, 0]
+            loop = slice(-n - 1, None)
+            errors.append(abs(np.trapezoid(T[loop], u[loop]) / area - 1))
+        assert errors[1] < 1e-4
+        assert errors[1] < errors[0] / 8
+
+    def test_balance_and_march_agree(self):
+        """The march is of second order in its step, and finds the motion of nine harmonics."""
+        law = bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)
+        study = joint(law, harmonics=9, evaluation=bd.Sampled(512))
+        curve = study.track(0.0, (0.15, 0.22))
+        top = int(np.argmax(curve.amplitude))
+        omega, u = 2 * np.pi * curve.frequency[top], curve.unknowns[top]
+        system = study.problem.system(0.0)
+        ring = Ring(system, 1, 1)
+        motion = ring.start(u, omega, 512)
+        assert motion.w.shape == (1, 1, 2 + 5)
+        marched = ring.march(motion, omega, 512, 30)
+        assert abs(marched.harmonics[-1, 0, 1]) == pytest.approx(curve.amplitude[top], rel=5e-4)
+        lost = energies(system, u, omega)
+        assert lost.contact.sum() + lost.damping == pytest.approx(lost.excitation, rel=1e-8)
+
+
+def test_a_sweep_in_time_is_that_of_our_friction():
+    """A joint of one Jenkins element, and our friction under a constant normal load."""
+    ours, own = joint(), joint(bd.ContactLaw.jenkins([1.0], [1.0]))
+    expected, found = (study.sweep_in_time(0.0, (0.15, 0.16)) for study in (ours, own))
+    assert found.amplitude.max() == pytest.approx(expected.amplitude.max(), rel=1e-3)
+
+
+class TestOurFriction:
+    """A law that is separable friction gives the curve of separable friction."""
+
+    def test_a_contact_that_opens(self):
+        ours, law = ground(evaluation=bd.Sampled(128)), bd.ContactLaw.jenkins([0.6], [0.0], [0.4], kn=6.0)
+        own = ground(friction_law={"contact 1": law})
+        assert own.settings.evaluation == bd.Sampled(128)
+        expected, found = (study.track(0.0, (0.25, 0.54)) for study in (ours, own))
+        assert len(expected.folds) >= 2
+        np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-10)
+        assert found.cost.evaluations == expected.cost.evaluations
+        loops = [study.hysteresis(curve) for study, curve in ((ours, expected), (own, found))]
+        np.testing.assert_allclose(loops[1].force, loops[0].force, atol=0.02 * np.abs(loops[0].force).max())
+
+    def test_a_damper_under_load(self):
+        """Statics with slip under the load, then tracking with 18 own points among constraint planes."""
+        model = bd.reference_model("bladed_disk")
+        study = bd.Study(
+            model, bd.Excitation("tip", "axial", amplitude=5.0), engine_order=3, friction_coefficient=0.3,
+            evaluation=bd.Sampled(128), harmonics=1,
+        )  # fmt: skip
+        stiffness = {name: c.stiffness.copy() for name, c in study.problem.stiffness.items()}
+        for k in stiffness.values():
+            k[:, 1] = k[:, 0]
+        ours = study.with_(contact_stiffness=stiffness)
+        own = ours.with_(friction_law=as_jenkins(ours, ("left", "right"), 0.3))
+        states = [s.static(300.0) for s in (ours, own)]
+        assert states[1].converged and "slip" in states[1].state
+        assert states[1].state == states[0].state
+        np.testing.assert_allclose(states[1].force, states[0].force, atol=1e-9 * np.abs(states[0].force).max())
+        band = (715.0, 750.0)
+        expected, found = (s.track(300.0, band) for s in (ours, own))
+        np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-8)
+        stuck = [s.stuck((200.0, 900.0), 300.0).peak for s in (ours, own)]
+        assert stuck[1].amplitude == pytest.approx(stuck[0].amplitude, rel=1e-9)
+
+    def test_a_gap_opens_them(self):
+        law = bd.ContactLaw.jenkins([0.6], [0.0], [0.4], kn=6.0)
+        contact = bd.Contact(0, 1, kt=0.6, kn=6.0, mu=0.4, gap=0.05)
+        given = {"contacts": [contact], "forces": {0: 0.1, 1: 0.12}, "response": 1, "evaluation": bd.Sampled(128)}
+        ours = bd.lumped([1.0, 1.0], [0.05, 0.05], [[1.0, 0.3], [0.3, 2.0]], **given)
+        assert ours.with_(friction_law=law).static(0.0).state == ("open",)
+        expected, found = (s.peak(0.0, (0.15, 0.4)) for s in (ours, ours.with_(friction_law=law)))
+        assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-10)
+
+
+class TestFiles:
+    def test_studies_and_results_keep_the_law(self, tmp_path):
+        law = bd.ContactLaw.iwan(0.5, 1.0, -0.5, 0.2, n=4)
+        study = joint({"contact 1": law})
+        study.save(tmp_path / "study.h5")
+        again = bd.load_study(tmp_path / "study.h5")
+        assert again.problem.record() == study.problem.record()
+        peak = study.peak(0.0, (0.14, 0.25))
+        assert again.peak(0.0, (0.14, 0.25)).amplitude == peak.amplitude
+        peak.save(tmp_path / "peak.h5")
+        kept = bd.load(tmp_path / "peak.h5").settings["friction_law"]["contact 1"]
+        assert kept["contact_law"] == "jenkins" and kept["parameters"] == law.parameters.tolist()
+
+    def test_a_function_is_not_in_a_file(self, tmp_path):
+        law = bd.ContactLaw(_core.bouc_wen, 2, [0.0, 1.0, 0.1, 2.0, 0.5, 1.0], [1.0, 1.0, 0.0], "of my own")
+        study = joint(law)
+        study.save(tmp_path / "study.h5")
+        with pytest.raises(bd.SettingError, match="found 'of my own', of which a file has no function"):
+            bd.load_study(tmp_path / "study.h5")
+        with pytest.raises(bd.SettingError, match="of my own"):
+            pickle.loads(pickle.dumps(law))
+
+    def test_shipped_laws_go_to_other_processes(self):
+        law = bd.ContactLaw.jenkins([1.0], [0.5])
+        again = pickle.loads(pickle.dumps(law))
+        assert again.record() == law.record()
+
+    def test_static_states_keep_what_points_remember(self, tmp_path):
+        state = joint(bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)).static(0.0)
+        state.save(tmp_path / "state.h5")
+        np.testing.assert_array_equal(bd.load(tmp_path / "state.h5").memory, state.memory)
+
+
+class TestRefused:
+    @pytest.mark.parametrize(
+        "function", [lambda *a: None, "coulomb", 3, None, ctypes.CFUNCTYPE(None, ctypes.c_void_p)(0)]
+    )  # fmt: skip
+    def test_what_is_no_compiled_law(self, function):
+        with pytest.raises(bd.SettingError, match="function: expected"):
+            bd.ContactLaw(function, 1, [1.0], [1.0, 1.0, 1.0])
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            {"n_state": -1}, {"n_state": 0.5}, {"parameters": [np.nan]}, {"parameters": 1.0}, {"stick": [1.0, 1.0]},
+            {"stick": [0.0, 0.0, 0.0]}, {"stick": [1.0, -1.0, 1.0]},
+        ],
+    )  # fmt: skip
+    def test_numbers(self, change):
+        given = {"n_state": 2, "parameters": [0.0, 1.0, 0.1, 2.0, 0.5, 1.0], "stick": [1.0, 1.0, 0.0]} | change
+        with pytest.raises(bd.SettingError, match=f"{next(iter(change))}: expected"):
+            bd.ContactLaw(_core.bouc_wen, **given)
+
+    @pytest.mark.parametrize(
+        "make",
+        [
+            lambda: bd.ContactLaw.bouc_wen(1.0, 0.1, 1.0, 1.5),
+            lambda: bd.ContactLaw.bouc_wen(1.0, 0.1, 1.0, 0.5, 0.9),
+            lambda: bd.ContactLaw.iwan(1.0, 1.0, -1.0, 0.2),
+            lambda: bd.ContactLaw.jenkins([1.0, 0.0], [1.0, 1.0]),
+            lambda: bd.ContactLaw.jenkins([1.0], [-1.0]),
+        ],
+    )
+    def test_laws_that_gain_energy_or_carry_nothing(self, make):
+        with pytest.raises(bd.SettingError, match="expected"):
+            make()
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [("separation", False), ("variable_normal_load", False), ("friction_axes", "major"), ("stability", True)],
+    )
+    def test_settings(self, name, value):
+        with pytest.raises(bd.SettingError, match=f"{name}: expected .* with a ContactLaw"):
+            joint(bd.ContactLaw.jenkins([1.0], [0.5]), **{name: value})
+
+    def test_rows_that_do_not_fit_the_points(self):
+        law = bd.ContactLaw(_core.bouc_wen, 2, np.ones((3, 6)), [1.0, 1.0, 0.0], "bouc_wen")
+        with pytest.raises(bd.SettingError, match="parameters of law 'bouc_wen': expected 1 rows for 'contact 1', found 3"):
+            joint(law).static(0.0)
+
+    def test_analyses_that_know_events(self):
+        study = joint(bd.ContactLaw.jenkins([1.0], [0.5]))
+        curve = study.track(0.0, (0.14, 0.2))
+        with pytest.raises(bd.SettingError, match=r"friction_law: stability expected laws .* found jenkins"):
+            study.with_stability(curve)
+
+    def test_wheels(self):
+        model = bd.reference_model("bladed_disk")
+        law = bd.ContactLaw.jenkins([1e7], [1.0], kn=1e7)
+        study = bd.Study(model, bd.Excitation("tip", "axial"), engine_order=3, friction_law=law)
+        with pytest.raises(bd.SettingError, match="a wheel expected laws"):
+            bd.Wheel(study)
+
+
+class TestPerPoint:
+    def test_friction_coefficients_of_points(self):
+        model = bd.reference_model("bladed_disk")
+        n = model.interfaces["left"].n_points
+        same = {"left": np.full(n, 0.3), "right": 0.3}
+        make = lambda mu, **s: bd.Study(model, bd.Excitation("tip", "axial"), engine_order=3, friction_coefficient=mu, **s)  # noqa: E731
+        np.testing.assert_array_equal(make(same).problem.friction, make(0.3).problem.friction)
+        rising = {"left": np.linspace(0.1, 0.5, n), "right": 0.0}
+        study = make(rising)
+        np.testing.assert_array_equal(study.problem.friction[study.problem.coupling.rows("left")], rising["left"])
+        assert study.problem.record()["friction_coefficient"]["left"] == rising["left"].tolist()
+        assert study.settings.friction_values() == rising["left"].tolist()
+        area = model.interfaces["left"].area
+        united = make(rising, contact_points=1).problem.friction[0]
+        assert united == pytest.approx(area @ rising["left"] / area.sum())
+        for wrong in (np.full(n - 1, 0.3), np.full(n, -0.1)):
+            with pytest.raises(bd.SettingError, match=f"friction_coefficient of 'left': expected {n} finite numbers"):
+                make({"left": wrong, "right": 0.3})
+
+    def test_they_come_back_from_a_file(self, tmp_path):
+        model = bd.reference_model("bladed_disk")
+        n = model.interfaces["left"].n_points
+        study = bd.Study(
+            model, bd.Excitation("tip", "axial"), engine_order=3,
+            friction_coefficient={"left": np.linspace(0.1, 0.5, n), "right": 0.2},
+        )  # fmt: skip
+        study.save(tmp_path / "study.h5")
+        np.testing.assert_array_equal(bd.load_study(tmp_path / "study.h5").problem.friction, study.problem.friction)
+
+
+def own_curve(law):
+    """Of the law of the page, and of separable friction whose closings are not interpolated."""
+    ours = ground(evaluation=bd.Sampled(128, interpolate=False))
+    return [study.track(0.0, (0.25, 0.54)) for study in (ours, ours.with_(friction_law=law))]
+
+
+def test_the_example_in_c(tmp_path):
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    (code,) = [block for block in re.findall(r"```c\n(.*?)```", PAGE, re.S) if "#include" in block]
+    (tmp_path / "coulomb.c").write_text(code)
+    library = tmp_path / "coulomb.so"
+    command = [compiler, "-O2", "-shared", "-fPIC", str(tmp_path / "coulomb.c"), "-o", str(library), "-lm"]
+    subprocess.run(command, check=True, timeout=60)
+    function = ctypes.CDLL(str(library)).coulomb
+    function.restype, function.argtypes = None, [NUMBER] * 10 + [ctypes.c_void_p]
+    law = bd.ContactLaw(LowLevelCallable(function), n_state=2, parameters=[0.6, 6.0, 0.4], stick=[0.6, 0.6, 6.0])
+    assert law.name == "coulomb"
+    expected, found = own_curve(law)
+    np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-9)
+
+
+def test_the_example_with_numba():
+    pytest.importorskip("numba", reason="numba is not installed")
+    (code,) = [block for block in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "numba" in block]
+    names = {"bd": bd}
+    exec(code, names)
+    expected, found = own_curve(names["law"])
+    np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-9)

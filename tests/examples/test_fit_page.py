@@ -1,0 +1,25 @@
+"""The code of docs/fit.md: from CSV files to a fitted optimum and its report."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "fit.md"
+
+
+@pytest.mark.slow
+def test_from_files_to_a_report(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    space = {}
+    for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S):
+        exec(compile(block, str(PAGE), "exec"), space)
+    found, loop = space["found"], space["loop"]
+    assert found["force_factor"] == pytest.approx(1.05, rel=0.03)
+    assert found["frequency_factor"] == pytest.approx(1.0, rel=1e-4)
+    assert found["friction_coefficient"] == pytest.approx(0.42, rel=0.15)
+    assert (found.low < found.values).all() and (found.values < found.high).all() and found.status == "complete"
+    assert [loop.kt, loop.mu, loop.spread] == pytest.approx([1e8, 0.42, 0.5], rel=1e-3)
+    assert np.isfinite(space["best"].optimum.amplitude)
+    assert "Fit of measured responses" in (tmp_path / "review.html").read_text()

@@ -1,0 +1,124 @@
+"""The report for a design review: one file, the same bytes, lights by their rules."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.design.fit import Fitted
+from bdamper.plot.report import lights
+from bdamper.util.kept import Marched
+
+
+class Page(HTMLParser):
+    """Tags that are open, links, and the text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.sources, self.said = [], [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.sources += [value for name, value in attributes if name in ("src", "href")]
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.said += data
+
+
+@pytest.fixture(scope="module")
+def study():
+    return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.optimal_curve((60.0, 240.0), 6, check=False)
+
+
+def test_one_file_without_links(study, curve, tmp_path):
+    curve.report(tmp_path / "review.html", study)
+    curve.report(tmp_path / "again.html", study)
+    content = (tmp_path / "review.html").read_bytes()
+    assert content == (tmp_path / "again.html").read_bytes()
+    assert len(content) < 400 * 1024
+    page = Page(content.decode())
+    assert page.open == [] and len(page.sources) == 4
+    assert all(source.startswith("data:image/") for source in page.sources) and "http" not in page.said
+    assert curve.bottom_line() in page.said and curve.model_hash in page.said and str(curve.made_with) in page.said
+    for text in ("friction coefficient", "What is not modelled", "bd.load_study", "harmonics"):
+        assert text in page.said
+
+
+def test_the_lines_that_do_it_again(study, curve, tmp_path, monkeypatch):
+    curve.report(tmp_path / "review.html")
+    page = Page((tmp_path / "review.html").read_text())
+    assert "the report was made without the study" in page.said
+    lines = page.said[page.said.index("import bdamper as bd") :].strip().splitlines()
+    curve.save(tmp_path / "best.h5")
+    bd.save_model(study.model, tmp_path / "model.h5")
+    here = {}
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(lines[:3]), here)
+    assert here["best"].optimum.amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-9)
+
+
+def colours(curve, name):
+    (found,) = [light.colour for light in lights(curve) if light.name == name]
+    return found
+
+
+def test_an_optimum_at_the_end_of_the_range_is_red(study, curve):
+    assert colours(curve, "Optimum within the range") == "green"
+    end = study.optimal_curve((150.0, 300.0), 4, check=False)
+    assert end.optimum.kind == "end" and colours(end, "Optimum within the range") == "red"
+
+
+@pytest.mark.parametrize(("ratio", "colour"), [(0.97, "green"), (0.9, "amber"), (1.1, "amber"), (0.7, "red"), (1.3, "red")])
+def test_balance_against_time(curve, ratio, colour):
+    high = curve.optimum.amplitude
+    kept = Marched(ratio * high, ratio * high, ratio * high, 660.0, curve.optimum.preload, high)
+    assert colours(replace(curve, kept=(kept,)), "Harmonic balance against time") == colour
+    unknown = replace(kept, status="incomplete: stopped")
+    assert colours(replace(curve, kept=(unknown,)), "Harmonic balance against time") == "red"
+    assert colours(curve, "Harmonic balance against time") == "white"
+
+
+@pytest.mark.parametrize(
+    ("misfit", "settings", "mu", "colour"),
+    [(1.0, {}, None, "green"), (2.0, {}, None, "amber"), (4.0, {}, None, "red"), (1.0, {"harmonics": [1, 3]}, None, "red"),
+     (1.0, {}, 0.123, "red")],
+)  # fmt: skip
+def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, misfit, settings, mu, colour):
+    one, two = np.ones(1), np.full((1, 2), misfit)
+    values = one * (mu or curve.settings["friction_coefficient"]["left"])
+    fit = Fitted(
+        ("friction_coefficient",), values, values, values, one, one, one, {}, ("rig",), 0.02, one, one, one, two,
+        np.zeros(1, int), settings={**curve.settings, **settings}, model_hash=curve.model_hash,
+    )  # fmt: skip
+    (light,) = [light for light in lights(curve, fit) if light.name == "Contact constants"]
+    assert light.colour == colour and ("other values" in light.found) == bool(settings or mu)
+
+
+def test_what_is_open_is_red(curve):
+    amplitude = curve.amplitude.copy()
+    amplitude[-1] = float("nan")
+    assert colours(replace(curve, amplitude=amplitude), "A value at every preload") == "red"
+    best = replace(curve.optimum, status="incomplete: less may be elsewhere")
+    assert colours(replace(curve, optimum=best), "Optimum verified") == "red"
+
+
+def test_mistakes(study, curve, tmp_path):
+    with pytest.raises(bd.SettingError, match="one of this study"):
+        curve.report(tmp_path / "review.html", study.with_(friction_coefficient=0.5))
+    with pytest.raises(bd.BdamperError, match="folder that exists"):
+        curve.report(tmp_path / "none" / "review.html")
+    with pytest.raises(bd.BdamperError, match="with an optimum"):
+        replace(curve, optimum=replace(curve.optimum, amplitude=float("nan"))).report(tmp_path / "review.html")
+    assert not list(tmp_path.iterdir())

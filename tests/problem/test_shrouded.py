@@ -1,0 +1,60 @@
+"""A shroud and two dampers: loads of the assembly, what dampers leave of them, optimum over the load of the shroud."""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+
+EXCITATION = bd.Excitation("tip", amplitude=1.0)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return bd.reference_model("shrouded_blade")
+
+
+def study_of(model, **settings):
+    return bd.Study(model, EXCITATION, 4, harmonics=1, **settings)
+
+
+def normal(study, preload, name):
+    return study.static(preload).normal_force[name]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {}, {"contact_stiffness": "unit_traction"}, {"blade_modes": 6}, {"contact_stiffness_factor": 0.5},
+        {"friction_coefficient": 0.1}, {"harmonics": 3, "contact_stiffness": "eq4"},
+    ],
+)  # fmt: skip
+def test_the_load_of_a_shroud_is_that_of_the_assembly(model, settings):
+    study = bd.Study(model, EXCITATION, 4, **({"harmonics": 1} | settings), fixed_loads={"shroud": 30.0})
+    assert normal(study, 0.0, "shroud") == pytest.approx(30.0, rel=1e-7)
+
+
+def test_dampers_take_load_off_the_shroud_and_the_state_says_so(model):
+    study = study_of(model, loads={"front": 1.0, "rear": 0.6}, fixed_loads={"shroud": 500.0})
+    state = study.static(1000.0)
+    total = state.normal_force
+    assert state.converged and set(total) == set(study.problem.coupling.interfaces)
+    # flat strips under the platforms: what they carry is their load, within the friction of faces that are almost level
+    assert total["front_left"] + total["front_right"] == pytest.approx(1000.0, rel=0.03)
+    assert total["rear_left"] + total["rear_right"] == pytest.approx(600.0, rel=0.03)
+    assert 0.0 < total["shroud"] < 500.0 - 1.0
+    assert f"shroud {bd.util.text.amount(total['shroud'], 'N')}" in state.bottom_line()
+
+
+def test_a_body_without_a_share_is_not_loaded(model):
+    study = study_of(model, loads={"front": 1.0})
+    total = study.static(100.0).normal_force
+    assert total["rear_left"] + total["rear_right"] < 1.0 < total["front_left"] + total["front_right"]
+
+
+def test_optimum_over_the_load_of_the_shroud(model):
+    study = study_of(model, loads={"shroud": 1.0}, fixed_loads={"front": 50.0, "rear": 30.0})
+    peaks = [study.peak(load, (200.0, 3000.0)) for load in (1.0, 2.0, 8.0)]
+    assert all(p.converged for p in peaks), [p.status for p in peaks]
+    assert "under a preload of 2 N (shroud 1)" in peaks[1].bottom_line()
+    best = study.optimal_curve([1.0, 2.0, 4.0, 8.0], frequency=(200.0, 3000.0), check=False)
+    assert np.isfinite(best.amplitude).all() and "(shroud 1)" in str(best)

@@ -1,0 +1,87 @@
+"""The march beside an explicit one in plain NumPy, whose steps follow the stiffest contact, on six scenes.
+
+``plain_march.march`` takes central differences and applies the law point by point; it shares neither step nor solver with
+the core.  Both start from the same motion and are compared by the mean amplitudes of all blades over the last periods.
+Where blades vibrate differently that is the motion to which the core has come, so that the explicit march says whether it
+stays one.
+"""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.stability.kept import RULES, Levels
+from bdamper.stability.march import March
+from bdamper.stability.time_integration import Motion, ring_of
+from tests.stability import plain_march
+from tests.stability.test_time_sweep import W0, one_mass
+
+SCENES = {
+    "blade, blades part": ("turbine_blade", 10, 0.496, 38.5, 671.0, 6),
+    "blade, above its optimum": ("turbine_blade", 5, 0.54, 43.7, 661.0, 12),
+    "blade, optimum": ("turbine_blade", 5, 0.3, 103.6, 660.8, 12),
+    "disk, near the fall": ("bladed_disk", 5, 0.4, 125.0, 315.0, 13),
+}
+"""Model, engine order, friction coefficient, preload (N), frequency (Hz), blades."""
+STEPS = 2600
+"""Of the explicit march: with 500 or 1,000 six blades that part (the first scene) leave their motion after ten periods."""
+
+
+def explicit(ring, start, omega, periods, steps):
+    """(periods, n_blades) complex harmonic of the excitation; stable with all contacts stuck."""
+    assert steps > np.pi * ring.highest_frequency() / omega
+    turn, out, motion = 2.0 / steps * np.exp(-2j * np.pi * np.arange(steps) / steps), [], start
+    for _ in range(periods):
+        motion, trace = plain_march.march(ring, motion[:3], omega, steps, steps)
+        out.append(turn @ trace @ ring.rows.T)
+    return np.array(out)
+
+
+def both(ring, u, frequency, before, periods, window, steps=STEPS):
+    """Means (n_blades,) of all amplitudes over the last periods by both marches, after so many periods of the core."""
+    omega = 2.0 * np.pi * frequency
+    settling = March(ring, omega, ring.seeded(ring.start(u, omega, 256), RULES.seed, 0), 256)
+    settling.run(before)
+    start = Motion(*settling.motion[:3])
+    march = March(ring, omega, start, 512)
+    march.run(periods)
+    found = explicit(ring, start, omega, periods, steps)
+    return (np.abs(x[-window:]).mean(axis=0) for x in (march.blades, found))
+
+
+def study_of(model, order, friction, **given):
+    excitation = bd.Excitation("tip", "tangential", 1.0) if model == "turbine_blade" else bd.Excitation("tip")
+    given = {"contact_stiffness": "unit_traction", **given}
+    return bd.Study(bd.reference_model(model, 9), excitation, order, friction_coefficient=friction, **given)
+
+
+def test_one_mass_that_opens_its_contact():
+    """Beside the fold, where the branch bends to lower frequencies: from the balance to the motion in time."""
+    study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).with_(harmonics=5)
+    levels = Levels(study.track(0.0, (9.0, 14.0)))
+    frequency = float(levels.frequency[levels.top]) + 0.3
+    found, expected = both(ring_of(study.problem, 0.0), levels.start(frequency), frequency, 0, 40, 10, 500)
+    assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * levels.at(frequency)[0]
+
+
+def test_six_blades_with_disturbances():
+    """Of the turbine blade with two modes, just after disturbances of every nodal diameter: each blade has its own way."""
+    study = study_of("turbine_blade", 10, 0.496, blade_modes=2)
+    levels = Levels(study.track(38.5, (640.0, 690.0)))
+    frequency = float(levels.frequency[levels.top])
+    found, expected = both(ring_of(study.problem, 38.5), levels.start(frequency), frequency, 0, 4, 2)
+    assert expected == pytest.approx(found, rel=5e-3) and np.ptp(found) > 0.02 * found.mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_all_blades_of_real_scenes(name):
+    model, order, friction, preload, frequency, blades = SCENES[name]
+    study = study_of(model, order, friction)
+    levels = Levels(study.track(preload, (600.0, 720.0) if model == "turbine_blade" else (285.0, 380.0)))
+    ring = ring_of(study.problem, preload)
+    assert ring.n == blades
+    found, expected = both(ring, levels.start(frequency), frequency, 240, 15, 5)
+    assert expected.max() == pytest.approx(found.max(), rel=0.03)
+    if np.ptp(found) > 0.2 * found.mean():
+        assert np.corrcoef(found, expected)[0, 1] > 0.9, "other blades are high"
