@@ -32,7 +32,7 @@ def tracking(mode: int) -> None:
 
 # %%
 # **Fig. 6.** Mode 1 has several solutions at one frequency, an unstable one between two stable ones, where the faces
-# separate: holds, with the settings of the paper and converged.
+# separate: holds, with the settings of the paper and converged.  Next to the folds disturbances that oscillate grow, too.
 
 tracking(1)
 

@@ -131,7 +131,7 @@ def build_model(
     sector_faces, fixed : (set, set), set, optional
         The two faces at which the sector repeats; found, as ``n_blades`` is, where their meshes match.  Clamped nodes.
     locations, forces : mapping of name to node, position or (body, one of both); to (nodes (n,), forces (n, 3)) or CSV file
-        Where forces act and the response is read; nodal forces on the blade (:mod:`bdamper.io.force_field`).
+        Where forces act and the response is read; nodal forces on the blade (``bdamper.io.force_field``).
     engine_order, harmonics, nodal_diameters : int or several, int, sequence of int (0 to N/2), optional
         Nodal diameters of the model, given or as the harmonics of engine orders need them; by default as nine harmonics and
         a march in time do, which the report weighs.  0 is always added.

@@ -2,7 +2,7 @@
 
 Harmonic balance gives a motion of ``H`` harmonics; the motion that the equations have next to it in time has a sequence of
 stick, slip and separation of its own.  It is started at the solution with a disturbance of every nodal diameter and
-marched until ``bdamper.stability.march.judged`` decides (:func:`bdamper.stability.settled.verified`).  A damper without
+marched until ``bdamper.stability.march.judged`` decides (``bdamper.stability.settled.verified``).  A damper without
 damping of its own chatters at many points next to separated peaks, without any period; what counts there is the amplitude
 to which this leads, averaged over many periods.
 """
