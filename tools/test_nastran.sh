@@ -7,7 +7,7 @@ place=builddir-nastran
 [ -x $venv/bin/python ] || "${PYTHON:-python3}" -m venv $venv
 $venv/bin/python -m pip install -qq ".[fe,nastran,unv]" "numpy<2" pytest pytest-timeout hypothesis
 rm -rf $place && mkdir -p $place/project
-cp -r tests examples docs pyproject.toml $place/project/
+cp -r tests tools examples docs pyproject.toml $place/project/
 [ ! -d ../shared ] || ln -s "$(cd ../shared && pwd)" $place/shared
 cd $place/project
 # the installed package is tested, not the source tree, so only this copy is on the path
