@@ -48,7 +48,7 @@ def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[flo
         for periods in (120, 200):
             march.run(periods)
             before, last = (np.abs(x).mean(axis=0) / expected for x in (march.blades[-80:-40], march.blades[-40:]))
-            if np.abs(last - before).max() < 0.01 and growth(march, RULES)[0] < 1.1:
+            if np.abs(last - before).max() < 0.01 and growth(march, RULES.window)[0] < 1.1:
                 break
     except MarchFailed:
         return np.nan, np.nan, 0

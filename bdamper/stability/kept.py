@@ -31,7 +31,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
-from bdamper.stability.march import March
+from bdamper.stability.march import March, to_come
 from bdamper.stability.time_integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -53,9 +53,11 @@ class Rules:
         Periods over which a mean is taken: beats leave 2 to 3 % of scatter in means of 20.
     brief : int
         Periods of a sweep between two places, and of a visit in which no blade scatters by more than ``scatter`` (standard
-        deviation) or drifts by more than ``steady``, or the motion has fallen; a drift that small hides up to 2 %.
+        deviation) or drifts by more than ``steady``, or the motion has fallen; a drift that small hides up to 2 %.  A long
+        visit takes twice as many or more, until its transient leaves less than ``scatter`` and its blades part no further.
     fewest, most : int
-        Periods where there is a lower solution to fall to, two windows elsewhere; and after which a mean may still drift.
+        Periods of a long visit where there is a lower solution to fall to, two windows elsewhere; and after which a mean
+        may still drift.
     drift : float
         Relative change between two means above which a motion has not settled.
     lower : float
@@ -151,47 +153,49 @@ def stay(march: March, own: float, limit: float, alone: bool = False, long: bool
     alone : bool
         Whether it is known that there is no lower solution to fall to.
     long : bool
-        Whether amplitudes are those of the last two windows, not of one, and no visit is brief.
+        Whether amplitudes are those of two windows, not of one, and what is brief has settled and does not part.
     """
     rules, drift = RULES.stretched(march.memory), np.inf
-    most = RULES.grown * own
+    most, window = RULES.grown * own, rules.window
+    fewest = 0 if alone else rules.fewest if long else 2 * window
     while True:
         march.run(len(march.harmonics) + rules.brief // 2)
         n, amplitude = len(march.harmonics), march.amplitude
-        if not long and n >= rules.brief and _brief(np.abs(march.blades[-rules.brief :]), limit, rules):
-            drift = 0.0
+        if n >= (2 if long else 1) * rules.brief and _brief(march, limit, rules, long):
+            kept, drift = amplitude[-(rules.brief if long else window) :], 0.0
             break
-        if n < 2 * rules.window:
+        if n < 2 * window:
             continue
-        last, before = (
-            float(amplitude[-rules.window :].mean()),
-            float(amplitude[-2 * rules.window : -rules.window].mean()),
-        )
+        last, before = float(amplitude[-window:].mean()), float(amplitude[-2 * window : -window].mean())
         drift = last / before - 1.0
         gone = (last < limit and before < limit) or (last > most and before > most)
-        enough = (n >= rules.fewest or alone) and abs(drift) <= rules.drift
-        if gone or n >= rules.most or (enough and not (long and growth(march, rules)[0] > rules.grows)):
+        enough = n >= fewest and abs(drift) <= rules.drift
+        if gone or n >= rules.most or (enough and not (long and growth(march, window)[0] > rules.grows)):
+            kept = amplitude[-(2 if long else 1) * window :]
             break
-    kept = amplitude[-(2 if long else 1) * rules.window :]
     return Place(march.omega / TWO_PI, kept, bool(limit <= kept.mean() <= most), march.motion, drift, march)
 
 
-def _brief(blades: NDArray, limit: float, rules: Rules) -> bool:
-    """Whether a few periods show that a motion has settled, or fallen below a limit for good."""
+def _brief(march: March, limit: float, rules: Rules, long: bool) -> bool:
+    """Whether a few periods show that a motion has settled, or in a visit that is not long has fallen for good."""
+    blades = np.abs(march.blades[-rules.brief :])
     before, last = (half.mean(axis=0) for half in np.array_split(blades, 2))
-    fallen = float(blades.max()) < limit and float(last.max()) <= float(before.max())
-    steady = np.abs(last - before).max() <= rules.steady * last.min()
-    return bool(fallen or (steady and blades.std(axis=0).max() <= rules.scatter * last.min()))
+    if np.abs(last - before).max() > rules.steady * last.min() or blades.std(axis=0).max() > rules.scatter * last.min():
+        return not long and float(blades.max()) < limit and float(last.max()) <= float(before.max())
+    if not long:
+        return True
+    to_settle = abs(to_come(march.amplitude[-2 * rules.brief :], march.memory))
+    return to_settle <= rules.scatter and growth(march, rules.brief // 2)[0] <= 1.0
 
 
-def growth(march: March, rules: Rules) -> tuple[float, float]:
+def growth(march: March, window: int) -> tuple[float, float]:
     """What does not belong to the wave of the excitation: its growth between two windows, and its share in the last.
 
-    A share below a tenth of ``rules.seed`` does not count as growing.
+    A share below a tenth of ``RULES.seed`` does not count as growing.
     """
-    away = march.ring.departure(march.blades[-2 * rules.window :])
+    away = march.ring.departure(march.blades[-2 * window :])
     before, last = (float(np.sqrt((half**2).mean())) for half in np.array_split(away, 2))
-    return (last / before if last > 0.1 * rules.seed and before > 0.0 else 0.0), last
+    return (last / before if last > 0.1 * RULES.seed and before > 0.0 else 0.0), last
 
 
 class Levels:
@@ -325,7 +329,7 @@ class Walk:
                 self.places.append(here)
             else:
                 fallen.append(top.frequency + gap)
-            if here.march is not None and len(here.march.harmonics) > 2 * RULES.stretched(here.march.memory).window:
+            if here.drift and abs(here.mean / top.mean - 1.0) <= 2.0 * RULES.scatter:
                 break  # it beats, by more than places so near differ
         self.places.sort(key=lambda p: abs(p.frequency - first))  # along the way
 
@@ -368,11 +372,24 @@ class Walk:
         return best
 
     def finer(self, best: Place) -> float:
-        """Mean amplitude (m) at a place in two windows with 4n steps, after a few periods that are left out."""
+        """Mean amplitude (m) at a place with 4n steps.
+
+        It is that of a few periods, or else of a window after them, if these are steady and as high as with 2n; and of two
+        windows otherwise.
+        """
         march = March(self.ring, TWO_PI * best.frequency, best.motion._replace(a=None), 4 * self.steps)
-        march.run(RULES.brief + 2 * RULES.window)
+        rules, near = RULES.stretched(march.memory), 0.5 * RULES.settled
+        for n, drift in ((rules.brief, rules.steady), (rules.brief + rules.window, near)):
+            march.run(n)
+            before, last = (float(half.mean()) for half in np.array_split(march.amplitude[-min(n, rules.window) :], 2))
+            mean = 0.5 * (before + last)
+            if abs(last / before - 1.0) <= drift and abs(mean / best.mean - 1.0) <= near:
+                break
+        else:
+            march.run(rules.brief + 2 * rules.window)
+            mean = float(march.amplitude[-2 * rules.window :].mean())
         self.periods += len(march.harmonics)
-        return float(march.amplitude[-2 * RULES.window :].mean())
+        return mean
 
     def others(self, best: Place, starts: int) -> None:
         """Answers at the highest place with 4n steps, from its neighbour on the other side, and from other starts."""
@@ -478,7 +495,10 @@ def _found(none: Marched, walk: Walk, best: Place | None, part: str, interrupted
         why = left or "no motion stays in steps of half the length: use more steps_per_period"
         status = INTERRUPTED if interrupted else because(NOT_FOUND, why)
         return replace(none, direction="", fall=np.nan, answers={}, status=status)
-    around, answers = best.amplitude, np.array([*walk.answers.values()])
+    around = best.amplitude
+    if best.march is not None:  # with what led to a brief one
+        around = best.march.amplitude[-2 * RULES.stretched(best.march.memory).window :]
+    answers = np.array([*walk.answers.values()])
     if len(answers) and np.ptp(answers) > RULES.settled * answers.min():
         ends = span(float(answers.min()), float(answers.max()), "m")
         left = f"not settled: {ends}{f'; {left}' if left else ''}"
@@ -495,11 +515,12 @@ def _found(none: Marched, walk: Walk, best: Place | None, part: str, interrupted
 def of_blades(march: March, periods: int) -> dict[str, Any]:
     """What a result says of all blades in the last periods of a march."""
     blades, rules = march.blades[-periods:], RULES.stretched(march.memory)
-    ratio = growth(march, rules)[0] if len(blades) >= 2 * rules.window else 0.0
+    window = min(rules.window, len(march.harmonics) // 2)
+    ratio = growth(march, window)[0] if window >= rules.brief else 0.0
     return {
         "blade": march.blade, "blades": np.abs(blades), "waves": march.ring.waves(blades),
         "energy": tuple(float(x) for x in np.mean(march.energy[-periods:], axis=0)),
-        "growth": float(np.log(ratio)) / rules.window if ratio else float("nan"),
+        "growth": float(np.log(ratio)) / window if ratio else float("nan"),
     }  # fmt: skip
 
 

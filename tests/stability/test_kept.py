@@ -100,7 +100,7 @@ def test_long_transients_take_more_periods():
 def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch):
     study, curve = bent
     study = study.with_(harmonics=5)
-    monkeypatch.setattr(room, "RULES", room.Rules(drift=1e-12, most=160))
+    monkeypatch.setattr(room, "RULES", room.Rules(drift=1e-12, steady=0.0, most=160))
     assert study.march(curve).status.startswith("incomplete: its mean still changes by ")
 
 
@@ -316,7 +316,7 @@ class _Ring:
 class _March:
     """A march of which every period is known before, without a transient."""
 
-    motion, omega, memory, ring = None, 2.0 * np.pi, 0.0, _Ring()
+    motion, omega, memory, ring = None, 2.0 * np.pi, 50.0, _Ring()
 
     def __init__(self, of_period):
         self.of_period, self.harmonics = of_period, []
@@ -338,7 +338,7 @@ class _March:
     [
         (lambda n: 1.0, True, 20, True),  # neither scatter nor drift
         (lambda n: 1.0 + 0.02 * (-1) ** n, True, 80, True),  # two windows of 40 show that it has settled
-        (lambda n: 1.0 + 0.02 * (-1) ** n, False, 120, True),  # with a lower solution to fall to it is given longer
+        (lambda n: 1.0 + 0.02 * (-1) ** n, False, 80, True),  # long visits alone are given longer to fall
         (lambda n: 1.0 - 1e-3 * n, False, 400, True),  # falls by 4 % from window to window to the end, to 0.62
         (lambda n: 0.6 + 4e-3 * min(n, 100), False, 120, True),  # rises up to period 100
         (lambda n: np.exp(-n / 50.0), False, 60, False),  # from period 35 on it is below one half, and falls
@@ -354,7 +354,9 @@ def test_a_motion_is_marched_until_it_stays_or_has_gone(of_period, alone, period
     assert (len(march.harmonics), place.stays) == (periods, stays)
     np.testing.assert_array_equal(place.amplitude, march.amplitude[-40:])
     march = _March(of_period)
-    np.testing.assert_array_equal(room.stay(march, 1.0, 0.5, alone, long=True).amplitude, march.amplitude[-80:])
+    place = room.stay(march, 1.0, 0.5, alone, long=True)
+    steady = np.ptp(march.amplitude[-20:]) < 1e-3
+    np.testing.assert_array_equal(place.amplitude, march.amplitude[-20 if steady else -80 :])
 
 
 @pytest.mark.parametrize(("below", "limit"), [(0.0, 1.4), (0.6, 1.4), (1.6, 1.8)])
@@ -442,13 +444,13 @@ def test_places_around_the_highest_are_halved_until_they_are_near(monkeypatch):
     assert len(walk.places) == 3 < before, "what falls on the way to a neighbour is no place, and is not tried again"
 
 
-@pytest.mark.parametrize(("after", "periods"), [(1.0, 80), (3.0, 400)])
+@pytest.mark.parametrize(("after", "periods"), [(1.0, 40), (3.0, 400)])
 def test_a_long_march_goes_on_while_disturbances_grow(after, periods):
     march = _March(lambda n: 1.0)
     march.ring = SimpleNamespace(departure=lambda blades: 0.02 * after ** (np.arange(len(blades)) >= len(blades) // 2))
     room.stay(march, 1.0, 0.5, True, long=True)
     assert len(march.harmonics) == periods
-    assert room.growth(march, room.RULES) == (pytest.approx(after if after > 1.0 else 1.0), pytest.approx(0.02 * after))
+    assert room.growth(march, 40) == (pytest.approx(after if after > 1.0 else 1.0), pytest.approx(0.02 * after))
 
 
 def test_answers_that_differ_are_a_range(bent, monkeypatch):
