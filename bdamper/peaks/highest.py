@@ -239,7 +239,7 @@ def found_at(
     """The whole curve at a preload, followed coarsely, and its highest point.
 
     Where the coarse curve is not complete, or no search has ended at its highest point, it is followed again with the
-    default settings.
+    default settings, if it has not used up the budget.
 
     Parameters
     ----------
@@ -267,7 +267,8 @@ def found_at(
         if len(curve) and system is not None:
             top = highest_of_curve(system, curve, options=options)
             meter.count(top.peak.iterations)
-        if curve.complete and top is not None and top.exact:
+        spent = budget is not None and curve.cost.evaluations >= budget  # closer steps come less far with as many
+        if spent or (curve.complete and top is not None and top.exact):
             break
     return Found(curve, top, meter.read(time.perf_counter()))
 
