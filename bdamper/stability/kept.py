@@ -374,18 +374,15 @@ class Walk:
     def finer(self, best: Place) -> float:
         """Mean amplitude (m) at a place with 4n steps.
 
-        It is that of a few periods, or else of a window after them, if these are steady and as high as with 2n; and of two
-        windows otherwise.
+        It is that of a few periods if these are steady and as high as with 2n, and otherwise of two windows after them.
         """
         march = March(self.ring, TWO_PI * best.frequency, best.motion._replace(a=None), 4 * self.steps)
-        rules, near = RULES.stretched(march.memory), 0.5 * RULES.settled
-        for n, drift in ((rules.brief, rules.steady), (rules.brief + rules.window, near)):
-            march.run(n)
-            before, last = (float(half.mean()) for half in np.array_split(march.amplitude[-min(n, rules.window) :], 2))
-            mean = 0.5 * (before + last)
-            if abs(last / before - 1.0) <= drift and abs(mean / best.mean - 1.0) <= near:
-                break
-        else:
+        rules = RULES.stretched(march.memory)
+        march.run(rules.brief)
+        before, last = (float(half.mean()) for half in np.array_split(march.amplitude, 2))
+        mean, scatter = 0.5 * (before + last), float(march.amplitude.std())
+        steady = abs(last / before - 1.0) <= rules.steady and scatter <= rules.scatter * mean
+        if not steady or abs(mean / best.mean - 1.0) > 0.5 * rules.settled:
             march.run(rules.brief + 2 * rules.window)
             mean = float(march.amplitude[-2 * rules.window :].mean())
         self.periods += len(march.harmonics)
