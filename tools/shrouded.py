@@ -79,8 +79,9 @@ def shrouded(names=("front", "rear")):
         contacts.append(ContactFaces(f"{name}_left", "left", "under_right", name, "blade", points=(2, 2)))
         contacts.append(ContactFaces(f"{name}_right", "right", "under_left", name, "blade", points=(2, 2)))
     return build_model(
-        bodies["blade"], {name: bodies[name] for name in names}, n_blades=N, contacts=contacts, sector_faces=("low", "high"),
-        fixed="bore", locations={"tip": (0.0, 0.345, 0.0)}, engine_order=4, n_modes=12, n_damper_modes={"front": 8},
+        bodies["blade"], {name: bodies[name] for name in names}, n_blades=N, contacts=contacts,
+        sector_faces=("low", "high"), fixed="bore", locations={"tip": (0.0, 0.345, 0.0)}, engine_order=4,
+        n_modes=12, n_damper_modes={"front": 8},
     )  # fmt: skip
 
 

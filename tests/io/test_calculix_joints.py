@@ -152,7 +152,7 @@ def rooted(tmp_path_factory):
     built = build_model(
         read_calculix(folder / "disk"), {"airfoil": read_calculix(folder / "blade")}, n_blades=N,
         sector_faces=("LOW", "HIGH"), fixed="BORE",
-        contacts=[ContactFaces(side, side.upper(), side.upper(), "airfoil", "blade", points=(3, 4)) for side in ("left", "right")],
+        contacts=[ContactFaces(side, side, side, "airfoil", "blade", points=(3, 4)) for side in ("LEFT", "RIGHT")],
         locations={"tip": ("airfoil", (0.0, TIP, 0.0))}, engine_order=D, harmonics=1, n_modes=12, n_damper_modes=30,
     )  # fmt: skip
     return built, {name: read_frequencies(folder / f"{name}.dat") for name in ("whole", "cyclic_disk", "free")}
@@ -191,7 +191,8 @@ def test_the_flanks_carry_the_centrifugal_force_of_the_blade(rooted, mu):
     force = Material().density * LENGTH * (area @ middle) * SPEED**2
     assert study.preload == pytest.approx(force, rel=1e-6)
     state = study.static(force)
-    frames = np.concatenate([np.broadcast_to(face.frame, (face.n_points, 3, 3)) for face in study.model.interfaces.values()])
+    faces = study.model.interfaces.values()
+    frames = np.concatenate([np.broadcast_to(face.frame, (face.n_points, 3, 3)) for face in faces])
     on_blade = np.einsum("pij,pi->j", frames, state.force * [1.0, 1.0, -1.0])
     np.testing.assert_allclose(on_blade, [0.0, -force, 0.0], rtol=1e-6, atol=1e-6 * force)
     for load in state.normal_force.values():
