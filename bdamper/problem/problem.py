@@ -417,9 +417,9 @@ class Problem:
             watch, system, names = Stopwatch(), self.static_system, self.coupling.interface_of
             offset = assembly_offsets(self.settings.slip_offset, self.settings.slip_offset_seed, self.friction)
             state = None
-            if len(factors) == 1 and preload > 0.0 and not self.settings.slip_offset:
+            if len(factors) == 1 and preload > 0.0 and not (self.settings.slip_offset or self.settings.fixed_loads):
                 # always from one and the same load, so that results do not depend on what was asked before
-                unit = self.static_states.get((1.0, 1.0)) or static_state(system, 1.0)
+                unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), interface=names)
                 self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
