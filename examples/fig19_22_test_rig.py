@@ -14,7 +14,7 @@ from paper_disk import RIG_BAND, RIG_LOADS, RIG_PLAIN, keep, rig_study, stored
 
 import bdamper as bd
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import PAPER
+from bdamper.plot.axes import PAPER, looks
 
 # %%
 # **Fig. 19.** The blades, the dampers and their loads, seen along the axis.
@@ -85,11 +85,10 @@ for name, curve in curves.items():
         f"{100 * slip:.1f} %"
     )
 shown = {name: curve for name, curve in curves.items() if curve.optimum.verified}
-styles = zip(("0.1", "0.1", "0.5", "0.6"), ("-", "--", "-", ":"))
-looks = [{"color": colour, "linestyle": style} for colour, style in styles]
 with plt.rc_context(PAPER):
     axes = [plt.subplots(figsize=(5.6, 3.6))[1] for _ in range(2)]
-    for (name, curve), look in zip(shown.items(), looks):
+    for (name, curve), look in zip(shown.items(), looks(len(shown))):
+        look["marker"] = ""
         load = curve.preload / curve.optimum.preload
         axes[0].plot(load, curve.shift_percent, label=name, **look)
         axes[1].plot(load, curve.amplitude / curve.free.amplitude, label=name, **look)
