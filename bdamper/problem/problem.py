@@ -441,12 +441,6 @@ class Problem:
             raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
         return state
 
-    def total_load(self, settled: bool) -> float:
-        """Sum of the normal loads (N) at rest without a preload, or of those of a structure held in place."""
-        if not settled:
-            return float(np.maximum(-self.point_stiffness[:, 2] * self.point_gaps, 0.0).sum())
-        return float(self.equilibrium(0.0).force[:, 2].sum())
-
     def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
         """Pressure, gap and state over the faces in the static state.
 
