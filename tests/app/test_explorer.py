@@ -20,7 +20,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.app.answers import MOVING, Answers, Question, tiles
-from bdamper.app.page import FACES, Page, logarithmic_ticks
+from bdamper.app.page import FACES, Page
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks import optimal
 from bdamper.peaks.interval import peak_interval
@@ -294,14 +294,6 @@ def test_patches_are_divided_by_their_shares():
     np.testing.assert_allclose(right - left, [1.8, 2.7, 4.5])
     np.testing.assert_allclose((left[0], right[-1], low[0], high[0]), (-0.5, 8.5, 0.1, 1.9))
     assert state.tolist() == [0, 1, 2]
-
-
-@pytest.mark.parametrize("ends", [(1.0, 1e4), (10.0, 1e4), (61.0, 1050.0), (70.0, 95.0), (6.0, 1300.0), (1e-3, 2e9)])
-def test_ticks_are_few_round_and_apart(ends):
-    ticks = logarithmic_ticks(*ends)
-    assert 2 <= len(ticks) <= 8 and ends[0] <= min(ticks) and max(ticks) <= ends[1]
-    span = np.log(ends[1] / ends[0])
-    assert np.diff(np.log(ticks)).min() > 0.02 * span
 
 
 def test_the_extra_is_named_where_bokeh_is_missing(monkeypatch):
