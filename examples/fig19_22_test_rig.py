@@ -5,22 +5,16 @@ A test rig with one blade and two dampers (Figs 19 to 22)
 One test blade stands between two dummy blades without airfoil; two wedge dampers are pulled against the platforms by equal
 loads.  The three blades are one acyclic structure, so the interblade phase angle is zero.  In the paper, too, this is
 another blade than that of the disk; its measured points are in figures only and not available as numbers, and none are
-shown here.  With a file of your own points (``python examples/fig19_22_test_rig.py points.csv``, columns ``load`` in
-newtons, ``frequency`` in hertz and ``amplitude``) the figures show them over the prediction, and the goodness of fit is
-printed.
+shown here.
 """
-
-import sys
 
 import matplotlib.pyplot as plt
 import numpy as np
 from paper_disk import RIG_BAND, RIG_LOADS, RIG_PLAIN, keep, rig_study, stored
 
 import bdamper as bd
-from bdamper.io.measured import load_measured
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot import plot_over_measurement
-from bdamper.plot.axes import PAPER
+from bdamper.plot.axes import PAPER, looks
 
 # %%
 # **Fig. 19.** The blades, the dampers and their loads, seen along the axis.
@@ -90,12 +84,17 @@ for name, curve in curves.items():
         f"{curve.stuck_shift_percent:.1f} %; at 100 times that load: {ratio:.2f} of the stuck amplitude, slip "
         f"{100 * slip:.1f} %"
     )
-measured = load_measured(sys.argv[1]) if len(sys.argv) > 1 else None
-fits = {}
 shown = {name: curve for name, curve in curves.items() if curve.optimum.verified}
-for number, quantity, file in ((21, "shift", "frequency_shift"), (22, "amplitude", "normalised_optimal_curve")):
-    ax, fit = plot_over_measurement(shown, measured, quantity=quantity)
-    keep(ax, f"fig{number}_{file}")
-    if fit is not None:
-        fits[quantity] = fit
-        print(f"{quantity}: {fit}")
+with plt.rc_context(PAPER):
+    axes = [plt.subplots(figsize=(5.6, 3.6))[1] for _ in range(2)]
+    for (name, curve), look in zip(shown.items(), looks(len(shown))):
+        look["marker"] = ""
+        load = curve.preload / curve.optimum.preload
+        axes[0].plot(load, curve.shift_percent, label=name, **look)
+        axes[1].plot(load, curve.amplitude / curve.free.amplitude, label=name, **look)
+    for ax, label in zip(axes, ("Frequency shift (%)", "Resonance amplitude over free")):
+        ax.set(xscale="log", xlabel="Load over optimum load", ylabel=label)
+        ax.legend()
+axes[1].set_yscale("log")
+keep(axes[0], "fig21_frequency_shift")
+keep(axes[1], "fig22_normalised_optimal_curve")

@@ -38,8 +38,8 @@ def body(blocks):
     return made, theta, r, z
 
 
-def finite_elements():
-    """The sector and both strips, as bodies of an import."""
+def meshes():
+    """The sector and both strips with their sets of nodes, by name."""
     thin, shank = mirrored(AIRFOIL), mirrored(AIRFOIL, SHANK)
     disk = block(mirrored(AIRFOIL, SHANK, HALF), np.linspace(0.20, 0.225, 3), Z)
     neck = block(shank, np.linspace(0.225, 0.25, 3), Z)
@@ -52,19 +52,18 @@ def finite_elements():
         "shroud_low": on(theta, -HALF) & (r > 0.3), "shroud_high": on(theta, HALF) & (r > 0.3),
         "under_right": on(r, 0.25) & (theta > 0.5 * HALF), "under_left": on(r, 0.25) & (theta < -0.5 * HALF),
     }  # fmt: skip
-    blade = _given(made, sets)
-    dampers = {}
+    bodies = {"blade": (made, sets)}
     for name, (wide, low, high, thick) in STRIPS.items():
         angles = HALF + mirrored(0.06 * HALF, wide)
         made, theta, r, _ = body([block(angles, np.array([0.25 - thick, 0.25]), np.linspace(low, high, 3))])
         top = on(r, 0.25)
         sets = {"left": top & (theta < 0.95 * HALF), "right": top & (theta > 1.05 * HALF)}
-        dampers[name] = _given(made, sets)
-    return blade, dampers
+        bodies[name] = made, sets
+    return {name: (made, {key: np.flatnonzero(on) for key, on in sets.items()}) for name, (made, sets) in bodies.items()}
 
 
-def _given(made, sets):
-    members = {name: np.flatnonzero(on) for name, on in sets.items()}
+def given(made, members):
+    """A mesh with its sets as the body of an import."""
     numbers = np.arange(len(made.nodes))
     return read_arrays(
         made.stiffness, made.mass, (numbers, made.nodes), sets=members, elements=(made.elements[:, local_order()],)
@@ -74,14 +73,15 @@ def _given(made, sets):
 @cache
 def shrouded(names=("front", "rear")):
     """The model, with these of the dampers, and its report."""
-    blade, dampers = finite_elements()
+    bodies = {name: given(*mesh) for name, mesh in meshes().items()}
     contacts = [ContactFaces("shroud", "shroud_high", "shroud_low", "blade", "blade", points=(1, 4), sector_b=1)]
     for name in names:
         contacts.append(ContactFaces(f"{name}_left", "left", "under_right", name, "blade", points=(2, 2)))
         contacts.append(ContactFaces(f"{name}_right", "right", "under_left", name, "blade", points=(2, 2)))
     return build_model(
-        blade, {name: dampers[name] for name in names}, n_blades=N, contacts=contacts, sector_faces=("low", "high"),
-        fixed="bore", locations={"tip": (0.0, 0.345, 0.0)}, engine_order=4, n_modes=12, n_damper_modes={"front": 8},
+        bodies["blade"], {name: bodies[name] for name in names}, n_blades=N, contacts=contacts,
+        sector_faces=("low", "high"), fixed="bore", locations={"tip": (0.0, 0.345, 0.0)}, engine_order=4,
+        n_modes=12, n_damper_modes={"front": 8},
     )  # fmt: skip
 
 

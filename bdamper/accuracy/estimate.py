@@ -5,8 +5,8 @@ takes long: there the converged peak is embedded in the richer problem, Newton's
 of the interval: to the response at this frequency), and the whole curve is followed only if it fails.  Lower peaks of the
 curve that could become the highest are carried over with it (:mod:`bdamper.effects.richer`).  Where the richer response is
 highest at an end of the interval and that of the curve is not, the resonance has left the interval, which is then widened
-there by up to 39 % of the frequency.  The residual left and missed events are small: their effect follows from one Newton
-step (:func:`bdamper.effects.indicator.estimate_change`).
+there by up to 39 % of the frequency.  The residual left is small: its effect follows from one Newton step
+(:func:`bdamper.effects.indicator.estimate_change`).
 
 Nothing is concluded from poorer settings.  A source for which the model has nothing richer, or whose richer curve cannot be
 followed, is not estimated, and says why.
@@ -14,8 +14,7 @@ followed, is not estimated, and says why.
 ``harmonics``
     As many more as there are, at least four; where the model lacks a nodal diameter the modes of the fundamental stand in.
 ``evaluation``
-    Samples against exact events.  Exact events against dense samples: there the sampling error itself, some 1e-6, is the
-    most that missed events can hide behind.
+    Samples against exact events.
 ``contact points``
     United patches against the patches of the model.
 ``modes``
@@ -36,7 +35,6 @@ from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
@@ -151,9 +149,6 @@ def _of_source(
         e = estimate_change(problem.system(preload), peak.y)
         text = f"residual {peak.residual:.1e}" + (", place of the peak on the curve" if any(location) else "")
         return result(e.amplitude + location[0], e.frequency + location[1], text)
-    if source == "evaluation" and not isinstance(problem.settings.evaluation, Sampled):
-        amplitude, frequency, n = _missed_events(problem, preload, peak.y)
-        return result(amplitude, frequency, f"exact events against {n} samples, whose own error this may be")
     try:
         richer = richer_study(problem, source)
         if richer is None:
@@ -165,18 +160,6 @@ def _of_source(
     except BdamperError as error:
         return result(np.nan, np.nan, str(error))
     return result(found.amplitude, found.frequency, f"{richer.text}; {found.how}" if found.known else found.how)
-
-
-def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float, float, int]:
-    """Change towards the limit of many samples, extrapolated from two numbers of them."""
-    exact = problem.system(preload)
-    n = 512 * max(2, exact.n_harmonics)
-    r = [np.empty(exact.n_unknowns), np.empty(exact.n_unknowns)]
-    for samples, out in zip((n, 2 * n), r):
-        dense = problem.sharing(["static_states"], evaluation=Sampled(samples))
-        dense.system(preload).core.evaluate(np.ascontiguousarray(y), out)
-    e = estimate_change(exact, y, (4.0 * r[1] - r[0]) / 3.0)
-    return e.amplitude, e.frequency, 2 * n
 
 
 # ---- richer studies ----

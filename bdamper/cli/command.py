@@ -28,7 +28,7 @@ def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """The optimal curve, and whether it has an optimum."""
-    settings = {"mode": given.mode, "check": "harmonics" if given.check else False, "progress": not given.quiet}
+    settings = {"mode": given.mode, "check": "time" if given.check else False, "progress": not given.quiet}
     curve = study.optimal_curve(given.preloads, given.n, **settings)
     return curve, bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
 

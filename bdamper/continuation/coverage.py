@@ -204,9 +204,9 @@ class Coverage:
         """Adds a line on a frequency (rad/s) to the log."""
         self.log.append(f"{omega / TWO_PI:.6g} Hz: {text}")
 
-    def cover(self, find_start: FindStart, from_high: bool = False) -> None:
+    def cover(self, find_start: FindStart) -> None:
         """Follows the curve from the ends of the interval, beyond them, and from within the gaps that are left."""
-        for up in (not from_high, from_high):
+        for up in (True, False):
             start = find_start(self.limits[0 if up else 1])
             if start is None:
                 self.pieces.append(Piece(Path((), "no start", self.log[-1], 0, 0), up))

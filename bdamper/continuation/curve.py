@@ -167,11 +167,6 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         return x.max(axis=1) - x.min(axis=1)
 
     @property
-    def rms(self) -> NDArray:
-        """(n,) float, m: root mean square of the vibration over a period, all harmonics, without the mean."""
-        return np.sqrt(0.5 * (np.abs(self.harmonics[:, 1:]) ** 2).sum(axis=1))
-
-    @property
     def folds(self) -> tuple[Fold, ...]:
         """Turning points in frequency, in the order of the path."""
         amplitude = self.amplitude

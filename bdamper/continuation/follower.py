@@ -29,7 +29,7 @@ DRIFTED_OFF = (
     "no periodic solution beyond: the mean position of a free body moves without bound, a mean force drives it and no "
     "constraint plane takes load"
 )
-OUT_OF_BUDGET = "out of budget"
+MANY_FOLDS, OUT_OF_BUDGET = "many folds", "out of budget"
 TWO_PI = 2.0 * np.pi
 
 
@@ -160,7 +160,7 @@ class Follower:
         omega = [float(p.y[-1]) for p in self.points[since:]]
         self.tangle = min(omega), max(omega)
         low, high = map(self.system.place, self.tangle)
-        return self.path("many folds", f"{self.options.patience} points of folds from {low} to {high} without progress")
+        return self.path(MANY_FOLDS, f"{self.options.patience} points of folds from {low} to {high} without progress")
 
     def _stopped(self, y: NDArray, tangent: NDArray, start: NDArray, refused: str) -> Path:
         """The path where no step leads on."""

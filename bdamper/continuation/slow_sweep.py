@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.util import validate
-from bdamper.util.plotting import Summarised
-from bdamper.util.repr import brief
-from bdamper.util.text import amount, height
 
 
 class Jump(NamedTuple):
@@ -38,48 +35,26 @@ class Jump(NamedTuple):
     after: float
     choices: int
 
-    def __str__(self) -> str:
-        where = f"at {self.frequency:.6g} Hz from {amount(self.before, 'm')}"
-        if not self.choices:
-            return f"ends {where}: no stable solution is known there"
-        among = f", the nearest of {self.choices} stable solutions" if self.choices > 1 else ""
-        return f"jumps {where} to {amount(self.after, 'm')}{among}"
 
-
-@brief
 @dataclass(frozen=True)
-class SlowSweep(Summarised):
+class SlowSweep:
     """Response along a slow sweep of frequency, by :func:`sweep_of`.
 
     Parameters
     ----------
-    direction : {"up", "down"}
     frequency : (n,) float, Hz
         In the order of the sweep; twice the same at a jump.
     amplitude : (n,) float, m
         Of the harmonic of the excitation.
     jumps : tuple of Jump
-    note : str
-        By which labels points count as stable, and what the sweep does not know.
     point : (n,) int
         Of the curve; where a jump ends between two points, that of the two which the sweep has not come to yet.
     """
 
-    direction: str
     frequency: NDArray
     amplitude: NDArray
     jumps: tuple[Jump, ...]
-    note: str
     point: NDArray
-    _told = ("note", "jumps")
-
-    def bottom_line(self) -> str:
-        if not len(self.frequency):
-            return f"Slow sweep {self.direction}: {self.note}."
-        i = int(np.argmax(self.amplitude))
-        jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
-        top = height(self.amplitude[i], self.frequency[i])
-        return f"Slow sweep {self.direction}: highest {top}{jumps}."
 
 
 class _Landing(NamedTuple):
@@ -90,31 +65,13 @@ class _Landing(NamedTuple):
     way: int
 
 
-class Branches(NamedTuple):
-    """The points of a curve.
-
-    Parameters
-    ----------
-    frequency : (n,) float, Hz
-    amplitude : (n,) float, m
-    branch : (n,) int
-        Points of one branch follow each other along it.
-    stable, fold : (n,) bool
-    """
-
-    frequency: NDArray
-    amplitude: NDArray
-    branch: NDArray
-    stable: NDArray
-    fold: NDArray
-
-
 class _Sweep:
     """The points of a curve, by a coordinate that rises along the sweep."""
 
-    def __init__(self, sense: float, points: Branches) -> None:
-        frequency, self.amplitude, self.branch, stable, self.fold = points
-        self.x = sense * frequency
+    def __init__(self, sense: float, curve: Curve) -> None:
+        self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch
+        stable = ~curve.backward if curve.stable is None else np.asarray(curve.stable, bool)
+        self.fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
         self.held = stable | self.fold  # at a fold itself rounding decides
         first, last = np.minimum(self.x[:-1], self.x[1:]), np.maximum(self.x[:-1], self.x[1:])
         self.first, self.last = first, last
@@ -142,15 +99,15 @@ class _Sweep:
         return new if self.held[new] and self.x[new] >= self.x[point] else None
 
 
-def slow_sweep(direction: str, points: Branches, note: str) -> SlowSweep:
-    """The response that a slow sweep of frequency shows.
+def sweep_of(curve: Curve, direction: str) -> SlowSweep:
+    """The response that a slow sweep of frequency shows of a tracking curve.
+
+    Points count as stable by ``curve.stable``, or by the sign between folds where that has not been determined.
 
     Parameters
     ----------
+    curve : Curve
     direction : {"up", "down"}
-    points : Branches
-    note : str
-        By which labels points count as stable.
 
     Returns
     -------
@@ -159,14 +116,11 @@ def slow_sweep(direction: str, points: Branches, note: str) -> SlowSweep:
     """
     validate.choice("direction", direction, ("up", "down"))
     sense = 1.0 if direction == "up" else -1.0
-    sweep = _Sweep(sense, points)
-    end = float(sweep.x.max()) if len(sweep.x) else np.nan
+    sweep = _Sweep(sense, curve)
     options = sweep.landings(float(sweep.x.min())) if len(sweep.x) else []
     if not options:
-        none, note = np.zeros(0), f"{note}; no stable solution where it sets off"
-        return SlowSweep(direction, none, none, (), note, none.astype(int))
-    if len(options) > 1:
-        note += f"; sets off from the lowest of {len(options)} stable solutions"
+        none = np.zeros(0)
+        return SlowSweep(none, none, (), none.astype(int))
     here, x = options[0], float(sweep.x.min())
     places, jumps = [(x, here.amplitude, here.point)], []
     while True:
@@ -176,7 +130,7 @@ def slow_sweep(direction: str, points: Branches, note: str) -> SlowSweep:
             places.append((float(sweep.x[last]), float(sweep.amplitude[last]), last))
             point = sweep.onward(last, here.way)
         x, height, _ = places[-1]
-        if x >= end:
+        if x >= sweep.x.max():
             break
         options = sweep.landings(x)
         lower = [option for option in options if option.amplitude <= height]
@@ -187,21 +141,4 @@ def slow_sweep(direction: str, points: Branches, note: str) -> SlowSweep:
         places.append((x, here.amplitude, here.point))
     passed, height_there = np.array([place[:2] for place in places]).T
     numbers = np.array([place[2] for place in places])
-    return SlowSweep(direction, sense * passed, height_there, tuple(jumps), note, numbers)
-
-
-def sweep_of(curve: Curve, direction: str) -> SlowSweep:
-    """The response that a slow sweep of frequency shows of a tracking curve.
-
-    Points count as stable by ``curve.stable``, or by the sign between folds where that has not been determined.
-
-    Parameters
-    ----------
-    curve : Curve
-    direction : {"up", "down"}
-    """
-    known = curve.stable is not None
-    stable, note = (curve.stable, "stable as determined") if known else (~curve.backward, "stable by folds alone")
-    fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
-    points = Branches(curve.frequency, curve.amplitude, curve.branch, np.asarray(stable, bool), fold)
-    return slow_sweep(direction, points, note)
+    return SlowSweep(sense * passed, height_there, tuple(jumps), numbers)

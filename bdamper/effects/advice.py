@@ -343,7 +343,7 @@ def parts(problem: Problem, effects: Effects) -> list[str]:
     points = problem.settings.most_points
     points = points if effects.contact_points is None else min(points, effects.contact_points)
     names = ["bias", "variable normal load", "separation"]
-    names += [f"harmonics beyond {l}" for l in (1, 3)]
+    names += [f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)]  # others have a force
     if problem.model.n_blades > 1:
         names.append("harmonic nodal diameters")
     if any(face.kind == "constraint" for face in problem.model.interfaces.values()):

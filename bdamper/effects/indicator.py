@@ -98,7 +98,7 @@ def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
     return np.array([i for i, _ in pairs], int), np.array([j for _, j in pairs], int)
 
 
-def estimate_change(system: Equations, y: NDArray, residual: NDArray | None = None) -> Estimate:
+def estimate_change(system: Equations, y: NDArray) -> Estimate:
     """Change of the peak from the point ``y`` to the solutions of a system that ``y`` does not solve.
 
     It is unknown where the equations of the system are not finite.
@@ -108,13 +108,10 @@ def estimate_change(system: Equations, y: NDArray, residual: NDArray | None = No
     system : Equations
     y : (n_unknowns + 1,) float
         A peak of another system, embedded.
-    residual : (n_unknowns,) float, optional
-        Of equations that differ from those of the system a little, at ``y``; the system's own by default.
     """
     n, unknown = system.n_unknowns, Estimate(np.nan, np.nan, np.inf, y)
     if system.core.evaluate(np.ascontiguousarray(y), r := np.empty(n)) != OK:
         return unknown
-    r = r if residual is None else residual
     grow, turn, amplitude = amplitude_and_phase(system, y[:-1])
     scale = np.full(n + 1, max(norm2(y[system.n_mean : -1]), 1e-300))
     scale[n] = y[-1]

@@ -157,7 +157,7 @@ def stress(
     if n > 1:
         index = _highest(result, found) if index is None else validate.whole("index", index, least=0, most=n - 1)
     chosen = Solutions(*(column[[index or 0]] for column in found))
-    return cycles(problem, chosen, sets)[0]
+    return of_solution(problem, chosen, sets)
 
 
 def _highest(result: Any, found: Solutions) -> int:
@@ -195,28 +195,26 @@ def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tu
     return tuple(known[validate.choice("stress set", name, list(known))] for name in names)
 
 
-def cycles(problem: Problem, found: Solutions, sets: str | Sequence[str] | None = None) -> list[StressCycle]:
-    """Stress over the cycle of each solution."""
+def of_solution(problem: Problem, found: Solutions, sets: str | Sequence[str] | None = None) -> StressCycle:
+    """Stress over the cycle of one solution."""
     chosen = chosen_sets(problem, sets)
     coefficients, centrifugal = coefficients_of(problem, found, chosen)
     bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
     notes = [f"set '{s.name}' has no rows for contact forces: it lacks their share" for s in bare]
     notes += [f"set '{s.name}' has no centrifugal stress: the mean lacks it" for s in chosen if s.static is None]
-    common: dict[str, Any] = {
-        "points": np.concatenate([s.points for s in chosen]),
-        "names": tuple(f"{s.name} {k + 1}" for s in chosen for k in range(len(s))),
-        "counted": np.concatenate([s.counted for s in chosen]),
-        "spread": np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
-        "notes": tuple(notes),
+    return StressCycle(
+        points=np.concatenate([s.points for s in chosen]),
+        names=tuple(f"{s.name} {k + 1}" for s in chosen for k in range(len(s))),
+        coefficients=coefficients[0],
+        centrifugal=centrifugal[0],
+        counted=np.concatenate([s.counted for s in chosen]),
+        spread=np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
+        frequency=float(found.frequency[0]),
+        preload=float(found.preload[0]),
+        speed=float(found.speed[0]),
+        notes=tuple(notes),
         **problem.recorded(),
-    }
-    return [
-        StressCycle(
-            coefficients=coefficients[i], centrifugal=centrifugal[i], frequency=float(found.frequency[i]),
-            preload=float(found.preload[i]), speed=float(found.speed[i]), **common,
-        )
-        for i in range(len(found.unknowns))
-    ]  # fmt: skip
+    )
 
 
 def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet]) -> tuple[NDArray, NDArray]:

@@ -21,7 +21,7 @@ from bdamper.fatigue.material import LINES, ON, Material
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import Plottable, draw
@@ -227,23 +227,6 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     def __len__(self) -> int:
         return len(self.values)
 
-    @classmethod
-    def of(cls, over: str, unit: str, values: Sequence[float] | NDArray, margins: Sequence[Margins],
-           response: Sequence[float] | NDArray) -> MarginCurve:  # fmt: skip
-        """The margins of single solutions as a curve, one for each value of a quantity such as the mass of the damper."""
-        if not margins or len(margins) != len(values) or len(response) != len(values):
-            raise SettingError(f"margins: expected one for each of {len(values)} values, found {len(margins)}")
-        one = margins[0]
-        if any(m.names != one.names or m.rule != one.rule or m.material != one.material for m in margins):
-            raise SettingError("margins: expected those of one material at the same points by the same rule, found others")
-        single = ("amplitude", "mean", "factor", "yield_factor", "frequency", "preload", "speed", "critical")
-        columns: dict[str, Any] = {name: np.array([getattr(m, name) for m in margins]) for name in single}
-        return cls(
-            over=over, unit=unit, values=np.asarray(values, float), margin=np.array([m.least for m in margins]),
-            response=np.asarray(response, float), names=one.names, counted=one.counted, material=one.material,
-            rule=one.rule, notes=one.notes, **columns,
-        )  # fmt: skip
-
     @property
     def least(self) -> int:
         """Place of the least margin.
@@ -433,7 +416,7 @@ def of_solutions(problem: Problem, result: Any, found: Solutions, judge: LeastMa
     known = np.isfinite(found.unknowns).all(axis=1)
     validate.require(known.any(), "margin", "a curve with solutions", "none")
     solved = Solutions(*(column[known] for column in found))
-    first = over_cycle.cycles(problem, Solutions(*(column[:1] for column in solved)), sets)[0]
+    first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), sets)
     _check_counted(first)
     coefficients, _ = over_cycle.coefficients_of(problem, solved, chosen)
     m, n = coefficients.shape[:2]

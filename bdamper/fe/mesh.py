@@ -66,8 +66,6 @@ class MeshDensity:
         except KeyError:
             raise ValueError(f"mesh must be one of {sorted(presets)}, not {name!r}") from None
 
-_PRESETS = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
-
 
 def join_blocks(blocks: list[NDArray]) -> MeshHex:
     """One mesh from structured blocks of node positions.

@@ -1,9 +1,8 @@
-"""Measured responses over frequency, and measured resonances over load with a figure of how well a prediction agrees.
+"""Measured responses over frequency, and measured resonances over load.
 
 A CSV file of resonances has a header and one row for each measurement.  The column ``load`` (newtons) is required;
-``amplitude`` (any unit) and ``frequency`` (hertz) may be given both or one of them.  The comparison is dimensionless:
-amplitude and frequency over those of a reference.  A row with load 0, the structure without load on its dampers, is this
-reference; without one it is the row of least load.  Lines that start with ``#`` are comments.
+``amplitude`` (any unit) and ``frequency`` (hertz) may be given both or one of them.  A row with load 0 is the structure
+without load on its dampers, the reference of a fit (:func:`bdamper.fit`).  Lines that start with ``#`` are comments.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from bdamper.io.reading import parsing
 from bdamper.model.checks import check_all, require
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, mismatch
+from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -125,50 +124,6 @@ class Measured:
     amplitude: NDArray
     frequency: NDArray
     source: str = ""
-
-    def normalised(self, quantity: str) -> tuple[NDArray, NDArray]:
-        """Loads (m,) above zero and "amplitude" or "frequency" (m,) over that of the reference."""
-        values = getattr(self, validate.choice("quantity", quantity, COLUMNS[1:]))
-        there = np.isfinite(values)
-        order = np.argsort(self.load[there])
-        load, values = self.load[there][order], values[there][order]
-        item = self.source or "measured points"
-        require(len(load) > 0, item, f"a measured {quantity}", "none")
-        require(values[0] > 0.0, item, f"a reference {quantity} above 0 at the least load, {load[0]:g}", f"{values[0]:g}")
-        return load[load > 0.0], (values / values[0])[load > 0.0]
-
-
-@dataclass(frozen=True)
-class Fit:
-    """How well a prediction agrees with measurements.
-
-    Parameters
-    ----------
-    points : int
-        Measured points inside the range of the prediction.
-    outside : int
-        Measured points outside of it, not counted.
-    rms : float
-        Root mean square of the relative deviation, prediction over measurement minus one.
-    bias : float
-        Mean of the relative deviation.
-    largest : float
-    r_squared : float
-        One minus the squared deviations over the squared scatter of the measurements about their mean.
-    """
-
-    points: int
-    outside: int
-    rms: float
-    bias: float
-    largest: float
-    r_squared: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.points} points: rms {100 * self.rms:.1f} %, bias {100 * self.bias:+.1f} %, largest "
-            f"{100 * self.largest:.1f} %, R2 {self.r_squared:.3f}" + (f"; {self.outside} outside" if self.outside else "")
-        )
 
 
 def load_measured(path: str | PathLike[str]) -> Measured:
@@ -290,34 +245,3 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
         response = size * np.exp(1j * ANGLES[others[0]] * rest[0])
     own = own if unit is None else unit
     return Measurement(name or Path(path).stem, frequency, response, unit=own, source=str(path))
-
-
-def goodness_of_fit(load: NDArray, predicted: NDArray, measured_load: NDArray, measured: NDArray) -> Fit:
-    """Compare a predicted curve over load with measured points, by interpolation over the logarithm of the load.
-
-    Parameters
-    ----------
-    load, predicted : (n,) float
-    measured_load, measured : (m,) float
-        Rows with NaN are left out.
-
-    Raises
-    ------
-    BdamperError
-        If no measured point lies inside the range of the prediction.
-    """
-    there = np.isfinite(measured) & np.isfinite(measured_load)
-    good = np.isfinite(predicted)
-    order = np.argsort(load[good])
-    x, y = np.log(load[good][order]), predicted[good][order]
-    at = np.log(measured_load[there])
-    inside = (at >= x[0]) & (at <= x[-1])
-    if not inside.any():
-        raise BdamperError(f"goodness of fit: expected measured loads between {np.exp(x[0]):g} and {np.exp(x[-1]):g}")
-    reference = measured[there][inside]
-    value = np.interp(at[inside], x, y)
-    deviation = value / reference - 1.0
-    scatter = float(np.sum((reference - reference.mean()) ** 2))
-    rms, largest = float(np.sqrt(np.mean(deviation**2))), float(np.abs(deviation).max())
-    r_squared = 1.0 - float(np.sum((value - reference) ** 2)) / scatter if scatter > 0.0 else np.nan
-    return Fit(int(inside.sum()), int((~inside).sum()), rms, float(deviation.mean()), largest, r_squared)

@@ -13,7 +13,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.rattle import open_at_rest, rattles
 from bdamper.continuation.track import without_points
-from bdamper.peaks.highest import AT_END, Found, Highest, found_at
+from bdamper.peaks.highest import AT_END, Found, Highest, found_at, given_up
 from bdamper.peaks.newton import PeakOptions
 from bdamper.peaks.sensitivity import amplitude_sensitivity
 from bdamper.problem.problem import Problem
@@ -72,7 +72,7 @@ class AtPreload:
             return because(INCOMPLETE, f"{self.curve.status}: {self.curve.reason}")
         if self.top.kind == "end":
             return because(INCOMPLETE, AT_END)
-        return because(COMPLETE, self.top.note)
+        return because(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
 
     def record(self) -> dict[str, Any]:
         """All of it in numbers, texts, lists and arrays."""

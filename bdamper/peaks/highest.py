@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve, uninterrupted
+from bdamper.continuation.follower import MANY_FOLDS
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.harmonic_balance.conditions import Plane
@@ -210,6 +211,13 @@ class _Refined:
         )  # fmt: skip
 
 
+def given_up(curve: Curve) -> str:
+    """Where a path of a curve ended among many folds, so that its branch may be higher; empty without such a path."""
+    parts = (f"{part.low:.6g} to {part.high:.6g} Hz" for part in curve.left_out if part.why.startswith(MANY_FOLDS))
+    where = " and ".join(parts)
+    return f"a branch was given up among many folds from {where}" if where else ""
+
+
 class Found(NamedTuple):
     """The response over frequency at one preload, and its highest point; None where nothing was found."""
 
@@ -222,7 +230,7 @@ class Found(NamedTuple):
         """ "complete", otherwise how the curve ended; named too is an end that is the highest point, or higher than it."""
         if self.curve.complete and self.top is not None and self.top.kind == "end":
             return because(INCOMPLETE, AT_END)
-        note = self.top.note if self.top is not None else ""
+        note = "; ".join(filter(None, (self.top.note if self.top is not None else "", given_up(self.curve))))
         if self.curve.complete:
             return because(COMPLETE, note)
         return f"{self.curve.status} ({self.curve.reason}){', ' * bool(note)}{note}"
@@ -238,8 +246,10 @@ def found_at(
 ) -> Found:
     """The whole curve at a preload, followed coarsely, and its highest point.
 
-    Where the coarse curve is not complete, or no search has ended at its highest point, it is followed again with the
-    default settings, if it has not used up the budget.
+    Where the coarse curve is not complete, where one of its paths ended among many folds, or where no search has ended at
+    its highest point, it is followed again with the default settings, if it has not used up the budget.  Of two complete
+    curves the higher one counts: among 107 folds of a disk with 24 points (friction 0.6, engine order 10, 65.6 N) the coarse
+    one lost a peak 34 % higher.
 
     Parameters
     ----------
@@ -256,7 +266,7 @@ def found_at(
         On Ctrl-C.
     """
     meter = CostMeter(time.perf_counter())
-    top, system = None, None
+    top, system, before = None, None, None
     if problem.static(preload).converged:
         system = problem.system(preload)
         meter.watch(system)  # which the curves use as well
@@ -267,9 +277,12 @@ def found_at(
         if len(curve) and system is not None:
             top = highest_of_curve(system, curve, options=options)
             meter.count(top.peak.iterations)
+        if before is not None and (not curve.complete or top is None or before[1].peak.amplitude > top.peak.amplitude):
+            curve, top = before
         spent = budget is not None and curve.cost.evaluations >= budget  # closer steps come less far with as many
-        if spent or (curve.complete and top is not None and top.exact):
+        if spent or (curve.complete and top is not None and top.exact and not given_up(curve)):
             break
+        before = (curve, top) if curve.complete and top is not None and top.exact else None
     return Found(curve, top, meter.read(time.perf_counter()))
 
 

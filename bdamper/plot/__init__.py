@@ -22,7 +22,6 @@ from bdamper.plot.curves import plot_curves as plot_curves
 from bdamper.plot.curves import plot_measurement as plot_measurement
 from bdamper.plot.curves import plot_microslip as plot_microslip
 from bdamper.plot.curves import plot_optimal as plot_optimal
-from bdamper.plot.curves import plot_over_measurement as plot_over_measurement
 from bdamper.plot.curves import plot_time_sweep as plot_time_sweep
 from bdamper.plot.design import plot_accuracy as plot_accuracy
 from bdamper.plot.design import plot_advice as plot_advice

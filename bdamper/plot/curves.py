@@ -16,7 +16,7 @@ from bdamper.continuation.rattle import NO_STEADY
 from bdamper.design.sensitivity import band
 from bdamper.effects.hysteresis import Dissipation
 from bdamper.effects.microslip import Microslip
-from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
+from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
 from bdamper.peaks.sensitivity import CurveSensitivity
 from bdamper.plot.axes import (
@@ -25,7 +25,6 @@ from bdamper.plot.axes import (
     LIMITS,
     NEW,
     OPTIMUM,
-    STYLES,
     colours,
     drawing,
     limit_line,
@@ -300,72 +299,6 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     if np.isfinite(result.lower_bound).any():
         look = {"color": "0.4", "markersize": 4.0, "markerfacecolor": "w"}
         ax.plot(result.preload, result.lower_bound, "^", label="lower bound", **look)
-
-
-def plot_over_measurement(
-    curves: Mapping[str, OptimalCurve],
-    measured: Measured | None = None,
-    *,
-    quantity: str = "amplitude",
-    ax: Axes | None = None,
-) -> tuple[Axes, Fit | None]:
-    """Normalised optimal or frequency-shift curves with measured points, as in Figs 21 and 22 of the paper.
-
-    Loads are divided by the optimum load, amplitudes by that of the free resonance, measured ones by that of the measured
-    reference (:mod:`bdamper.io.measured`).  Measured loads are divided by the predicted optimum load, so that an error of
-    the optimum shows.
-
-    Parameters
-    ----------
-    curves : mapping of name to OptimalCurve
-        The fit is that of the first.
-    measured : Measured, optional
-        Load in newtons, frequency in hertz, amplitude in any unit.
-    quantity : {"amplitude", "shift"}
-    ax : matplotlib axes, optional
-
-    Returns
-    -------
-    matplotlib axes, and the goodness of fit (None without measured points)
-    """
-    validate.choice("quantity", quantity, ("amplitude", "shift"))
-    if not isinstance(curves, Mapping) or not curves:
-        raise validate.unfit("curves", "a mapping of one or more names to optimal curves", curves)
-    for name, curve in curves.items():
-        validate.instance(f"curve '{name}'", curve, OptimalCurve)
-        validate.require(np.isfinite(curve.optimum.preload), "curves", "some with an optimum", f"'{name}': {curve.optimum}")
-    fit = None
-    with drawing(ax, legend=8.0) as ax:
-        for k, (name, curve) in enumerate(curves.items()):
-            load = curve.preload / curve.optimum.preload
-            value = curve.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.shift_percent
-            stuck = curve.stuck.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.stuck_shift_percent
-            colour = ("0.1", "0.1", colours(3)[1], "0.6")[k % 4]
-            ax.plot(load, value, linestyle=STYLES[k % 4], color=colour, label=name)
-            ax.plot(load[-1] * 1.15, stuck, marker=8, color=colour, markersize=6.0, linestyle="none", clip_on=False)
-        ax.plot([], [], marker=8, color="0.1", markersize=6.0, linestyle="none", label="stuck")
-        if measured is not None:
-            fit = _lay_measured(ax, next(iter(curves.values())), measured, quantity)
-            ax.set_title(str(fit), fontsize=8.0)
-        ax.set(xscale="log", xlabel="Load over optimum load")
-        if quantity == "amplitude":
-            ax.set(yscale="log", ylabel=amplitude_label(*curves.values()).removesuffix(" (m)") + ", over free")
-        else:
-            ax.set_ylabel("Frequency shift (%)")
-    return ax, fit
-
-
-def _lay_measured(ax: Axes, curve: OptimalCurve, measured: Measured, quantity: str) -> Fit:
-    """Draw measured points over a normalised curve; how well they agree."""
-    if quantity == "amplitude":
-        load, value = measured.normalised("amplitude")
-        shown, predicted = value, curve.amplitude / curve.free.amplitude
-    else:  # the fit is that of frequencies: shifts start at zero
-        load, value = measured.normalised("frequency")
-        shown, predicted = 100.0 * (value - 1.0), 1.0 + curve.shift_percent / 100.0
-    load = load / curve.optimum.preload
-    ax.plot(load, shown, "s", color="0.1", markersize=4.0, markerfacecolor="w", label="measured")
-    return goodness_of_fit(curve.preload / curve.optimum.preload, predicted, load, value)
 
 
 @picture(Microslip)

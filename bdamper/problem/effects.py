@@ -8,7 +8,7 @@ names them all.  The equations of a study hold nothing of an effect that is off.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
 from bdamper.contact.own_law import ContactLaw
@@ -85,7 +85,6 @@ class Effects:
     friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = _effect(
         "separable", "friction in the contact plane", "separable: each tangential direction slips for itself"
     )
-    residual_traction: InitVar[str] = "static"
     rotation: Axes = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
     translation: Axes = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
     damper_modes: validate.Natural = _effect(0, "elastic damper modes", "the damper is rigid apart from contact stiffness")
@@ -103,8 +102,7 @@ class Effects:
         BLADE_MODES, "modes of the blade", "higher modes act through the contact stiffness and residual modes alone"
     )
 
-    def __post_init__(self, residual_traction: str) -> None:
-        check_traction(residual_traction)
+    def __post_init__(self) -> None:
         check_law(self.friction_law)
         validate.checked(self)
         if not self.variable_normal_load:
@@ -208,12 +206,6 @@ def check_law(law: object, names: tuple[str, ...] = LAW_NAMES) -> None:
     expected = f"one of {names}, a ContactLaw or a mapping of interface names to {LAW_NAMES} and these"
     good = all(isinstance(name, ContactLaw) or (isinstance(name, str) and name in LAW_NAMES) for name in given)
     validate.that(good, "friction_law", expected, law)
-
-
-def check_traction(traction: str) -> None:
-    """Points that never slip keep the friction force of the static state: a setting of earlier versions had other words."""
-    expected = "none: points that never slip keep the friction force of the static state"
-    validate.that(traction == "static", "residual_traction", expected, traction)
 
 
 def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:

@@ -417,9 +417,9 @@ class Problem:
             watch, system, names = Stopwatch(), self.static_system, self.coupling.interface_of
             offset = assembly_offsets(self.settings.slip_offset, self.settings.slip_offset_seed, self.friction)
             state = None
-            if len(factors) == 1 and preload > 0.0 and not self.settings.slip_offset:
+            if len(factors) == 1 and preload > 0.0 and not (self.settings.slip_offset or self.settings.fixed_loads):
                 # always from one and the same load, so that results do not depend on what was asked before
-                unit = self.static_states.get((1.0, 1.0)) or static_state(system, 1.0)
+                unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), interface=names)
                 self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
@@ -440,12 +440,6 @@ class Problem:
         if not state.converged:
             raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
         return state
-
-    def total_load(self, settled: bool) -> float:
-        """Sum of the normal loads (N) at rest without a preload, or of those of a structure held in place."""
-        if not settled:
-            return float(np.maximum(-self.point_stiffness[:, 2] * self.point_gaps, 0.0).sum())
-        return float(self.equilibrium(0.0).force[:, 2].sum())
 
     def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
         """Pressure, gap and state over the faces in the static state.

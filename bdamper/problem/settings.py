@@ -7,7 +7,7 @@ stiffness, friction law, preload history, harmonics of the response.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from functools import partial
 from typing import Annotated, Any, get_type_hints
 
@@ -29,7 +29,6 @@ from bdamper.problem.effects import (
     Effects,
     check_harmonics,
     check_law,
-    check_traction,
     harmonic_numbers,
 )  # fmt: skip
 from bdamper.util import validate
@@ -164,7 +163,6 @@ class Settings:
     evaluation: str | Sampled = "exact"
     friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = "separable"
     friction_axes: Annotated[str, partial(validate.choice, choices=("contact", "major"))] = "contact"
-    residual_traction: InitVar[str] = "static"
     bias: bool = True
     variable_normal_load: bool = True
     separation: bool = True
@@ -181,8 +179,7 @@ class Settings:
     slip_offset_seed: validate.Natural = 0
     aerodynamic_damping: complex | Mapping[int, complex] | None = None
 
-    def __post_init__(self, residual_traction: str) -> None:
-        check_traction(residual_traction)
+    def __post_init__(self) -> None:
         if self.effects is not None:
             self._take_effects(validate.instance("effects", self.effects, Effects))
         check_model_once(self.model)

@@ -51,7 +51,6 @@ def track(
     preload: float,
     frequency: tuple[float, float],
     *,
-    from_high: bool = False,
     options: ContinuationOptions | None = None,
 ) -> WheelCurve:
     """Response of all blades over a frequency interval at one preload.
@@ -61,8 +60,6 @@ def track(
     wheel : Wheel
     preload : float, N
     frequency : (low, high), Hz
-    from_high : bool
-        Set off from the upper end.
     options : ContinuationOptions
 
     Returns
@@ -74,7 +71,6 @@ def track(
     """
     meter = CostMeter(time.perf_counter())
     low, high = (tau * f for f in validate.interval("frequency", frequency))
-    validate.flag("from_high", from_high)
     if options is not None:
         validate.instance("options", options, ContinuationOptions)
     whole = wheel.system(preload)
@@ -90,7 +86,7 @@ def track(
         search.note(omega, "no solution from the static state" if found is None else "from the static state")
         return found
 
-    search.cover(find_start, from_high)
+    search.cover(find_start)
     status, reason, left_out = ending(search.pieces, low, high)
     ordered = in_order(search.pieces)
     at, branch = np.array([p.y[-1] for p, _ in ordered]), np.array([piece.branch for _, piece in ordered], int)

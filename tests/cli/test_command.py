@@ -89,6 +89,11 @@ def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeyp
     assert line.startswith("bdamper") and words in line
 
 
+def test_the_check_of_an_optimum_is_one_that_a_study_has(capsys):
+    assert main(["optimum", "--demo", "--check", "-n", "1"]) == 2
+    assert capsys.readouterr().err == "bdamper: n: expected a whole number >= 2, found 1\n", "not refused for the check"
+
+
 def test_help_names_units_and_defaults(capsys):
     words = {"optimum": "in N, default 20 2000", "margin": "yield strength in MPa", "crossings": "rpm"}
     for command, word in words.items():

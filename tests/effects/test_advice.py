@@ -234,6 +234,14 @@ def test_the_reference_is_what_the_model_has(full):
     assert fullest(bare.problem).harmonics == (1, 2, 3, 7) and fullest(bare.problem).rotation == ("X", "Y", "Z")
 
 
+def test_a_harmonic_with_a_force_of_its_own_stays(full):
+    several = full.with_(excitation=bd.Excitation("tip") + bd.Excitation("tip", amplitude=0.2, engine_order=4))
+    names = parts(several.problem, Effects.of(several))
+    assert "harmonics beyond 1" not in names and "harmonics beyond 1" in parts(full.problem, Effects.of(full))
+    for name in names:
+        assert several.with_effects(Effects.of(several).without(name)).settings.excited.keys() == {1, 2}
+
+
 def test_no_peak_no_advice(full):
     with pytest.raises(bd.BdamperError, match="no peak"):
         full.advise(PRELOAD, (5.0, 6.0), against=Effects.of(full))

@@ -130,17 +130,6 @@ def test_comparison_of_laws(study, tmp_path):
         assert abs(high.change(law)) < 1e-3
 
 
-def test_residual_tractions_are_those_of_the_static_state(study):
-    """Ends of their interval are refused: they bounded no response, of masses not even a force; old words still read."""
-    for make in (study.with_, bd.Effects):
-        for end in ("lower", "upper", "middle", None):
-            with pytest.raises(bd.SettingError, match=rf"^residual_traction: expected none: .*, found '?{end}"):
-                make(residual_traction=end)
-    assert study.with_(residual_traction="static").problem.record() == study.problem.record()
-    assert bd.Effects(residual_traction="static") == bd.Effects()
-    assert "residual_traction" not in study.problem.record() and "residual traction" not in bd.Effects().describe()
-
-
 class TestMajorAxes:
     def test_angles_of_known_ellipses(self):
         a = np.array([0.3, -1.2, np.pi / 2, 0.0])

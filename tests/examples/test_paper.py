@@ -18,8 +18,6 @@ import pytest
 from PIL import Image
 
 import bdamper as bd
-from bdamper.io.measured import Measured
-from bdamper.plot import plot_over_measurement
 from bdamper.plot.motion import rigid_motion
 
 matplotlib.use("Agg")
@@ -344,22 +342,9 @@ def test_blade_to_ground(tmp_path):
 
 
 @pytest.mark.slow
-def test_test_rig(tmp_path, monkeypatch):
+def test_test_rig(tmp_path):
     """Figs 19 to 22: an optimum, microslip at high load, little change with more blade modes."""
-    points = tmp_path / "points.csv"
-    rows = (
-        "# made up",
-        "load,frequency,amplitude",
-        "0,282.9,1.44e-3",
-        "60,318,3.6e-5",
-        "1000,346,3.7e-4",
-        "1e6,353,1.3e-3",
-    )
-    points.write_text("\n".join(rows))
-    monkeypatch.setattr(sys, "argv", ["", str(points)])
     out = load("fig19_22_test_rig")
-    assert {(fit.points, fit.outside) for fit in out["fits"].values()} == {(2, 1)}
-    assert max(fit.rms for fit in out["fits"].values()) < 0.1
     rig, more, most, converged, disk = out["curves"].values()
     assert rig.optimum.kind == "smooth" and rig.optimum.preload == pytest.approx(54.5, rel=0.01)
     # "predictions with more blade modes are very close to each other": from 10 to 20, not to 40
@@ -380,14 +365,3 @@ def test_test_rig(tmp_path, monkeypatch):
     assert np.all(np.diff(shift) > -0.3) and shift[-1] == pytest.approx(rig.stuck_shift_percent, abs=0.05)
     names = ("fig19_test_rig", "fig20_test_rig", "fig21_frequency_shift", "fig22_normalised_optimal_curve")
     assert_pictures(tmp_path, *(f"{name}.png" for name in names))
-
-    # points taken from the curve itself lie on it
-    inside = slice(1, -1)
-    for quantity in ("amplitude", "shift"):
-        exact = Measured(
-            np.append(0.0, rig.preload[inside]),
-            np.append(rig.free.amplitude, rig.amplitude[inside]),
-            np.append(rig.free.frequency, rig.frequency[inside]),
-        )
-        _, fit = plot_over_measurement({"rig": rig}, exact, quantity=quantity)
-        assert fit is not None and fit.points == len(rig) - 2 and fit.rms < 1e-9

@@ -125,15 +125,6 @@ def test_results_are_kept_in_files_and_tables(study, peak, curve, tmp_path):
     assert "margin" in (tmp_path / "curve.csv").read_text()
 
 
-def test_margins_over_another_quantity_make_a_curve(study, peak):
-    peaks = [peak, peak]
-    margins = [study.margin(p, AISI_1050) for p in peaks]
-    curve = MarginCurve.of("damper mass", "kg", [0.05, 0.1], margins, [p.amplitude for p in peaks])
-    np.testing.assert_array_equal(curve.margin, [m.least for m in margins])
-    with pytest.raises(SettingError, match="margins: expected one for each of 2 values"):
-        MarginCurve.of("damper mass", "kg", [0.05, 0.1], margins[:1], [1.0, 2.0])
-
-
 def test_points_beside_contact_faces_do_not_count(study, peak, curve):
     """However large their stress; with them alone there is no margin."""
     root = study.model.stress["root"]

@@ -1,9 +1,9 @@
-"""Measured points: the loader and the goodness of fit."""
+"""Measured points and responses: the loaders."""
 
 import numpy as np
 import pytest
 
-from bdamper.io.measured import Measured, Measurement, goodness_of_fit, load_measured, read_response
+from bdamper.io.measured import Measurement, load_measured, read_response
 from bdamper.util.errors import BdamperError
 
 
@@ -18,10 +18,7 @@ def test_points_are_read(tmp_path):
     points = load_measured(write(tmp_path, f"# rig\nLoad (N), frequency (Hz),amplitude\n{rows}"))
     assert points.load.tolist() == [0.0, 100.0, 50.0]
     assert np.isnan(points.amplitude[1])
-    load, shift = points.normalised("frequency")
-    assert load.tolist() == [50.0, 100.0] and shift == pytest.approx([290 / 280, 300 / 280])
-    load, amplitude = points.normalised("amplitude")
-    assert load.tolist() == [50.0] and amplitude == pytest.approx([0.5])
+    assert points.frequency.tolist() == [280.0, 300.0, 290.0]
 
 
 @pytest.mark.parametrize(
@@ -55,36 +52,6 @@ def test_other_encodings_are_named(tmp_path, encoding):
     path.write_bytes("# Prüfstand\nload,amplitude\n0,2\n".encode(encoding))
     with pytest.raises(BdamperError, match=r"points\.csv: expected text in UTF-8, found another encoding"):
         load_measured(path)
-
-
-def test_a_reference_of_zero_is_named():
-    points = Measured(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.ones(2), "rig")
-    with pytest.raises(BdamperError, match="rig: expected a reference amplitude above 0 at the least load, 0, found 0"):
-        points.normalised("amplitude")
-    with pytest.raises(BdamperError, match="quantity: expected one of"):
-        points.normalised("phase")
-
-
-def test_missing_quantity_is_named():
-    with pytest.raises(BdamperError, match="expected a measured amplitude, found none"):
-        Measured(np.ones(2), np.full(2, np.nan), np.ones(2)).normalised("amplitude")
-
-
-def test_goodness_of_fit_in_closed_form():
-    load = np.geomspace(1.0, 100.0, 3)  # 1, 10, 100
-    predicted = np.array([1.0, 2.0, 3.0])  # linear in the logarithm
-    at = np.array([1.0, np.sqrt(10.0), 10.0, 1000.0])
-    measured = np.array([1.25, 1.5, 1.6, 1.0])
-    fit = goodness_of_fit(load, predicted, at, measured)
-    deviation = np.array([1.0 / 1.25, 1.0, 2.0 / 1.6]) - 1.0
-    assert (fit.points, fit.outside) == (3, 1)
-    assert fit.rms == pytest.approx(np.sqrt(np.mean(deviation**2)))
-    assert fit.bias == pytest.approx(deviation.mean())
-    assert fit.largest == pytest.approx(0.25)
-    rest, spread = 0.25**2 + 0.4**2, np.sum((measured[:3] - measured[:3].mean()) ** 2)
-    assert fit.r_squared == pytest.approx(1.0 - rest / spread)
-    with pytest.raises(BdamperError, match="expected measured loads between 1 and 100"):
-        goodness_of_fit(load, predicted, np.array([1e4]), np.array([1.0]))
 
 
 def test_a_response_with_units_and_phase(tmp_path):

@@ -25,7 +25,6 @@ from bdamper.plot import (
     plot_accuracy,
     plot_curves,
     plot_import_report,
-    plot_over_measurement,
     plot_surfaces,
 )
 from bdamper.plot.axes import drawing, limit_line
@@ -144,8 +143,6 @@ class TestOptimalCurves:
         ax, _ = curve.plot()
         assert "flat: no optimum" in legend_texts(ax)
         assert not any("N" in text for text in legend_texts(ax))
-        with pytest.raises(bd.SettingError, match="expected some with an optimum, found 'bonded'"):
-            plot_over_measurement({"bonded": curve})
 
 
 def test_advice_legend_shows_what_is_drawn():

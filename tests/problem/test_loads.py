@@ -30,6 +30,21 @@ def split_study(name, shares, loads):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_one_damper_with_its_share_is_the_study_without_loads(name):
+    """Bit for bit, and half the share at twice the preload."""
+    whole, _ = whole_study(name)
+    body = next(body.name for body in whole.model.bodies.values() if body.kind == "free")
+    own = whole.with_(loads={body: 1.0})
+    expected, found = whole.track(300.0, NAMES[name]), own.track(300.0, NAMES[name])
+    assert own.problem.system(300.0).n_unknowns == whole.problem.system(300.0).n_unknowns
+    assert found.cost.evaluations == expected.cost.evaluations
+    np.testing.assert_array_equal(found.frequency, expected.frequency)
+    np.testing.assert_array_equal(found.amplitude, expected.amplitude)
+    half = whole.with_(loads={body: 0.5}).track(600.0, NAMES[name])
+    assert half.peak.amplitude == pytest.approx(expected.peak.amplitude, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shares", [{"front": 0.5, "rear": 0.5}, {"front": 0.3, "rear": 0.7}])
 def test_a_damper_split_into_shares_responds_as_the_whole(name, shares):
     whole, _ = whole_study(name)

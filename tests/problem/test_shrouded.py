@@ -45,6 +45,14 @@ def test_dampers_take_load_off_the_shroud_and_the_state_says_so(model):
     assert f"shroud {bd.util.text.amount(total['shroud'], 'N')}" in state.bottom_line()
 
 
+def test_a_state_is_the_same_whatever_was_asked_before(model):
+    """One of 1 N too, from which those of other preloads follow where nothing is pressed at assembly."""
+    fresh, asked = (study_of(model, loads={"front": 1.0}, fixed_loads={"shroud": 5.0}) for _ in range(2))
+    _ = asked.static(3.0)
+    np.testing.assert_array_equal(asked.static(1.0).force, fresh.static(1.0).force)
+    assert set(asked.static(1.0).normal_force) == set(model.interfaces)
+
+
 def test_a_body_without_a_share_is_not_loaded(model):
     study = study_of(model, loads={"front": 1.0})
     total = study.static(100.0).normal_force

@@ -91,7 +91,7 @@ REFUSED = {
     "misspelt option of a wheel's peak": (lambda s: Wheel.peak(None, 9.0, option=None), "peak: .*did you mean options"),
     "misspelt option of the search": (lambda s: WheelPeakOptions(climb=3), "WheelPeakOptions: .*did you mean climbs"),
     "misspelt step of a wheel": (lambda s: Wheel.kept(None, None, steps=128), "kept: .*did you mean steps_per_period"),
-    "misspelt end of a curve": (lambda s: Wheel.track(None, 9.0, F, from_hihg=1), "track: .*did you mean from_high"),
+    "misspelt options of a wheel": (lambda s: Wheel.track(None, 9.0, F, optoins=1), "track: .*did you mean options"),
     "misspelt preloads of a wheel": (lambda s: Wheel.optimal_curve(None, preload=[9.0]), "curve: .*did you mean preloads"),
     "misspelt wheels": (lambda s: bd.mistuned_sample(s, 0.02, 9.0, wheel=3), "mistuned_sample: .*did you mean wheels"),
     "a sample without a preload": (lambda s: bd.mistuned_sample(s, 0.02), "mistuned_sample: .*'preload'"),

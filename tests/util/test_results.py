@@ -71,11 +71,3 @@ def test_prints_draws_saves_and_is_a_table(name, study, curve, tmp_path):
     again = bd.load(tmp_path / "result.h5")
     assert type(again) is type(result) and again.details() == result.details()
     assert {f.name for f in fields(again)} == {f.name for f in fields(result)}
-
-
-def test_root_mean_square(curve):
-    """Against the response over a period."""
-    theta = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
-    wave = np.exp(1j * np.outer(np.arange(1, curve.harmonics.shape[1]), theta))
-    x = (curve.harmonics[:, 1:] @ wave).real
-    assert curve.rms == pytest.approx(np.sqrt((x**2).mean(axis=1)), rel=1e-12)
