@@ -8,7 +8,7 @@ peak of the balance, sliders of each point anywhere within ten times that peak, 
 ``python -m benchmarks.bench_trust scenes [first last]`` draws scenes as ``benchmarks.bench_labels`` does, with other
 numbers, and asks ``study.march`` for the highest blade.  Its motion goes on for 15 periods in the explicit march of the
 tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.  Where amplitudes
-beat by more than a tenth it is 100 periods, and the mean over 80, as in the answer.
+beat by more than 5 % it is 100 periods, and the mean over 80, as in the answer.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def scenes(first: int, last: int) -> None:
         omega = tau * (found.frequency if found.frequency > 0.0 else curve.peak.frequency)
         ring = marches[-1].ring if marches else ring_of(made.problem, preload)
         start = marches[-1].motion if marches else ring.start(curve.unknowns[curve.peak.index], omega, 256)
-        periods, window = (100, 80) if found.highest > 1.1 * found.lowest else (15, 8)  # where amplitudes beat, or not
+        periods, window = (100, 80) if found.highest > 1.05 * found.lowest else (15, 8)  # where amplitudes beat, or not
         blades = 1e6 * np.abs(explicit(ring, Motion(*start[:3]), omega, periods, STEPS)[-window:]).mean(axis=0)
         own = f"{1e6 * found.mean:.1f} ({1e6 * found.lowest:.1f} to {1e6 * found.highest:.1f}), {1e6 * found.spread[0]:.1f}"
         own += f" at {found.frequency:.2f} Hz"
