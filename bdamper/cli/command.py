@@ -127,7 +127,7 @@ def parser() -> argparse.ArgumentParser:
     named = partial(file_to_write, (".html",))
     own["report"].add_argument("--html", type=named, default="report.html", metavar="FILE", help="default %(default)s")
     own["optimum"].add_argument(
-        "--check", action="store_true", help="compare with more harmonics, some four times the work"
+        "--check", action="store_true", help="compare with more harmonics and with time integration, five times the work"
     )
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
     some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}

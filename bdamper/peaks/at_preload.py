@@ -55,7 +55,7 @@ class AtPreload:
 
     @property
     def known(self) -> bool:
-        """Whether it is known that no maximum of a connected branch is higher."""
+        """Whether no maximum of the branches that were followed is higher; see :func:`~bdamper.peaks.highest.given_up`."""
         return self.top is not None and self.curve.complete and self.top.kind != "end"
 
     @property

@@ -247,9 +247,9 @@ def found_at(
     """The whole curve at a preload, followed coarsely, and its highest point.
 
     Where the coarse curve is not complete, where one of its paths ended among many folds, or where no search has ended at
-    its highest point, it is followed again with the default settings, if it has not used up the budget.  Of two complete
-    curves the higher one counts: among 107 folds of a disk with 24 points (friction 0.6, engine order 10, 65.6 N) the coarse
-    one lost a peak 34 % higher.
+    its highest point, it is followed again with the default settings, if it has not used up a given budget.  Of two
+    complete curves the higher one counts: among 107 folds of a disk with 24 points (friction 0.6, engine order 10, 65.6 N)
+    the coarse one lost a peak 34 % higher.
 
     Parameters
     ----------
@@ -266,18 +266,20 @@ def found_at(
         On Ctrl-C.
     """
     meter = CostMeter(time.perf_counter())
-    top, system, before = None, None, None
+    system, before = None, None
     if problem.static(preload).converged:
         system = problem.system(preload)
         meter.watch(system)  # which the curves use as well
     for continuation in (coarse_options(), ContinuationOptions()):
         continuation = continuation if budget is None else replace(continuation, budget=budget)
         curve = uninterrupted(track(problem, preload, frequency, options=continuation))
+        top: Highest | None = None
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
         if len(curve) and system is not None:
             top = highest_of_curve(system, curve, options=options)
             meter.count(top.peak.iterations)
-        if before is not None and (not curve.complete or top is None or before[1].peak.amplitude > top.peak.amplitude):
+        height = (1.0 + LEVEL) * top.peak.amplitude if curve.complete and top is not None else 0.0
+        if before is not None and before[1].peak.amplitude > height:
             curve, top = before
         spent = budget is not None and curve.cost.evaluations >= budget  # closer steps come less far with as many
         if spent or (curve.complete and top is not None and top.exact and not given_up(curve)):

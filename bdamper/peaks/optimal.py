@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.rattle import NO_STEADY
 from bdamper.peaks.at_preload import LOST, AtPreload, at_preload
-from bdamper.peaks.highest import check_options
+from bdamper.peaks.highest import check_options, given_up
 from bdamper.peaks.interval import linear_peak, peak_interval
 from bdamper.peaks.least import Place, agree, least
 from bdamper.peaks.newton import Family, Peak, PeakOptions, find_peak
@@ -268,6 +268,8 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     elif best.open is not None:
         low, high = np.exp(best.open)
         status = because(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
+    elif why := given_up(at.curve):
+        status = because(INCOMPLETE, f"{why}, where its peak could be higher")
     return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
 
 

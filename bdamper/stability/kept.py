@@ -53,7 +53,7 @@ class Rules:
         Periods over which a mean is taken: beats leave 2 to 3 % of scatter in means of 20.
     brief : int
         Periods of a sweep between two places, and of a visit in which no blade scatters by more than ``scatter`` (standard
-        deviation) or drifts by more than ``steady``, or the motion has fallen; a drift that small hides up to 2 %.  A long
+        deviation) or drifts by more than ``steady``, or the motion has fallen; a drift that small hides up to 3 %.  A long
         visit takes twice as many or more, until its transient leaves less than ``scatter`` and its blades part no further.
     fewest, most : int
         Periods of a long visit where there is a lower solution to fall to, two windows elsewhere; and after which a mean
@@ -69,9 +69,9 @@ class Rules:
         relative to the frequency), and distance from its branch within which a motion beyond the tip goes on along it.
     settled : float
         Relative difference of two answers above which none of them is one.
-    seed, grows : float
-        Size of the waves that are added, relative to the amplitude, and growth of what is not the wave of the excitation
-        between two windows, from which on a march goes on.
+    seed, grows, faint : float
+        Size of the waves that are added, relative to the amplitude; growth of what is not the excited wave between two
+        windows from which on a march goes on; and share of it above rounding whose growth keeps a visit from being brief.
     memory, stretch : float
         Periods in which a transient falls to 1/e from which on all numbers of periods grow with it, and how far at most.
     """
@@ -91,6 +91,7 @@ class Rules:
     settled: float = 0.05
     seed: float = 0.01
     grows: float = 1.1
+    faint: float = 1e-6
     near: float = 0.1
     memory: float = 100.0
     stretch: float = 4.0
@@ -162,7 +163,7 @@ def stay(march: March, own: float, limit: float, alone: bool = False, long: bool
         march.run(len(march.harmonics) + rules.brief // 2)
         n, amplitude = len(march.harmonics), march.amplitude
         if n >= (2 if long else 1) * rules.brief and _brief(march, limit, rules, long):
-            kept, drift = amplitude[-(rules.brief if long else window) :], 0.0
+            kept, drift = amplitude[-rules.brief :], 0.0
             break
         if n < 2 * window:
             continue
@@ -185,17 +186,17 @@ def _brief(march: March, limit: float, rules: Rules, long: bool) -> bool:
     if not long:
         return True
     to_settle = abs(to_come(march.amplitude[-2 * rules.brief :], march.memory))
-    return to_settle <= rules.scatter and growth(march, rules.brief // 2)[0] <= 1.0
+    return to_settle <= rules.scatter and growth(march, rules.brief // 2, rules.faint)[0] <= 1.0
 
 
-def growth(march: March, window: int) -> tuple[float, float]:
+def growth(march: March, window: int, least: float = 0.1 * RULES.seed) -> tuple[float, float]:
     """What does not belong to the wave of the excitation: its growth between two windows, and its share in the last.
 
-    A share below a tenth of ``RULES.seed`` does not count as growing.
+    A share below the ``least`` one does not count as growing.
     """
     away = march.ring.departure(march.blades[-2 * window :])
     before, last = (float(np.sqrt((half**2).mean())) for half in np.array_split(away, 2))
-    return (last / before if last > 0.1 * RULES.seed and before > 0.0 else 0.0), last
+    return (last / before if last > least and before > 0.0 else 0.0), last
 
 
 class Levels:
@@ -381,7 +382,8 @@ class Walk:
         march.run(rules.brief)
         before, last = (float(half.mean()) for half in np.array_split(march.amplitude, 2))
         mean, scatter = 0.5 * (before + last), float(march.amplitude.std())
-        steady = abs(last / before - 1.0) <= rules.steady and scatter <= rules.scatter * mean
+        left = float(np.exp(-0.5 * rules.brief / march.memory))  # of a transient, from one half to the next
+        steady = scatter <= rules.scatter * mean and abs(last / before - 1.0) * left <= rules.scatter * (1.0 - left)
         if not steady or abs(mean / best.mean - 1.0) > 0.5 * rules.settled:
             march.run(rules.brief + 2 * rules.window)
             mean = float(march.amplitude[-2 * rules.window :].mean())
@@ -493,8 +495,9 @@ def _found(none: Marched, walk: Walk, best: Place | None, part: str, interrupted
         status = INTERRUPTED if interrupted else because(NOT_FOUND, why)
         return replace(none, direction="", fall=np.nan, answers={}, status=status)
     around = best.amplitude
-    if best.march is not None:  # with what led to a brief one
-        around = best.march.amplitude[-2 * RULES.stretched(best.march.memory).window :]
+    if best.march is not None:  # of a brief visit all but its first periods
+        rules = RULES.stretched(best.march.memory)
+        around = best.march.amplitude[rules.brief :][-2 * rules.window :]
     answers = np.array([*walk.answers.values()])
     if len(answers) and np.ptp(answers) > RULES.settled * answers.min():
         ends = span(float(answers.min()), float(answers.max()), "m")

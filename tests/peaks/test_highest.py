@@ -2,11 +2,13 @@
 
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.coverage import LeftOut
 from bdamper.peaks.highest import AT_END, _tops, highest_of_curve, maxima
 from bdamper.peaks.interval import resonance_interval
 from bdamper.peaks.newton import coarse_options
@@ -119,6 +121,32 @@ def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
     monkeypatch.setattr(module, "track", coarse_is_lost)
     peak = study.peak(1000.0, INTERVAL)
     assert asked == [coarse_options().tolerance, bd.ContinuationOptions().tolerance] and peak.scan == "complete"
+
+
+@pytest.mark.parametrize(("least", "budget", "curves"), [("coarse", None, 2), ("close", None, 2), ("", 1, 1)])
+def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, least, budget, curves):
+    """The higher one counts, whichever has half the height; not where a given budget is used up."""
+    module, asked = sys.modules["bdamper.peaks.highest"], []
+    folds = LeftOut(290.0, 300.0, "many folds: 400 points of folds")
+    whole = module.track(study.problem, 1000.0, INTERVAL)
+
+    def given_up(*args, options):
+        asked.append("coarse" if options.tolerance > 1e-8 else "close")
+        if asked[-1] == least:
+            return replace(whole, harmonics=0.5 * whole.harmonics, left_out=(folds,))
+        return replace(whole, left_out=(folds,) if asked[-1] == "coarse" else ())
+
+    monkeypatch.setattr(module, "track", given_up)
+    monkeypatch.setattr(module, "highest_of_curve", lambda system, curve, options: highest(curve))
+    found = module.found_at(study.problem, 1000.0, INTERVAL, budget=budget)
+    assert len(asked) == curves and found.top.peak.amplitude == whole.amplitude.max()
+    told = "complete: a branch was given up among many folds from 290 to 300 Hz"
+    assert found.ending == ("complete" if least == "coarse" else told)
+
+
+def highest(curve):
+    peak = SimpleNamespace(amplitude=curve.amplitude.max(), iterations=0)
+    return SimpleNamespace(peak=peak, exact=True, kind="peak", note="")
 
 
 def test_where_rounding_keeps_newton_from_the_tolerance_the_peak_is_that_of_the_curve():
