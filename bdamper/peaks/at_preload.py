@@ -66,10 +66,9 @@ class AtPreload:
     @property
     def status(self) -> str:
         """ "complete", "incomplete" or "not found", with what is to be said of it."""
-        if self.top is None:
-            return because(NOT_FOUND, f"{self.curve.status}: {self.curve.reason}")
-        if not self.curve.complete:
-            return because(INCOMPLETE, f"{self.curve.status}: {self.curve.reason}")
+        if self.top is None or not self.curve.complete:
+            own = NOT_FOUND if self.top is None else INCOMPLETE
+            return because(own, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{own}: "))
         if self.top.kind == "end":
             return because(INCOMPLETE, AT_END)
         return because(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))

@@ -353,4 +353,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         rise = self.amplitude[k - 1 : k + 1] / self.optimum.amplitude if k else np.full(1, np.nan)
         if rise.min() > 1.0:
             text = f"; at half the optimum the amplitude is {rise.min():.2g} to {rise.max():.2g} times higher"
-        return f"Recommended: {span(SAFE[0] * best, SAFE[1] * best, 'N')}{text}." if self.optimum.kind != "end" else ""
+        known = np.isfinite(self.amplitude[self.preload > 1.001 * best][:1]).all()
+        said = f"Recommended: {span(SAFE[0] * best, SAFE[1] * best, 'N')}{text}."
+        return said if known and self.optimum.kind != "end" else ""

@@ -375,7 +375,8 @@ class Walk:
     def finer(self, best: Place) -> float:
         """Mean amplitude (m) at a place with 4n steps.
 
-        It is that of a few periods if these are steady and as high as with 2n, and otherwise of two windows after them.
+        It is that of a few periods if these scatter little and, with all that a transient may still change, differ from
+        that with 2n by less than answers may; otherwise that of two windows after them.
         """
         march = March(self.ring, TWO_PI * best.frequency, best.motion._replace(a=None), 4 * self.steps)
         rules = RULES.stretched(march.memory)
@@ -383,8 +384,8 @@ class Walk:
         before, last = (float(half.mean()) for half in np.array_split(march.amplitude, 2))
         mean, scatter = 0.5 * (before + last), float(march.amplitude.std())
         left = float(np.exp(-0.5 * rules.brief / march.memory))  # of a transient, from one half to the next
-        steady = scatter <= rules.scatter * mean and abs(last / before - 1.0) * left <= rules.scatter * (1.0 - left)
-        if not steady or abs(mean / best.mean - 1.0) > 0.5 * rules.settled:
+        apart = abs(mean / best.mean - 1.0) + abs(last / before - 1.0) * left / (1.0 - left)
+        if scatter > rules.scatter * mean or apart > rules.settled:
             march.run(rules.brief + 2 * rules.window)
             mean = float(march.amplitude[-2 * rules.window :].mean())
         self.periods += len(march.harmonics)

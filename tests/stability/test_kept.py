@@ -458,13 +458,13 @@ def test_a_long_march_goes_on_while_disturbances_grow(after, periods):
     ("of_period", "memory", "periods"),
     [
         (lambda n: 1.0, 100.0, 20),
-        (lambda n: 0.97, 100.0, 100),
+        (lambda n: 0.94, 100.0, 100),
         (lambda n: 1.0 - 1e-4 * n, 100.0, 20),
-        (lambda n: 1.0 - 1e-4 * n, 1000.0, 400),
+        (lambda n: 1.0 - 1e-4 * n, 1000.0, 400),  # its transient may take off another 11 %
     ],
 )
 def test_four_times_the_steps_take_few_periods_where_these_are_steady(monkeypatch, of_period, memory, periods):
-    """Not where they are lower by half the tolerance, or where the transient of a long memory may still change them."""
+    """Not where they are lower by the tolerance, or where the transient of a long memory may still change them by it."""
     march = _March(of_period)
     march.memory = memory
     monkeypatch.setattr(room, "March", lambda *given: march)
