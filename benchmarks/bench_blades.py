@@ -6,24 +6,38 @@
   one hertz: amplitudes of all blades at each frequency;
 * the answers of ``study.march`` on the turbine blade at 0.496, engine order 10 and 38.5 N with rings of six and of twelve
   blades, and at 0.54, engine order 5 and 43.7 N: first lines, answers, waves and energies.
+
+``python -m benchmarks.bench_blades map`` marches the turbine blade at five friction coefficients, four preloads and two
+engine orders, and draws by how much the highest blade exceeds the peak of the balance (``docs/images/in-time-map.png``).
+
+``python -m benchmarks.bench_blades wheel`` makes the turbine blade with all its 31 nodal diameters and marches a ring of
+twelve blades and the whole wheel of sixty at engine order 5, in a scene where blades part and in one where they do not.
 """
 
 from __future__ import annotations
 
+import sys
 import time
 from math import tau
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.patches import Rectangle
 
 import bdamper as bd
 from bdamper.plot import save_figure
+from bdamper.plot.axes import PAPER
 from bdamper.stability.kept import RULES, Levels, of_blades
 from bdamper.stability.march import March
 from bdamper.stability.time_integration import STEPS, ring_of
+from bdamper.util.errors import BdamperError
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "in-time-ring.png"
 """Of the ring of twelve blades at engine order 10."""
+MAP = IMAGE.with_name("in-time-map.png")
+FRICTION, PRELOADS = (0.2, 0.3, 0.4, 0.5, 0.6), (40.0, 80.0, 160.0, 320.0)
+"""Of the map; preloads in N."""
 BLADE = bd.Excitation("tip", "tangential", 1.0)
 DOWN = np.arange(322.0, 309.9, -1.0)
 """Hz."""
@@ -59,7 +73,72 @@ def down() -> None:
     print(f"\n{time.process_time() - begin:.0f} s of the processor\n")
 
 
+def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.Marched | None]:
+    """Peak of the balance (m), and the march from its curve; None where it is not found."""
+    curve = study.track(preload, (600.0, 720.0))
+    try:
+        found = study.march(curve, **ring)
+    except BdamperError:
+        return curve.peak.amplitude, None
+    return curve.peak.amplitude, found if np.isfinite(found.mean) else None
+
+
+def said(balance: float, found: bd.Marched | None) -> tuple[float, str]:
+    """Highest blade over the peak of the balance, and the words of a cell."""
+    if found is None:
+        return np.nan, "not found"
+    ratio = found.mean / balance
+    if "not settled" in found.status:
+        low, high = (a / balance for a in (min(found.answers.values()), max(found.answers.values())))
+        return ratio, f"{low:.2f} to\n{high:.2f}"
+    return ratio, f"{ratio:.2f}" + ("\napart" if found.parted else "")
+
+
+def over_friction_and_preload() -> None:
+    """Table and picture of the highest blade over the peak of the balance."""
+    with plt.rc_context(PAPER):
+        figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), sharey=True)
+        for ax, order in zip(axes, (5, 10)):
+            print(f"| engine order {order} | " + " | ".join(f"{p:g} N" for p in PRELOADS) + " |\n" + "|---" * 5 + "|")
+            for i, friction in enumerate(FRICTION):
+                cells = [said(*highest(turbine(friction, order), p)) for p in PRELOADS]
+                print(f"| mu {friction:g} | " + " | ".join(text.replace("\n", " ") for _, text in cells) + " |", flush=True)
+                for k, (ratio, text) in enumerate(cells):
+                    grey = 1.0 - 0.35 * float(np.clip(np.nan_to_num(ratio, nan=1.0) - 1.0, 0.0, 1.0))
+                    ax.add_patch(Rectangle((k - 0.5, i - 0.5), 1.0, 1.0, facecolor=str(grey), edgecolor="k", linewidth=0.5))
+                    ax.text(k, i, text, ha="center", va="center", fontsize=8.0)
+            ax.set(title=f"Engine order {order}", xlabel="Preload (N)", xlim=(-0.5, 3.5), ylim=(-0.5, 4.5))
+            ax.set_xticks(range(len(PRELOADS)), [f"{p:g}" for p in PRELOADS])
+            ax.set_yticks(range(len(FRICTION)), [f"{m:g}" for m in FRICTION])
+        axes[0].set_ylabel("Friction coefficient")
+        save_figure(figure, MAP)
+
+
+def wheel() -> None:
+    """A ring of twelve blades beside the whole wheel."""
+    from bdamper.fe.reference import MeshDensity, SectorFE, bladed_disk
+    from tools.make_reference_model import NICKEL_ALLOY, TURBINE
+
+    fe = SectorFE(TURBINE, MeshDensity.preset("reference"), NICKEL_ALLOY, keep_factors=False)
+    model = bladed_disk(9, fe=fe, n_modes=20, n_damper_modes=10, pictures=(5,), nodal_diameters=tuple(range(31)))
+    for friction, preload in ((0.54, 43.7), (0.3, 103.6)):
+        for blades in (12, 60):
+            begin = time.process_time()
+            study = bd.Study(model, BLADE, 5, friction_coefficient=friction)
+            balance, found = highest(study, preload, blades=blades)
+            print(f"mu {friction:g}, {preload:g} N, {blades} blades, peak of the balance {1e6 * balance:.1f} \u00b5m, "
+                  f"{time.process_time() - begin:.0f} s\n")  # fmt: skip
+            if found is not None:
+                amplitudes = ", ".join(f"{1e6 * a:.1f}" for a in found.blades.mean(axis=0))
+                print(f"{found.details()}\nblades, \u00b5m: {amplitudes}")
+            print(flush=True)
+
+
 def main() -> None:
+    for name, work in {"map": over_friction_and_preload, "wheel": wheel}.items():
+        if name in sys.argv[1:]:
+            work()
+            return
     down()
     for friction, order, preload, blades in ((0.496, 10, 38.5, 6), (0.496, 10, 38.5, 12), (0.54, 5, 43.7, 12)):
         study = turbine(friction, order)

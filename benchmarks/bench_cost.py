@@ -1,13 +1,23 @@
-"""What accuracy costs, judged by what a blade keeps in time: error over processor time for each setting by itself.
+"""What accuracy costs in time: errors of ways to an amplitude, beside a march in time with the whole structure.
 
-``python -m benchmarks cost`` computes what ``results/cost.json`` does not have yet, scene by scene, draws
-``docs/images/cost.png`` and prints the table of docs/accuracy.md; ``python -m benchmarks.bench_cost show`` draws and prints
-what is known.
+``python -m benchmarks cost`` computes what ``results/cost.jsonl`` does not have yet, draws ``docs/images/cost.png`` and
+prints the tables of docs/accuracy.md and docs/measured.md; ``python -m benchmarks.bench_cost 0 2 4`` computes those scenes
+alone, so that several processes can share the work, and ``... show`` computes nothing.
 
-One setting at a time is changed about the default.  The judge of harmonics is the amplitude that ``study.kept`` finds with
-the default structure: the highest solution of the balance at its frequency, and the top apart from that.  Patterns, modes
-and points change the structure itself, and with it the frequency; their judge is what is kept with the richest structure of
-their row that was marched (:data:`JUDGES`), that of the method is the one with most patterns, and tops alone are compared.
+Each scene is drawn from its number before anything is computed: the turbine blade (even numbers) or the difficult disk
+(odd ones) with default settings, engine order 5 or 10, a friction coefficient of 0.2 to 0.6, and 0.8 to 4 times the preload
+of the least peak of the harmonic balance.  The reference is the amplitude in time of the highest blade with the whole
+structure: all stored modes of blade and damper and 24 residual patterns.  A scene counts where this march is settled.
+Beside that stand
+
+* whole answers, from one harmonic with unit tractions to the march with the default structure;
+* harmonics alone, beside the march with the same, default, structure, where blades vibrate alike: no number of harmonics of
+  the travelling wave comes to the highest of blades that do not;
+* structures alone, each marched;
+* steps of a period alone: a motion of 120 periods with the default structure, beside the answer with 1,024 steps.
+
+A panel shows the scenes in which all of its values were found.  ``... hard`` marches cells of the difficult disk with low
+preloads and many contact points.
 """
 
 from __future__ import annotations
@@ -17,260 +27,264 @@ import sys
 import time
 import warnings
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
 import bdamper as bd
-from bdamper.peaks.optimal import BUDGET
 from bdamper.plot import save_figure
 from bdamper.plot.axes import PAPER
-from bdamper.stability.kept import Levels
 from bdamper.util.errors import BdamperError
 from bdamper.util.warn import BdamperWarning
 
 HERE = Path(__file__).parent
-RESULTS = HERE / "results" / "cost.json"
+RESULTS = HERE / "results" / "cost.jsonl"
 IMAGE = HERE.parents[0] / "docs" / "images" / "cost.png"
-BAND = (285.0, 380.0)
-SCENES = (
-    (0.4, 5, 1.25), (0.2, 10, 2.0), (0.6, 5, 4.0), (0.4, 10, 0.8), (0.2, 5, 0.65), (0.4, 5, 4.0),
-    (0.6, 10, 1.25), (0.2, 10, 0.9), (0.6, 5, 0.8), (0.4, 10, 2.0),
-)  # fmt: skip
-"""Friction coefficient, engine order of 65 blades (13 sectors both), and preload over that of the least peak."""
-PRELOADS = np.geomspace(30.0, 400.0, 12)
-"""N, of which the one with the least peak of a complete curve counts as the optimum of a friction coefficient and an engine
-order."""
-JUDGES = {"patterns": 24, "blade_modes": 40, "points": 24}
-"""The richest value of each setting of the structure that is marched besides the default."""
-ROWS: dict[str, tuple[Any, ...]] = {
-    "harmonics": (1, 3, 5, 9), "patterns": (6, 12, 24), "blade_modes": (10, 20, 40), "points": (9, 24, 48),
-    "method": ("unit_traction", "residual_modes"),
+SEED, SCENES = 20261124, 14
+BANDS = {"turbine_blade": (600.0, 720.0), "bladed_disk": (285.0, 380.0)}
+MODES = {"turbine_blade": {"blade_modes": 20, "damper_modes": 4}, "bladed_disk": {"blade_modes": 40, "damper_modes": 10}}
+"""All that the models store."""
+PATTERNS = bd.ResidualModes(24)
+HARMONICS = (5, 7, 9, 12, 16, 20, 26)
+STEPS = (128, 256, 512)
+LIKE_DEFAULT = "marched, 10 modes, 6 patterns"
+STRUCTURES: dict[str, dict[str, Any]] = {
+    "marched, unit tractions": {"contact_stiffness": "unit_traction"}, LIKE_DEFAULT: {},
+    "marched, 24 patterns": {"contact_stiffness": PATTERNS}, "marched, all modes": {"all": True},
+    "reference": {"all": True, "contact_stiffness": PATTERNS},
 }  # fmt: skip
-"""Values of each setting; all others are those of the default, three harmonics, six patterns, ten modes, nine points."""
-DEFAULT = {"harmonics": 3, "patterns": 6, "blade_modes": 10, "points": 9, "method": "residual_modes"}
-NAMES = {
-    "harmonics": "harmonics", "patterns": "residual patterns", "blade_modes": "blade modes", "points": "points a face",
-    "method": "contact stiffness",
+CURVES: dict[str, dict[str, Any]] = {
+    "1 harmonic, unit tractions": {"harmonics": 1, "contact_stiffness": "unit_traction"},
+    "3 harmonics, unit tractions": {"contact_stiffness": "unit_traction"},
+    "1 harmonic": {"harmonics": 1}, "3 harmonics": {},
 }  # fmt: skip
+WAYS = {
+    "1 harmonic, unit tractions": "1 harmonic, unit tractions",
+    "3 harmonics, unit tractions": "3 harmonics, unit tractions",
+    "3 harmonics": "default curve, 3 harmonics", LIKE_DEFAULT: "in time", "marched, all modes": "in time, all modes",
+}  # fmt: skip
+"""Whole answers that a designer would ask for, and their words."""
+SHOWN = 16
+"""Highest number of harmonics that is shown; beyond it too few scenes have a peak."""
+Known = dict[str, dict[str, Any]]
 
 
-def study(friction: float, order: int, setting: str = "harmonics", value: Any = 3) -> bd.Study:
-    """The shipped disk with one setting changed."""
-    given: dict[str, Any] = {"contact_stiffness": "residual_modes"}
-    if setting == "patterns":
-        given["contact_stiffness"] = bd.ResidualModes(value)
-    elif setting == "method":
-        given["contact_stiffness"] = value
-    elif setting != "points":
-        given[setting] = value
-    model = bd.reference_model("bladed_disk", value if setting == "points" else 9)
-    return bd.Study(model, bd.Excitation("tip"), order, friction_coefficient=friction, **given)
+def drawn(number: int) -> tuple[str, int, float, float]:
+    """Model, engine order, friction coefficient and preload over that of the least peak."""
+    rng = np.random.default_rng([SEED, number])
+    order, friction = int(rng.choice([5, 10])), round(float(rng.uniform(0.2, 0.6)), 2)
+    return ("bladed_disk" if number % 2 else "turbine_blade"), order, friction, float(0.8 * 5.0 ** rng.uniform())
 
 
-def tracked(of: bd.Study, preload: float) -> tuple[bd.Curve, float]:
-    """A curve as an optimal curve follows it, and the seconds of the processor that it took."""
-    of.problem.system(preload)
+def study(name: str, order: int, friction: float, points: int = 9) -> bd.Study:
+    excitation = bd.Excitation("tip", "tangential", 1.0)
+    return bd.Study(bd.reference_model(name, points), excitation, order, friction_coefficient=friction)
+
+
+def curve_of(of: bd.Study, preload: float, band: tuple[float, float]) -> tuple[bd.Curve, dict[str, Any]]:
     begin = time.process_time()
-    curve = of.track(preload, BAND, options=bd.ContinuationOptions(budget=BUDGET))
-    return curve, time.process_time() - begin
+    curve = of.track(preload, band)
+    seconds = time.process_time() - begin
+    return curve, {"um": 1e6 * curve.peak.amplitude, "status": curve.status, "seconds": round(seconds, 3)}
 
 
-def least(friction: float, order: int) -> float:
-    """Preload (N) of the least peak with the default settings, among curves that span the band and peak within it.
-
-    Raises
-    ------
-    BdamperError
-        If there is no such curve.
-    """
-    of = study(friction, order)
-    curves = {float(p): tracked(of, p)[0] for p in PRELOADS}
-    peaks = {p: curve.peak.amplitude for p, curve in curves.items() if curve.complete and not curve.peak_at_end}
-    if not peaks:
-        raise BdamperError(f"friction {friction:g}, engine order {order}: no curve is complete and has a peak in {BAND} Hz")
-    return min(peaks, key=peaks.__getitem__)
-
-
-def judged(friction: float, order: int, preload: float, setting: str, value: Any) -> dict[str, Any]:
-    """What a blade keeps."""
-    of = study(friction, order, setting, value)
+def marched(of: bd.Study, preload: float, band: tuple[float, float]) -> dict[str, Any]:
+    """Amplitude in time of the highest blade, with all that it takes from the study on."""
+    begin = time.process_time()
     try:
-        found = of.march(tracked(of, preload)[0])
-    except BdamperError as error:  # as of a damper that rattles
-        return {"mean": np.nan, "frequency": np.nan, "status": f"not found: {error}"}
+        found = of.march(curve_of(of, preload, band)[0])
+    except BdamperError as error:
+        return {"um": np.nan, "status": f"not found: {error}", "seconds": round(time.process_time() - begin, 2)}
+    answers = {name: 1e6 * a for name, a in found.answers.items()}
     return {
-        "mean": 1e6 * found.mean, "lowest": 1e6 * found.lowest, "highest": 1e6 * found.highest,
-        "frequency": found.frequency, "status": found.status, "seconds": round(found.cost.processor, 2),
+        "um": 1e6 * found.mean, "hz": found.frequency, "lowest": 1e6 * found.lowest, "highest": 1e6 * found.highest,
+        "answers": answers, "parted": found.parted, "status": found.status,
+        "seconds": round(time.process_time() - begin, 2),
     }  # fmt: skip
 
 
-def balanced(friction: float, order: int, preload: float, setting: str, value: Any, at: float) -> dict[str, Any]:
-    """Top of the balance, its highest solution at a frequency (Hz), and the time of the curve."""
-    curve, seconds = tracked(study(friction, order, setting, value), preload)
-    there = Levels(curve).at(at) if len(curve) and np.isfinite(at) else []
-    return {
-        "top": 1e6 * float(max(curve.amplitude, default=np.nan)), "at": 1e6 * float(max(there, default=np.nan)),
-        "status": curve.status, "points": len(curve), "seconds": round(seconds, 3),
-    }  # fmt: skip
+def compute(number: int, known: Known) -> None:
+    """What is missing of a scene; after Ctrl-C the next run goes on."""
+    name, order, friction, factor = drawn(number)
+    base, band = study(name, order, friction), BANDS[name]
+
+    def ask(what: str, answer: Any) -> dict[str, Any]:
+        key = f"{number} {what}"
+        if key not in known:
+            known[key] = answer()
+            with RESULTS.open("a") as file:
+                file.write(json.dumps({key: known[key]}) + "\n")
+            print(key, known[key], flush=True)
+        return known[key]
+
+    optimum = ask("optimum", lambda: {"N": base.optimal_curve(frequency=band, check=False).optimum.preload})["N"]
+    preload = round(factor * optimum, 1)
+    for what, given in CURVES.items():
+        ask(what, lambda given=given: curve_of(base.with_(**given), preload, band)[1])
+    if f"{number} {HARMONICS[-1]} harmonics" not in known:
+        for what, row in more_harmonics(base, preload, band, known[f"{number} 3 harmonics"]["seconds"]).items():
+            ask(what, lambda row=row: row)
+    for what, given in STRUCTURES.items():
+        whole = {key: value for key, value in given.items() if key != "all"} | (MODES[name] if "all" in given else {})
+        ask(what, lambda whole=whole: marched(base.with_(**whole), preload, band))
+    if np.isfinite(at := known[f"{number} {LIKE_DEFAULT}"].get("hz", np.nan)):
+        curve = base.track(preload, band)
+        for steps in STEPS:
+            ask(f"{steps} steps", lambda steps=steps: settled(base, curve, at, steps))
 
 
-def jobs(scene: tuple[float, int, float], known: dict[str, Any], later: bool) -> Any:
-    """Name, function and arguments of each computation of a scene, those first on which others rest."""
-    friction, order, factor = scene
-    name = name_of(scene)
-    best = f"optimum of mu {friction}, engine order {order}"
-    yield best, least, (friction, order)
-    given = friction, order, factor * known[best]
-    yield f"{name}/kept", judged, (*given, "harmonics", 3)
-    for setting, values in ROWS.items():
-        for value in values:
-            yield f"{name}/{setting} {value}", balanced, (*given, setting, value, known[f"{name}/kept"]["frequency"])
-    for setting, value in JUDGES.items() if later else ():
-        yield f"{name}/kept, {setting} {value}", judged, (*given, setting, value)
+def more_harmonics(of: bd.Study, preload: float, band: tuple[float, float], seconds: float) -> Known:
+    """Peaks with more harmonics; each has the time of the default curve and of all numbers up to its own."""
+    try:
+        found = of.converge(of.peak(preload, band), harmonics=HARMONICS, tolerance=1e-9)
+        peaks, status = {p.harmonics: p for p in found.peaks[1:]}, found.status
+    except BdamperError as error:
+        peaks, status = {}, str(error)
+    rows: Known = {}
+    for h in HARMONICS:
+        rows[f"{h} harmonics"] = {"um": np.nan, "status": status, "seconds": np.nan}
+        if h in peaks:
+            seconds += peaks[h].seconds
+            rows[f"{h} harmonics"] = {"um": 1e6 * peaks[h].amplitude, "status": "complete", "seconds": round(seconds, 3)}
+    return rows
 
 
-def name_of(scene: tuple[float, int, float]) -> str:
-    """Of a scene in the results."""
-    return f"mu {scene[0]}, engine order {scene[1]}, {scene[2]} of the optimum"
+def settled(of: bd.Study, curve: bd.Curve, at: float, steps: int) -> dict[str, Any]:
+    try:
+        found = of.settle(curve, at, periods=120, steps_per_period=steps)
+    except BdamperError as error:
+        return {"um": np.nan, "status": f"not found: {error}", "seconds": np.nan}
+    return {"um": 1e6 * found.mean, "status": found.status, "seconds": round(found.cost.processor, 3)}
 
 
-def compute(scenes: int) -> None:
-    """What is missing of so many scenes, the longest marches last; after Ctrl-C the next run goes on."""
-    known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    warnings.simplefilter("ignore", BdamperWarning)
-    for later in (False, True):
-        for scene in SCENES[:scenes]:
-            for name, function, arguments in jobs(scene, known, later):
-                if name not in known:
-                    known[name] = function(*arguments)
-                    RESULTS.write_text(json.dumps(known, indent=1) + "\n")
-                    print(name, known[name], flush=True)
+def read() -> Known:
+    lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
+    return {key: value for line in lines for key, value in json.loads(line).items()}
 
 
-class Shown(NamedTuple):
-    """One value of a setting over all scenes where its judge is known: median and quartiles.
-
-    Parameters
-    ----------
-    value : int or str
-    time : float
-        Of a curve, over that with the default settings in the same scene.
-    top, at : (3,) float
-        Lower quartile, median and upper quartile of the error (%), of tops and at one frequency, there of the scenes whose
-        curve has it; NaN where not compared.
-    scenes : int
-    """
-
-    value: Any
-    time: float
-    top: NDArray
-    at: NDArray
-    scenes: int
+def references(known: Known) -> dict[int, float]:
+    """Amplitude of each scene whose reference is settled, µm."""
+    found = {n: known.get(f"{n} reference", {}) for n in range(SCENES)}
+    return {n: r["um"] for n, r in found.items() if r.get("status") == "complete"}
 
 
-def rows(known: dict[str, Any]) -> dict[str, list[Shown]]:
-    """What the benchmark found, by setting."""
-    names = [name for name in map(name_of, SCENES) if np.isfinite(known.get(f"{name}/kept", {}).get("mean", np.nan))]
-    out: dict[str, list[Shown]] = {}
-    for setting, values in ROWS.items():
-        judge = {"harmonics": "kept", "method": "kept, patterns 24"}.get(setting, f"kept, {setting} {JUDGES.get(setting)}")
-        there = [n for n in names if np.isfinite(known.get(f"{n}/{judge}", {}).get("mean", np.nan))]
-        there = [n for n in there if all(f"{n}/{setting} {value}" in known for value in values)]
-        out[setting] = []
-        for value in values if there else ():
-            found = [known[f"{n}/{setting} {value}"] for n in there]
-            plain = [known[f"{n}/{setting} {DEFAULT[setting]}"]["seconds"] for n in there]
-            kept = np.array([known[f"{n}/{judge}"]["mean"] for n in there])
-            errors = {name: 100.0 * np.abs(np.array([r[name] for r in found]) / kept - 1.0) for name in ("top", "at")}
-            quartiles = {name: np.nanquantile(e, (0.25, 0.5, 0.75)) for name, e in errors.items()}
-            at = quartiles["at"] if setting == "harmonics" else np.full(3, np.nan)
-            time_ = float(np.median([r["seconds"] / s for r, s in zip(found, plain)]))
-            out[setting].append(Shown(value, time_, quartiles["top"], at, len(there)))
-    return out
+def row(known: Known, what: str, judge: dict[int, float]) -> tuple[NDArray, NDArray]:
+    """Errors (%) of a way beside its judge and times over that of the default curve, in all scenes of the judge."""
+    found = [known[f"{n} {what}"] for n in judge]
+    errors = [100.0 * abs(f["um"] / reference - 1.0) for f, reference in zip(found, judge.values())]
+    times = [f["seconds"] / known[f"{n} 3 harmonics"]["seconds"] for f, n in zip(found, judge)]
+    return np.array(errors), np.array(times)
 
 
-def structures(known: dict[str, Any]) -> dict[str, NDArray]:
-    """Change (%) of what is kept from the default to the richest structure, in each scene where both are known."""
-    out = {}
-    for setting, value in JUDGES.items():
-        both = [(known.get(f"{n}/kept", {}), known.get(f"{n}/kept, {setting} {value}", {})) for n in map(name_of, SCENES)]
-        change = np.array([100.0 * (b.get("mean", np.nan) / a.get("mean", np.nan) - 1.0) for a, b in both])
-        out[setting] = change[np.isfinite(change)]
-    return out
+Panel = tuple[dict[str, str], dict[int, float]]
 
 
-def draw(known: dict[str, Any]) -> None:
-    """Error over time of a curve, one panel for each setting."""
-    found = {setting: values for setting, values in rows(known).items() if values and values[0].scenes > 1}
+def panels(known: Known, model: int) -> dict[str, Panel]:
+    """For each panel its ways with the words beside their marks, and the judge of each scene that has all of them."""
+    whole = {n: um for n, um in references(known).items() if n % 2 == model}
+    same = {n: known[f"{n} {LIKE_DEFAULT}"] for n in whole}
+    time_ = {n: found["um"] for n, found in same.items() if found["status"] == "complete" and not found["parted"]}
+    fine = {n: found["answers"].get("1024 steps", np.nan) for n, found in same.items() if "answers" in found}
+    wave = {"1 harmonic": "1"} | {f"{h} harmonics": str(h) for h in (3, *HARMONICS) if h <= SHOWN}
+    found = {
+        "Whole answers": ({w: WAYS[w] for w in WAYS}, whole),
+        "Harmonics alone": (wave, time_),
+        "Structure alone, in time": ({s: s.partition(", ")[2] for s in list(STRUCTURES)[:-1]}, whole),
+        "Steps of a period alone": ({f"{n} steps": str(n) for n in STEPS}, fine),
+    }
+    return {title: (ways, {n: um for n, um in judge.items() if _has(known, n, ways, um)})
+            for title, (ways, judge) in found.items()}  # fmt: skip
+
+
+def _has(known: Known, n: int, ways: dict[str, str], judge: float) -> bool:
+    return bool(np.isfinite([judge, *(known.get(f"{n} {what}", {}).get("um", np.nan) for what in ways)]).all())
+
+
+def draw(known: Known) -> None:
+    """Error over time, a panel for each kind of refinement."""
+    looks = (("o-", "k", "turbine blade"), ("s--", "0.45", "difficult disk"))
     with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(1, len(found), figsize=(3.0 * len(found), 3.6), sharex=True, sharey=True)
-        for ax, (setting, values) in zip(axes, found.items()):
-            looks = {"top": ("o-", "k", "highest peak"), "at": ("D-", "0.5", "at the frequency of that amplitude")}
-            for name, (marks, colour, label) in looks.items():
-                low, middle, high = np.array([getattr(v, name) for v in values]).T
-                if not np.isfinite(middle).any():
+        figure, axes = plt.subplots(2, 2, figsize=(7.2, 6.4), sharey=True)
+        for model, (marks, colour, label) in enumerate(looks):
+            for ax, (title, (ways, judge)) in zip(axes.flat, panels(known, model).items()):
+                ax.set(xscale="log", yscale="log", title=title)
+                if not judge:
                     continue
-                x = np.array([v.time for v in values]) * (1.0 if name == "top" else 1.12)
-                ax.errorbar(x, middle, [middle - low, high - middle], fmt=marks, color=colour, markersize=4.0, capsize=2.0,
-                            linewidth=1.0, markerfacecolor="k" if name == "top" else "w", label=label)  # fmt: skip
-            for k, v in enumerate(values):
-                text = str(v.value).replace("unit_traction", "unit tractions").replace("residual_modes", "residual modes")
-                usual = v.value == DEFAULT[setting]
-                crowded = usual or 1.5 * values[k - 1].time > v.time > values[0].time
-                above = np.nanmax([v.top[2], v.at[2]])
-                ax.annotate(f"{text}, default" if usual else text, (v.time, above), xytext=(0, 4),
-                            ha="left" if crowded else "center",
-                            textcoords="offset points", fontsize=7.5)  # fmt: skip
-            ax.set(xscale="log", xlim=(0.15, 80.0))
-            ax.set_xticks([0.3, 1.0, 3.0, 10.0, 30.0], minor=False)
-            ax.set_xticks([], minor=True)
+                found = [row(known, what, judge) for what in ways]
+                x = np.array([np.median(times) for _, times in found])
+                low, y, high = np.array([np.quantile(errors, (0.25, 0.5, 0.75)) for errors, _ in found]).T
+                ax.errorbar(x, y, [y - low, high - y], fmt=marks, color=colour, markersize=4.0, capsize=2.0, linewidth=1.0,
+                            markerfacecolor="w" if model else "k", label=f"{label}, {len(judge)} scenes")  # fmt: skip
+                for k, text in enumerate(ways.values()):
+                    beside = str(k + 1) if ways.keys() == WAYS.keys() else text
+                    ax.annotate(beside, (x[k], y[k]), xytext=(4, -9 if model else 4), textcoords="offset points",
+                                fontsize=7.0, color=colour)  # fmt: skip
+        for ax in axes.flat:
             ax.xaxis.set_major_formatter("{x:g}")
-            ax.set_title(f"{NAMES[setting].capitalize()} ({values[0].scenes} scenes)", fontsize=9.0)
-        axes[0].set(yscale="log", ylim=(1.0, 130.0))
-        axes[0].set_yticks([1, 2, 5, 10, 20, 50, 100], minor=False)
-        axes[0].set_yticks([], minor=True)
-        axes[0].yaxis.set_major_formatter("{x:g}")
-        figure.suptitle("Error and time of settings, changed one at a time", fontsize=9.0)
-        figure.supylabel("Difference from the highest amplitude\nthat stays in a march in time (%)", fontsize=9.0)
-        figure.supxlabel("Time of a tracking curve over that with the default settings", fontsize=9.0)
-        axes[0].legend(loc="lower right", title="median, quartiles of scenes", title_fontsize=7.5, fontsize=7.5)
+            ax.yaxis.set_major_formatter("{x:g}")
+            ax.legend(fontsize=7.0)
+        words = [f"{k + 1} {text}" for k, text in enumerate(WAYS.values())]
+        axes[0, 0].text(0.03, 0.03, "\n".join(words), transform=axes[0, 0].transAxes, fontsize=6.5, va="bottom")
+        figure.supylabel("Difference of the amplitude (%)", fontsize=9.0)
+        figure.supxlabel("Processor time over that of the default curve", fontsize=9.0)
         save_figure(figure, IMAGE)
 
 
-def show(known: dict[str, Any]) -> None:
-    """The table of docs/accuracy.md."""
-    print("| setting | value | time of a curve | error of the top (%) | at the frequency of what is kept (%) | scenes |")
-    print("|---|---|---|---|---|---|")
-    for setting, values in rows(known).items():
-        for v in values:
-            cells = [f"{e[1]:.2g} ({e[0]:.2g} to {e[2]:.2g})" if np.isfinite(e[1]) else "" for e in (v.top, v.at)]
-            value = str(v.value).replace("_", " ") + (", default" if v.value == DEFAULT[setting] else "")
-            print(f"| {NAMES[setting]} | {value} | {v.time:.2g} | {' | '.join(cells)} | {v.scenes} |")
-    for setting, change in structures(known).items():
-        if len(change):
-            spread = f"{np.median(change):+.2g} % ({change.min():+.2g} to {change.max():+.2g})"
-            print(f"\nWhat is kept with {JUDGES[setting]} {NAMES[setting]}: {spread}, {len(change)} scenes.")
-    print("\n| scene | kept | harmonics 1 | 3 | 5 | 9 | kept with 24 patterns | 40 modes | 24 points |")
-    print("|---" * 9 + "|")
-    for name in map(name_of, SCENES):
-        if f"{name}/kept" in known:
-            get = lambda key: known.get(f"{name}/{key}", {}).get("mean", np.nan)  # noqa: B023, E731
-            tops = [known.get(f"{name}/harmonics {h}", {}).get("top", np.nan) for h in ROWS["harmonics"]]
-            judges = [get(f"kept, {setting} {value}") for setting, value in JUDGES.items()]
-            print(f"| {name} | " + " | ".join(f"{x:.1f}" for x in (get("kept"), *tops, *judges)) + " |")
+def show(known: Known) -> None:
+    """The tables of docs/accuracy.md and docs/measured.md."""
+    for title in panels(known, 0):
+        both = [panels(known, model)[title] for model in (0, 1)]
+        scenes = [f"{len(judge)} scenes" for _, judge in both]
+        print(f"\n| {title.lower()} | time, blade | error (%), {scenes[0]} | time, disk | error (%), {scenes[1]} |")
+        print("|---|---|---|---|---|")
+        for what, text in both[0][0].items():
+            cells = [text]
+            for _, judge in both:
+                errors, times = row(known, what, judge)
+                if len(errors):
+                    low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75))
+                    cells += [f"{np.median(times):.2g}", f"{middle:.2g} ({low:.2g} to {high:.2g})"]
+            print(f"| {' | '.join(cells)} |")
+    ways = ["1 harmonic, unit tractions", "1 harmonic", "3 harmonics", f"{SHOWN} harmonics", *STRUCTURES]
+    print("\n| scene | " + " | ".join(w.removeprefix("marched, ") for w in ways) + " | |")
+    print("|---" * (len(ways) + 2) + "|")
+    for n in range(SCENES):
+        if f"{n} reference" in known:
+            name, order, friction, factor = drawn(n)
+            load = round(factor * known[f"{n} optimum"]["N"], 1)
+            cells = [f"{known[f'{n} {w}']['um']:.1f}".replace("nan", "-") for w in ways]
+            status = known[f"{n} reference"]["status"]
+            parted = "blades do not vibrate alike" if known[f"{n} reference"].get("parted") else ""
+            scene = f"{name.replace('_', ' ')}, engine order {order}, mu {friction}, {load} N ({factor:.2g} of the optimum)"
+            print(f"| {scene} | {' | '.join(cells)} | {parted if status == 'complete' else status} |")
+
+
+def hard() -> None:
+    """March cells of the difficult disk that are hard: low preloads, many contact points."""
+    print("| preload (N) | points a face | peak of the balance | in time | s |\n|---|---|---|---|---|")
+    for points in (24, 48):
+        of = study("bladed_disk", 5, 0.4, points)
+        for preload in (20.0, 50.0):
+            found = curve_of(of, preload, BANDS["bladed_disk"])[1]
+            there = marched(of, preload, BANDS["bladed_disk"])
+            balance, in_time = (f"{one['um']:.1f} ({one['status']})" for one in (found, there))
+            cells = (f"{preload:g}", points, balance, in_time)
+            print(f"| {' | '.join(map(str, cells))} | {there['seconds']:.0f} |", flush=True)
 
 
 def main() -> None:
-    """Compute what is missing of six scenes, or of as many as are asked for, and show it."""
     asked = sys.argv[1:]
-    if not asked or asked[0].isdigit():
-        compute(int(asked[0]) if asked else 6)
-    known = json.loads(RESULTS.read_text())
-    show(known)
-    draw(known)
+    warnings.simplefilter("ignore", BdamperWarning)
+    if "hard" in asked:
+        hard()
+        return
+    known = read()
+    for number in [] if "show" in asked else map(int, asked or range(SCENES)):
+        compute(number, known)
+    show(read())
+    draw(read())
 
 
 if __name__ == "__main__":

@@ -144,6 +144,21 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     assert found.ending == ("complete" if least == "coarse" else told)
 
 
+def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch):
+    """Nor is a preload above it recommended that has no value; a status is said once."""
+    preloads = [30.0, 100.0, 300.0, 1000.0]
+    whole = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
+    assert whole.optimum.verified and "Recommended" in whole.bottom_line()
+    amplitude = np.where(whole.preload > whole.optimum.preload, np.nan, whole.amplitude)
+    assert "Recommended" not in replace(whole, amplitude=amplitude).bottom_line()
+    monkeypatch.setattr(sys.modules["bdamper.peaks.optimal"], "given_up", lambda curve: "a branch was given up")
+    again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
+    assert not again.optimum.verified and "a branch was given up, where its peak could be higher" in again.optimum.status
+    lost = replace(whole.curves[0], status="incomplete", reason="no solution")
+    at = sys.modules["bdamper.peaks.at_preload"].AtPreload(300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost)
+    assert at.status == "incomplete: no solution"
+
+
 def highest(curve):
     peak = SimpleNamespace(amplitude=curve.amplitude.max(), iterations=0)
     return SimpleNamespace(peak=peak, exact=True, kind="peak", note="")
