@@ -154,6 +154,9 @@ class Study(Comparable):
         sectors = f"{s.model.n_blades} sectors, " if s.model.n_blades > 1 else ""
         friction = s.friction_values()
 
+        bases = {name: next(iter(s.model.bodies[name].bases.values())) for name in coupling.modes}
+        stored = [f"{name} {len(modes)} of {bases[name].n_modes}" for name, modes in coupling.modes.items()]
+
         def force(e: Excitation) -> str:
             return f"{e.amplitude:g} N at {e.location} {plain(e.direction)}, order {e.engine_order or s.engine_order}"
 
@@ -167,7 +170,7 @@ class Study(Comparable):
             Fact("friction coefficient", ", ".join(f"{mu:g}" for mu in friction) or "none"),
             Fact("contact stiffness", plain(self.problem.stiffness_method)),
             Fact("contact points", coupling.n_points),
-            Fact("modes", sum(len(modes) for modes in coupling.modes.values())),
+            Fact("modes", sum(map(len, coupling.modes.values())), f"({', '.join(stored)})"),
             Fact("unknowns", self.problem.n_unknowns),
             *(Fact(spaced(name), f"{plain(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
             Fact("neglected", "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else ""),

@@ -44,6 +44,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
 from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.text import height
 
 NEAR = 3e-3
 """Relative, by which a point may lie below the highest and its maximum above: a curve followed coarsely is off by less."""
@@ -113,7 +114,7 @@ def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | 
     assert best is not None
     note, top = "", counted[0]
     if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
-        note = f"higher at an end of the interval: {amplitude[top]:.4g} m at {curve.frequency[top]:.6g} Hz"
+        note = f"higher at an end of the interval: {height(amplitude[top], curve.frequency[top], 4)}"
     return replace(best, note=note)
 
 

@@ -270,6 +270,8 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         status = because(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
     elif why := given_up(at.curve):
         status = because(INCOMPLETE, f"{why}, where its peak could be higher")
+    elif at.top.note:
+        status = because(INCOMPLETE, f"the response is {at.top.note}; another resonance may be highest, widen frequency")
     return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
 
 

@@ -13,7 +13,7 @@ from bdamper.peaks.highest import AT_END, _tops, highest_of_curve, maxima
 from bdamper.peaks.interval import resonance_interval
 from bdamper.peaks.newton import coarse_options
 from bdamper.plot import plot_response_map
-from bdamper.util.text import amount
+from bdamper.util.text import amount, height
 from tests.models import wedge_model
 from tests.plain import plain_study
 
@@ -95,7 +95,7 @@ def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
     assert not peak.corner and low < peak.frequency < 0.9 * high
     inner = study.track(3000.0, (low, peak.frequency * 1.02)).peak
     assert peak.amplitude == pytest.approx(inner.amplitude, rel=1e-8)
-    told = f"higher at an end of the interval: {curve.peak.amplitude:.4g} m at {high:.6g} Hz"
+    told = f"higher at an end of the interval: {height(curve.peak.amplitude, high, 4)}"
     assert peak.scan == f"complete: {told}" and told in peak.details()
     result = study.optimal_curve((10.0, 3000.0), 3, check=False)
     assert result.amplitude[-1] == pytest.approx(peak.amplitude, rel=1e-9) and result.complete
@@ -151,7 +151,15 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     assert whole.optimum.verified and "Recommended" in whole.bottom_line()
     amplitude = np.where(whole.preload > whole.optimum.preload, np.nan, whole.amplitude)
     assert "Recommended" not in replace(whole, amplitude=amplitude).bottom_line()
-    monkeypatch.setattr(sys.modules["bdamper.peaks.optimal"], "given_up", lambda curve: "a branch was given up")
+    optimal = sys.modules["bdamper.peaks.optimal"]
+    with monkeypatch.context() as context:
+        plain = optimal.at_preload
+        ended = lambda *asked: (lambda at: replace(at, top=replace(at.top, note="higher at an end")))(plain(*asked))  # noqa: E731
+        context.setattr(optimal, "at_preload", ended)
+        beyond = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
+    assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.status
+    assert "Recommended" not in beyond.bottom_line()
+    monkeypatch.setattr(optimal, "given_up", lambda curve: "a branch was given up")
     again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     assert not again.optimum.verified and "a branch was given up, where its peak could be higher" in again.optimum.status
     lost = replace(whole.curves[0], status="incomplete", reason="no solution")
