@@ -268,11 +268,12 @@ def show(known: Known) -> None:
 def hard() -> None:
     """March cells of the difficult disk that are hard: low preloads, many contact points."""
     print("| preload (N) | points a face | peak of the balance | in time | s |\n|---|---|---|---|---|")
+    band = (220.0, 380.0)  # the free blade resonates at 283 Hz
     for points in (24, 48):
         of = study("bladed_disk", 5, 0.4, points)
         for preload in (20.0, 50.0):
-            found = curve_of(of, preload, BANDS["bladed_disk"])[1]
-            there = marched(of, preload, BANDS["bladed_disk"])
+            found = curve_of(of, preload, band)[1]
+            there = marched(of, preload, band)
             balance, in_time = (f"{one['um']:.1f} ({one['status']})" for one in (found, there))
             cells = (f"{preload:g}", points, balance, in_time)
             print(f"| {' | '.join(map(str, cells))} | {there['seconds']:.0f} |", flush=True)
