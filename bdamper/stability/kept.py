@@ -453,7 +453,7 @@ def kept(
     validate.instance("curve", curve, Curve, "a tracking curve")
     check_curve(problem, curve)
     if curve.peak_at_end:
-        raise SettingError(f"kept: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
+        raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
     watch, levels, top = Stopwatch(), Levels(curve), curve.peak
     sides = [levels.side(sign) for sign in (1.0, -1.0)]
     width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)

@@ -231,7 +231,7 @@ def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent):
     study, _ = bent
     curve = study.with_(harmonics=5).track(0.0, (9.0, 10.6))
     if curve.peak_at_end:
-        with pytest.raises(bd.SettingError, match=r"^kept: expected a curve with a peak"):
+        with pytest.raises(bd.SettingError, match=r"^march: expected a curve with a peak"):
             study.with_(harmonics=5).march(curve)
     else:
         assert study.with_(harmonics=5).march(curve).status.startswith("not found: the branch is alone nowhere")
