@@ -30,7 +30,7 @@ followed, is not estimated, and says why.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
@@ -245,14 +245,17 @@ def _more_points(problem: Problem) -> Richer | str:
 
 def _more_modes(problem: Problem) -> Richer | str:
     s = problem.settings
-    blade, damper = s.most_modes("constrained"), max(s.most_modes("free"), s.damper_modes)
+    own = s.by_body("damper_modes")
+    most, blade = max(own.values(), default=0), s.most_modes("constrained")
+    damper = s.most_modes("free") if own else 0
     if isinstance(s.contact_stiffness, ResidualModes) or s.contact_stiffness == "residual_modes":
         blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
-        damper = min(damper, max(BLADE_MODES, 2 * s.damper_modes))
-    if blade <= s.blade_modes and damper <= s.damper_modes:
+        damper = min(damper, max(BLADE_MODES, 2 * most))
+    if blade <= s.blade_modes and damper <= min(own.values(), default=0):
         return "the model has no more modes"
     text = f"{blade} modes" + (f", {damper} elastic modes of the damper" if damper else "")
-    return Richer(problem.anew(blade_modes=max(blade, s.blade_modes), damper_modes=damper), text)
+    modes = {name: max(damper, n) for name, n in own.items()} if isinstance(s.damper_modes, Mapping) else damper
+    return Richer(problem.anew(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
 
 
 def _residual_modes(problem: Problem) -> Richer | None:

@@ -44,7 +44,7 @@ def peak_sensitivities(
     parameters : sequence of str
         "preload" or any setting with a number (see :mod:`bdamper.problem.variation`); factors are taken at 1.
         "damper_mass" is the mass of the free bodies with the preload that goes with it at a fixed rotor speed, as a factor;
-        "damper_mass_factor" is their inertia alone.
+        "damper_mass_factor" is their inertia alone.  "damper_mass.rear" and "damper_mass_factor.rear" are those of one body.
     options : PeakOptions
 
     Returns
@@ -176,8 +176,12 @@ def setting_value(problem: Problem, name: str) -> float:
 def setting_family(problem: Problem, name: str, preload: float) -> Family:
     """The equations at one preload as a function of one numeric setting."""
 
+    # at a rotor speed the preload is the load of the first body
+    turning = problem.settings.speed is not None
+    on_first = ("damper_mass", *(f"damper_mass.{body}" for body in list(problem.body_loads or ())[:1] if turning))
+
     def family(value: float) -> Equations:
         varied = like(vary(problem, {name: value}), problem)
-        return varied.system(value * preload if name == "damper_mass" else preload)
+        return varied.system(value * preload if name in on_first else preload)
 
     return family

@@ -14,6 +14,7 @@ the advice says what the highest peak of the reference would change if this effe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -334,7 +335,9 @@ def fullest(problem: Problem) -> Effects:
     switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
     on: dict[str, Any] = dict.fromkeys(switches, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
-    damper_modes = max(own.damper_modes, min(2, problem.settings.most_modes("free")))
+    least = min(2, problem.settings.most_modes("free"))
+    modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
+    damper_modes: Any = modes if isinstance(own.damper_modes, Mapping) else max(own.damper_modes, least)
     return replace(own, harmonics=harmonics, damper_modes=damper_modes, **on)
 
 

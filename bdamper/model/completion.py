@@ -15,7 +15,7 @@ left-out modes and stress keep their formulas.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +33,7 @@ Place = tuple[str, NDArray]
 
 
 def completed(
-    model: Model, places: Sequence[Place], blade_modes: int, damper_modes: int, rigid: Sequence[str]
+    model: Model, places: Sequence[Place], blade_modes: int, damper_modes: Mapping[str, int], rigid: Sequence[str]
 ) -> tuple[Model, dict[str, NDArray]]:
     """The model and the retained modes of its bodies with the residual vectors of places, where it stores static shapes.
 
@@ -41,7 +41,7 @@ def completed(
     ----------
     model : Model
     places : sequence of (location, direction (3,))
-    blade_modes, damper_modes, rigid : int, int, sequence of str
+    blade_modes, damper_modes, rigid : int, mapping of body name to int, sequence of str
         As in :func:`bdamper.model.coupling.retained_modes`.
 
     Returns

@@ -437,7 +437,7 @@ def _mode_name(body: Body, index: int) -> str:
 
 
 def retained_modes(
-    model: Model, blade_modes: int, damper_modes: int, rigid: Sequence[str] = RIGID_NAMES
+    model: Model, blade_modes: int, damper_modes: Mapping[str, int], rigid: Sequence[str] = RIGID_NAMES
 ) -> dict[str, NDArray]:
     """Indices of the retained modes of each body.
 
@@ -445,7 +445,7 @@ def retained_modes(
     ----------
     blade_modes : int
         Modes of each constrained body.
-    damper_modes : int
+    damper_modes : mapping of body name to int
         Elastic modes of each free body, besides its rigid-body modes.
     rigid : sequence of str
         Rigid-body modes of free bodies that take part, from :data:`RIGID_NAMES`.
@@ -459,16 +459,18 @@ def retained_modes(
             validate.require(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
             out[body.name] = np.arange(blade_modes)
         elif body.kind == "free":
-            have = body.bases[0].n_modes - 6
-            validate.require(0 <= damper_modes <= have, "damper_modes", f"0 to {have} (body '{body.name}')", damper_modes)
+            have, own = body.bases[0].n_modes - 6, damper_modes[body.name]
+            validate.require(0 <= own <= have, "damper_modes", f"0 to {have} (body '{body.name}')", own)
             keep = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
-            out[body.name] = np.array(keep + list(range(6, 6 + damper_modes)), int)
+            out[body.name] = np.array(keep + list(range(6, 6 + own)), int)
         elif body.kind == "lumped":
             out[body.name] = np.arange(body.bases[0].n_modes)
     return out
 
 
-def damper_drag(model: Model, basis: HarmonicBasis, springs: NDArray, ratio: float, drag: float) -> dict[Coordinate, float]:
+def damper_drag(
+    model: Model, basis: HarmonicBasis, springs: NDArray, ratio: Mapping[str, float], drag: Mapping[str, float]
+) -> dict[Coordinate, float]:
     """Viscous modal damping of the coordinates of free bodies, rad/s.
 
     Parameters
@@ -478,9 +480,9 @@ def damper_drag(model: Model, basis: HarmonicBasis, springs: NDArray, ratio: flo
         Of the mean; coordinates without inertia give way to the springs.
     springs : (n_points, 3) float, N/m
         Stuck contacts against which the bodies move, none where 0.
-    ratio : float
+    ratio : mapping of body name to float
         Damping ratio of each motion by itself.
-    drag : float, N s/m
+    drag : mapping of body name to float, N s/m
         On the translation of a body, in proportion to mass on its other motions.
     """
     held = springs.ravel() > 0.0
@@ -490,8 +492,8 @@ def damper_drag(model: Model, basis: HarmonicBasis, springs: NDArray, ratio: flo
     flexibility = np.diag(1.0 / springs.ravel()[held]) + G[:, yielding] / basis.omega2[yielding] @ G[:, yielding].T
     own = G[:, list(free)]
     frequency = np.sqrt((own * np.linalg.solve(flexibility, own)).sum(axis=0) + basis.omega2[list(free)])
-    masses = [model.bodies[c.body].mass for c in free.values()]
-    rates = {c: float(2.0 * ratio * w + drag / m) for c, w, m in zip(free.values(), frequency, masses) if m is not None}
+    masses = {c: (w, model.bodies[c.body].mass) for c, w in zip(free.values(), frequency)}
+    rates = {c: float(2.0 * ratio[c.body] * w + drag[c.body] / m) for c, (w, m) in masses.items() if m is not None}
     omega, rate = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))), max(rates.values(), default=0.0)
     if rate > omega:
         say(

@@ -58,8 +58,8 @@ class Effects:
         "separable": each tangential direction slips for itself.  "coupled": the friction force lies in a disk, sampled.
     rotation, translation : sequence of "X", "Y", "Z"
         Rigid-body motions of free bodies about and along their own axes: Y along the load, Z along that of rotation.
-    damper_modes : int
-        Elastic modes of each free body.
+    damper_modes : int or mapping of body name to int
+        Elastic modes of free bodies; none of those that a mapping does not name.
     harmonic_nodal_diameters : bool
         Each harmonic has the modes of the nodal diameter that it excites.  Off: all have those of the first.
     constraints : bool
@@ -87,7 +87,7 @@ class Effects:
     )
     rotation: Axes = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
     translation: Axes = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
-    damper_modes: validate.Natural = _effect(0, "elastic damper modes", "the damper is rigid apart from contact stiffness")
+    damper_modes: ByBody = _effect(0, "elastic damper modes", "the damper is rigid apart from contact stiffness")
     harmonic_nodal_diameters: bool = _effect(
         True, "each harmonic vibrates in its own nodal diameter", "every harmonic has the modes of the first"
     )
@@ -165,6 +165,8 @@ class Effects:
         if beyond and most.isdigit() and field_name == "harmonics":
             left = tuple(l for l in self.harmonic_numbers if l <= int(most))
             return self if left == self.harmonic_numbers else self._with("harmonics", _as_count(left))
+        if beyond and most.isdigit() and field_name == "damper_modes" and isinstance(self.damper_modes, Mapping):
+            return self._with(field_name, {body: min(count, int(most)) for body, count in self.damper_modes.items()})
         if beyond and most.isdigit() and field_name in ("damper_modes", "blade_modes", "contact_points"):
             present = getattr(self, field_name)
             return self if present is not None and present <= int(most) else self._with(field_name, int(most))
@@ -225,11 +227,14 @@ def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
 
 
 Axes = Annotated[tuple[str, ...], _axes]
+ByBody = Annotated[int | Mapping[str, int], validate.each(validate.whole)]
 
 
 def _text(value: object) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {own}" for name, own in value.items())
     if isinstance(value, tuple):
         return " ".join(str(v) for v in value) or "off"
     return "all" if value is None else str(value)

@@ -177,7 +177,7 @@ class Problem:
         if self.settings.contact_points is not None:
             model = unite_contact_points(model, self.settings.contact_points)
         blade_modes = min(self.settings.blade_modes, self.settings.most_modes("constrained"))
-        modes = blade_modes, self.settings.damper_modes, self.settings.rigid_modes
+        modes = blade_modes, self.settings.by_body("damper_modes"), self.settings.rigid_modes
         model, kept = completed(model, self.settings.places, *modes)
         return Coupling(model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.single_basis)
 
@@ -227,13 +227,12 @@ class Problem:
 
     @part
     def _damper_drag(self) -> dict[Coordinate, float]:
-        if not (self.settings.damper_damping_ratio or self.settings.damper_drag):
+        ratio, drag = (self.settings.by_body(name) for name in ("damper_damping_ratio", "damper_drag"))
+        if not (any(ratio.values()) or any(drag.values())):
             return {}
         held = (self.friction_points | self.coupling.spring_points)[:, None]
         springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
-        return damper_drag(
-            self.model, self.static_basis, springs, self.settings.damper_damping_ratio, self.settings.damper_drag
-        )
+        return damper_drag(self.model, self.static_basis, springs, ratio, drag)
 
     @part
     def friction(self) -> NDArray:

@@ -26,6 +26,7 @@ from bdamper.problem.effects import (
     BLADE_MODES,
     HARMONICS,
     LAW_NAMES,
+    ByBody,
     Effects,
     check_harmonics,
     check_law,
@@ -71,8 +72,8 @@ class Settings:
         divided by it.
     blade_modes : int
         Modes of each constrained body, no more than the model has; the default stands for all of a model that has fewer.
-    damper_modes : int
-        Elastic modes of each free body.
+    damper_modes : int or mapping of body name to int
+        Elastic modes of each free body; of those that a mapping does not name, none.
     rigid_modes : sequence of str
         Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ" (rotation), along and about
         the damper's own axes.
@@ -82,7 +83,7 @@ class Settings:
         Describe every harmonic by the modes of the fundamental's nodal diameter, as the paper does.
     damping_ratio : float, optional
         For all elastic modes, instead of the model's.
-    damper_damping_ratio : float
+    damper_damping_ratio : float or mapping of body name to float
         Of every motion of free bodies, rigid and elastic, by itself on the springs of its friction faces while these are
         closed and stuck and the blades at rest, on top of the model's own; a motion against which nothing acts has none.
         Modes of the stuck damper, which combine these motions, have 0.7 to 1.7 times that on the shipped models.
@@ -92,7 +93,7 @@ class Settings:
         :meth:`bdamper.Study.flutter`.  At the nodal diameter of the engine order, or at those given: waves ``d`` and
         ``n_blades - d`` (or ``-d``) run in opposite senses.  None at others and on the mean.
         :func:`bdamper.influence_coefficients` gives them from a few blades.
-    damper_drag : float, N s/m
+    damper_drag : float or mapping of body name to float, N s/m
         Viscous force on the translation of free bodies over its velocity, in proportion to mass on all their motions.
     evaluation : {"exact"} or Sampled
         How contact forces are found over a cycle.
@@ -153,13 +154,13 @@ class Settings:
     harmonics: Annotated[int | tuple[int, ...], check_harmonics] = HARMONICS
     contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] | None = None
     blade_modes: int = BLADE_MODES
-    damper_modes: validate.Natural = 0
+    damper_modes: ByBody = 0
     rigid_modes: Annotated[tuple[str, ...], partial(validate.names, choices=RIGID_NAMES)] = RIGID_NAMES
     constraints: bool = True
     single_basis: bool = False
     damping_ratio: validate.Share | None = None
-    damper_damping_ratio: validate.Share = 0.0
-    damper_drag: Annotated[float, validate.Limits(least=0.0, unit="N s/m")] = 0.0
+    damper_damping_ratio: Annotated[float | Mapping[str, float], validate.each(validate.Limits(least=0.0, below=1.0))] = 0.0
+    damper_drag: Annotated[float | Mapping[str, float], validate.each(validate.Limits(least=0.0, unit="N s/m"))] = 0.0
     evaluation: str | Sampled = "exact"
     friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = "separable"
     friction_axes: Annotated[str, partial(validate.choice, choices=("contact", "major"))] = "contact"
@@ -198,9 +199,12 @@ class Settings:
         self._check_contact_points()
         check_evaluation(self.evaluation, self.harmonic_numbers[-1])
         validate.require(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
-        for name in ("damper_damping_ratio", "damper_drag"):
-            if getattr(self, name) and not any(body.kind == "free" for body in self.model.bodies.values()):
-                raise SettingError(f"{name}: expected 0, since the model has no free body, found {getattr(self, name):g}")
+        for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
+            given = getattr(self, name)
+            if isinstance(given, Mapping):
+                validate.mapping(name, given, self.free_bodies, "free bodies")
+            elif name != "damper_modes":
+                validate.that(self.free_bodies or not given, name, "0, since the model has no free body", given)
         if self.speed is not None:
             own = self.model.provenance.get("rotor speed", "none")
             expected = f"a model at {self.speed:.9g} rad/s, as study.at_speed makes it"
@@ -272,9 +276,19 @@ class Settings:
         return (*forces, (response.location, direction_vector(response.direction, "response direction")))
 
     @property
+    def free_bodies(self) -> tuple[str, ...]:
+        """Names of the free bodies."""
+        return tuple(body.name for body in self.model.bodies.values() if body.kind == "free")
+
+    def by_body(self, name: str) -> dict[str, Any]:
+        """A setting of free bodies ("damper_modes", "damper_damping_ratio", "damper_drag") for each of them."""
+        given = getattr(self, name)
+        return {body: given.get(body, 0) if isinstance(given, Mapping) else given for body in self.free_bodies}
+
+    @property
     def constrained_faces(self) -> tuple[str, ...]:
         """Friction interfaces that no free body takes part in: shrouds, roots, a platform pressed on the ground."""
-        free = [body.name for body in self.model.bodies.values() if body.kind == "free"]
+        free = self.free_bodies
         faces = [face for face in self.model.interfaces.values() if face.kind == "friction"]
         return tuple(face.name for face in faces if face.body_a not in free and face.body_b not in free)
 

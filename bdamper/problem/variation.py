@@ -6,8 +6,9 @@ number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping 
 ``"damper_mass_factor"`` (the density of free bodies, at the same shape and stiffness and the same static load) and
 ``"damper_mass"`` (the same at a rotor speed, where the faces stay displaced as this speed displaces them under any load of
 the damper: the load belongs to the mass), ``"frequency_factor"`` (all natural frequencies, by the density of all bodies)
-and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`` and ``"gap_factor.left"``, or one
-direction of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``.
+and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`` and ``"gap_factor.left"``, one direction
+of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``, or one free
+body, ``"damper_mass_factor.rear"`` and ``"damper_mass.rear"``; the latter has its share of the preload in proportion.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from bdamper.util import validate
 FACTORS = (
     "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor", "frequency_factor", "gap_factor"
 )  # fmt: skip
+OF_MASS = ("damper_mass_factor", "damper_mass")
 SIDES = ("tangential", "normal")
 
 
@@ -66,6 +68,7 @@ def setting_names(problem: Problem) -> list[str]:
     names += [f"response.{f.name}" for f in fields(problem.excitation) if f.name in ("location", "direction")]
     faces = [name for name, face in problem.model.interfaces.items() if face.kind == "friction"]
     names += [f"{setting}.{face}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
+    names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
     return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
 
 
@@ -104,14 +107,14 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
 
 def _with_kept_parts(old: Problem, new: Problem, names: list[str]) -> Problem:
     """Hands the parts on that need not be made again."""
-    of_face = "friction_coefficient.", "gap_factor."
-    names = [name.partition(".")[0] if name.startswith(of_face) else name for name in names]
+    of_part = "friction_coefficient", "gap_factor", *OF_MASS
+    names = [head if (head := name.partition(".")[0]) in of_part else name for name in names]
     if new is old or not all(name in _KEPT for name in names):
         return new
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
     method = old.stiffness_method
     residual = isinstance(method, ResidualModes) or (isinstance(method, str) and method == "residual_modes")
-    if residual and not {"damper_mass_factor", "damper_mass"}.isdisjoint(names):
+    if residual and not set(OF_MASS).isdisjoint(names):
         kept -= set(_CONTACT)  # the patterns are those of stuck modes
     if "friction_coefficient" in names and not residual and not (isinstance(method, str) and method == "eq4"):
         others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
@@ -151,6 +154,8 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
         faces, gap = problem.coupling.interfaces, problem.point_gaps
         changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
         return problem.anew(gap=changed)
+    if name in OF_MASS:
+        return _of_mass(problem, name, (part,) if part else problem.settings.free_bodies, factor)
     if part:
         expected = "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
         validate.require(problem.contact.residual is None, f"{name}.{part}", expected, "residual modes")
@@ -165,14 +170,26 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
             return problem.anew(damping_ratio=factor * problem.settings.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
         return problem.anew(model=as_checked(replace(problem.model, bodies=bodies)))
-    if name == "frequency_factor":
-        whole = denser(problem.model, factor**-2, tuple(problem.model.bodies))
-        return problem.anew(model=as_checked(whole))
-    model = denser(problem.model, factor)
-    if name == "damper_mass_factor":  # the displacement by rotation stays what it is at this load
+    whole = denser(problem.model, factor**-2, tuple(problem.model.bodies), whole=True)  # frequency_factor
+    return problem.anew(model=as_checked(whole))
+
+
+def _of_mass(problem: Problem, name: str, names: Sequence[str], factor: float) -> Problem:
+    """The mass of free bodies multiplied: all of them, or one, which "damper_mass" then gives its load in proportion."""
+    validate.require(names, "mass of the damper", "a model with a free body", "none")
+    settings, old = problem.settings, problem.model
+    model, one = denser(old, factor, names), len(names) < len(settings.free_bodies)
+    if name == "damper_mass_factor":
+        expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{names[0]}"
+        validate.require(settings.speed is None or not one, f"{name}.{names[0]}", expected, f"{settings.speed} rad/s")
+        # the displacement by rotation stays what it is at this load
         spun = [(key, body, body.spin) for key, body in model.bodies.items()]
         moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
-        model = replace(model, bodies=moved)
+        model = replace(model, bodies=moved if not one else model.bodies)
+    elif one and settings.speed is None:
+        loads = settings.loads or {key: 1.0 for key, body in old.bodies.items() if body.load is not None}
+        scaled = {key: factor * share if key in names else share for key, share in loads.items()}
+        return problem.anew(model=as_checked(model), loads=scaled)
     return problem.anew(model=as_checked(model))
 
 
@@ -188,11 +205,9 @@ def _damped(body: Body, factor: float) -> Body:
     return replace(body, bases=bases)
 
 
-def denser(model: Model, factor: float, names: Sequence[str] = ()) -> Model:
-    """The model with the density of bodies multiplied, of free ones by default: mass-normalised modes shrink, flexibility
-    stays."""
-    chosen = [b for b in model.bodies.values() if b.bases and (b.name in names if names else b.kind == "free")]
-    validate.require(chosen, "mass of the damper", "a model with a free body", "none")
+def denser(model: Model, factor: float, names: Sequence[str], whole: bool = False) -> Model:
+    """The model with the density of some bodies multiplied: mass-normalised modes shrink, flexibility stays."""
+    chosen = [model.bodies[name] for name in names if model.bodies[name].bases]
     bodies, root = dict(model.bodies), 1.0 / np.sqrt(factor)
     for body in chosen:
         bases = {
@@ -201,8 +216,8 @@ def denser(model: Model, factor: float, names: Sequence[str] = ()) -> Model:
                 omega2=basis.omega2 / factor,
                 contact_modes=root * basis.contact_modes,
                 locations={name: root * modes for name, modes in basis.locations.items()},
-                drag=None if basis.drag is None else basis.drag / (factor if names else 1.0),
-                speed=basis.speed if not names else None,
+                drag=None if basis.drag is None else basis.drag / (factor if whole else 1.0),
+                speed=basis.speed if not whole else None,
             )
             for d, basis in body.bases.items()
         }
@@ -213,5 +228,5 @@ def denser(model: Model, factor: float, names: Sequence[str] = ()) -> Model:
             own["constant_force"] = root * body.constant_force
         if body.mass is not None and body.inertia is not None:
             own |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
-        bodies[body.name] = replace(body, **own, local=None if names else body.local)
+        bodies[body.name] = replace(body, **own, local=None if whole else body.local)
     return replace(model, bodies=bodies)

@@ -210,6 +210,17 @@ def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[s
     return value
 
 
+def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
+    """The check of one value, or of each value of a mapping of names to values."""
+
+    def checked(name: str, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            return check(name, value)
+        return {key: check(f"{name} of '{key}'", item) for key, item in value.items()}
+
+    return checked
+
+
 def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
     """(n,) finite numbers within :class:`Limits`; at least one if their number is free."""
     out, within = None, Limits(**limits)
