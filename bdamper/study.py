@@ -360,6 +360,7 @@ class Study(Comparable):
 
     # stress and fatigue
     stress = analysis(stresses.stress)
+    stress_at = analysis(stresses.stress_at)
     margin = analysis(margins.margin)
 
     best_margin = analysis(best_margin.best_margin)

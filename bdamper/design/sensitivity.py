@@ -44,7 +44,7 @@ def peak_sensitivities(
     parameters : sequence of str
         "preload" or any setting with a number (see :mod:`bdamper.problem.variation`); factors are taken at 1.
         "damper_mass" is the mass of the free bodies with the preload that goes with it at a fixed rotor speed, as a factor;
-        "damper_mass_factor" is their inertia alone.  "damper_mass.rear" and "damper_mass_factor.rear" are those of one body.
+        "damper_mass_factor" is their inertia alone; "damper_mass.rear" and "damper_mass_factor.rear" are those of one.
     options : PeakOptions
 
     Returns

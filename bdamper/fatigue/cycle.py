@@ -23,6 +23,7 @@ from bdamper.contact.points import PointArrays
 from bdamper.fatigue import criteria
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector
+from bdamper.model.loads import Direction, direction_vector
 from bdamper.model.model import Body, ModalBasis
 from bdamper.model.stress import StressSet
 from bdamper.problem.problem import Problem
@@ -158,6 +159,56 @@ def stress(
         index = _highest(result, found) if index is None else validate.whole("index", index, least=0, most=n - 1)
     chosen = Solutions(*(column[[index or 0]] for column in found))
     return of_solution(problem, chosen, sets)
+
+
+def stress_at(
+    problem: Problem,
+    result: Solved,
+    gauge: str | Sequence[float],
+    direction: Direction,
+    elastic: Sequence[float] | None = None,
+) -> NDArray:
+    """Normal stress along a direction, or the strain that a gauge measures there, at every point of a result.
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Peak, Curve or OptimalCurve
+        Of this problem.
+    gauge : str or (3,) float, m
+        Name of a point of a stress set ("root 12", as :class:`StressCycle` names them), or a place near it.
+    direction : {"tangential", "radial", "axial"} or three floats
+    elastic : (Young's modulus in Pa, Poisson's ratio), optional
+        Return strain, of a linear elastic isotropic material.
+
+    Returns
+    -------
+    (n, n_harmonics + 1) complex, Pa or 1
+        Mean, centrifugal part included, and amplitude of each harmonic; n is 1 for a peak, NaN where a curve has no value.
+
+    Raises
+    ------
+    SettingError
+        If there is no such point, or the result is not one of this problem.
+    """
+    found = solutions(problem, result)
+    named = {f"{s.name} {k + 1}": (s, k) for s in chosen_sets(problem) for k in range(len(s))}
+    if not isinstance(gauge, str):
+        place = validate.numbers("gauge, m", gauge, 3)
+        gauge = min(named, key=lambda name: float(np.linalg.norm(named[name][0].points[named[name][1]] - place)))
+    whole, k = named[validate.choice("gauge", gauge, named)]
+    only = {item: {d: rows[[k]] for d, rows in getattr(whole, item).items()} for item in ("modes", "contact")}
+    static = None if whole.static is None else whole.static[[k]]
+    point = replace(whole, points=whole.points[[k]], **only, static=static, spread=None, near_contact=None)
+    tensor = coefficients_of(problem, found, (point,))[0][:, 0]
+    x, y, z = direction_vector(direction, "direction")
+    along = np.array([x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * x * z])
+    if elastic is not None:
+        modulus, poisson = validate.numbers("elastic, Young's modulus and Poisson's ratio", elastic, 2, least=0.0)
+        expected = "a modulus above 0 and a ratio from 0 to 0.5"
+        validate.require(modulus > 0.0 and poisson <= 0.5, "elastic", expected, elastic)
+        along = ((1.0 + poisson) * along - poisson * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])) / modulus
+    return np.asarray(np.einsum("c,mcl->ml", along, tensor))
 
 
 def _highest(result: Any, found: Solutions) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 from dataclasses import replace
 
@@ -120,6 +121,34 @@ def test_a_set_without_contact_vectors_and_centrifugal_stress_says_so(model):
     notes = bare.stress(peak).notes
     assert any("contact forces" in note for note in notes) and any("centrifugal" in note for note in notes)
     assert np.isnan(bare.stress(peak).centrifugal).all() and not study.stress(own).notes
+
+
+def test_a_gauge_reads_the_tensor_along_its_direction(model):
+    study = study_of(model)
+    curve = study.track(500.0, (300.0, 301.0))
+    some = [0, len(curve) - 1]
+    tensor = np.stack([study.stress(curve, i).coefficients[3] for i in some])  # (2, 6, H + 1)
+    xx, yy, zz, xy, yz, xz = tensor.transpose(1, 0, 2)
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9 * np.abs(tensor).max())
+    close(study.stress_at(curve, "blade 4", (1.0, 0.0, 0.0))[some], xx)
+    close(study.stress_at(curve, "blade 4", (0.0, 1.0, 1.0))[some], (yy + zz) / 2 + yz)
+    close(study.stress_at(curve, "blade 4", (1.0, -2.0, 0.0))[some], (xx + 4 * yy - 4 * xy) / 5)
+    near = model.stress["blade"].points[3] + 1e-6
+    close(study.stress_at(curve, near, (1.0, 0.0, 1.0))[some], (xx + zz) / 2 + xz)
+    # Hooke's law along an axis, and the sum of three strains
+    modulus, poisson = 2.1e11, 0.28
+    strains = [study.stress_at(curve, "blade 4", axis, (modulus, poisson))[some] * modulus for axis in np.eye(3)]
+    close(strains[1], yy - poisson * (xx + zz))
+    close(sum(strains), (1 - 2 * poisson) * (xx + yy + zz))
+    peak = study.peak(PRELOAD)
+    close(study.stress_at(peak, "blade 4", (0, 0, 1)), study.stress(peak).coefficients[3, 2][None])
+    for given, message in [
+        (("blade 0", "axial"), "gauge: expected one of"), (("blade 4", (0, 0, 0)), "direction"),
+        (("blade 4", "axial", (0.0, 0.3)), "elastic: expected a modulus above 0"),
+        (((1, 2), "axial"), "gauge, m: expected 3"),
+    ]:  # fmt: skip
+        with pytest.raises(bd.SettingError, match=message):
+            study.stress_at(peak, *given)
 
 
 def test_the_wave_the_other_way_round_is_the_conjugate(model):
