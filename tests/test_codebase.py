@@ -239,7 +239,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 23_803, 253
+CODE, CONSTANTS = 23_828, 253
 """Lines with code and numeric constants of modules that the package may have."""
 
 

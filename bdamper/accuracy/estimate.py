@@ -30,7 +30,7 @@ followed, is not estimated, and says why.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
@@ -42,6 +42,7 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
 from bdamper.effects.indicator import estimate_change
 from bdamper.effects.richer import Tops, compare
+from bdamper.model.coupling import RIGID_NAMES
 from bdamper.peaks.highest import NEAR, highest_of_curve
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -245,16 +246,16 @@ def _more_points(problem: Problem) -> Richer | str:
 
 def _more_modes(problem: Problem) -> Richer | str:
     s = problem.settings
-    own = s.by_body("damper_modes")
-    most, blade = max(own.values(), default=0), s.most_modes("constrained")
-    damper = s.most_modes("free") if own else 0
+    own, blade = s.by_body("damper_modes"), s.most_modes("constrained")
+    rich = {name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in own}
     if isinstance(s.contact_stiffness, ResidualModes) or s.contact_stiffness == "residual_modes":
         blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
-        damper = min(damper, max(BLADE_MODES, 2 * most))
-    if blade <= s.blade_modes and damper <= min(own.values(), default=0):
+        rich = {name: min(most, max(BLADE_MODES, 2 * own[name])) for name, most in rich.items()}
+    if blade <= s.blade_modes and rich == own:
         return "the model has no more modes"
-    text = f"{blade} modes" + (f", {damper} elastic modes of the damper" if damper else "")
-    modes = {name: max(damper, n) for name, n in own.items()} if isinstance(s.damper_modes, Mapping) else damper
+    counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
+    text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
+    modes = rich if len(set(rich.values())) > 1 else max(rich.values(), default=0)
     return Richer(problem.anew(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
 
 

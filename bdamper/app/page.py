@@ -105,7 +105,7 @@ class Page:
     def _slider(self, name: str, title: str, low: float, high: float, value: float, step: float = 0.01) -> Any:
         """A slider below the number that it moves, which can be typed."""
         whole, wide = step == 1, {"sizing_mode": "stretch_width"}
-        ends = [float(np.log10(v)) if name in LOGARITHMIC else v for v in (low, high, value)]
+        ends = [float(np.log10(v)) if logarithmic(name) else v for v in (low, high, value)]
         beside = """
             .bk-input-group { flex-direction: row; align-items: center; justify-content: space-between; }
             .bk-input-group > label { flex: 1; } .bk-input-group > :not(label) { flex: 0 0 86px; width: 86px; }
@@ -135,6 +135,11 @@ class Page:
             (FORCE, "Excitation (N)", 0.01 * self.force, 100.0 * self.force, self.force),
             ("harmonics", "Harmonics", 1, 9, study.settings.harmonic_numbers[-1], 1),
         ]
+        shares, fixed = (study.settings.given_loads(item) for item in ("loads", "fixed_loads"))
+        shares = {} if study.settings.speed is not None else shares
+        each = [(f"loads.{name}", f"Load on {name} (N per N)", share) for name, share in list(shares.items())[1:]]
+        each += [(f"fixed_loads.{name}", f"Load on {name} (N)", load) for name, load in fixed.items() if np.ndim(load) == 0]
+        rows += [(name, title, 0.01 * load, 100.0 * load, load) for name, title, load in each if load > 0.0]
         if study.problem.carries_load and any(body.kind == "free" for body in model.bodies.values()):
             rows.append(("mass", "Damper mass (factor)", 0.1, 10.0, 1.0))
             if any(basis.speed is not None for body in model.bodies.values() for basis in body.bases.values()):
@@ -183,13 +188,13 @@ class Page:
 
     def _slid(self, name: str, attr: str, old: object, new: float) -> None:
         """The number of a slider, unless it is what has moved the slider."""
-        value = float(f"{10.0**new:.3g}") if name in LOGARITHMIC else float(f"{new:.6g}")
+        value = float(f"{10.0**new:.3g}") if logarithmic(name) else float(f"{new:.6g}")
         if abs(self._place(name) - new) > 1e-9:
             self.numbers[name].value = int(value) if self.numbers[name].mode == "int" else value
 
     def _place(self, name: str) -> float:
         """Of a number on its slider."""
-        return float(np.log10(self.value(name))) if name in LOGARITHMIC else self.value(name)
+        return float(np.log10(self.value(name))) if logarithmic(name) else self.value(name)
 
     def moved(self, name: str, attr: str, old: object, new: object) -> None:
         """A number is another one: at speed the preload is the centrifugal one, at rest again what it was before."""
@@ -228,7 +233,8 @@ class Page:
         if int(self.order.value) != self.study.settings.engine_order:
             settings["engine_order"] = int(self.order.value)
         turning = "speed" in self.numbers and self.value("speed") > 0.0
-        if turning:
+        if turning:  # where mass times radius of the bodies decides
+            settings = {name: value for name, value in settings.items() if not name.startswith("loads.")}
             settings["speed"] = self.value("speed") / RPM
         if "mass" in self.numbers and self.numbers["mass"].value != self.first["mass"]:
             settings["damper_mass" if turning else "damper_mass_factor"] = self.value("mass")
@@ -553,6 +559,11 @@ class Page:
         if question.preloads:
             lines.append(f"optimal = study.optimal_curve({question.preloads!r}, mode={question.mode})")
         self.code.update(text="\n".join(lines), visible=True)
+
+
+def logarithmic(name: str) -> bool:
+    """Whether a number has a logarithmic slider."""
+    return name in LOGARITHMIC or "loads." in name
 
 
 def logarithmic_ticks(low: float, high: float, most: int = 7) -> list[float]:

@@ -19,7 +19,7 @@ from bdamper.peaks.sensitivity import CurveSensitivity, PeakSensitivity, across,
 from bdamper.problem.aligned import like
 from bdamper.problem.problem import Problem
 from bdamper.problem.results import check_result
-from bdamper.problem.variation import FACTORS, setting_names, vary
+from bdamper.problem.variation import FACTORS, OF_LOAD, setting_names, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
@@ -164,9 +164,11 @@ def setting_value(problem: Problem, name: str) -> float:
     head, _, part = name.partition(".")
     if head in FACTORS:
         return 1.0
-    of_face = head == "friction_coefficient" and part
-    value: Any = problem.settings.friction_by_interface()[part] if of_face else problem.settings
-    for part in () if of_face else name.split("."):
+    value: Any = problem.settings
+    if of_part := part and head in ("friction_coefficient", *OF_LOAD):
+        of_face = head == "friction_coefficient"
+        value = (value.friction_by_interface() if of_face else value.given_loads(head)).get(part, 0.0)
+    for part in () if of_part else name.split("."):
         value = getattr(value, part if part != "response" else "response_location")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise SettingError(f"{name}: expected a setting that is one number, found {value!r}")

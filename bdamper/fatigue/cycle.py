@@ -197,7 +197,8 @@ def stress_at(
         place = validate.numbers("gauge, m", gauge, 3)
         gauge = min(named, key=lambda name: float(np.linalg.norm(named[name][0].points[named[name][1]] - place)))
     whole, k = named[validate.choice("gauge", gauge, named)]
-    only = {item: {d: rows[[k]] for d, rows in getattr(whole, item).items()} for item in ("modes", "contact")}
+    parts = {item: getattr(whole, item).items() for item in ("modes", "contact")}
+    only: dict[str, Any] = {item: {d: rows[[k]] for d, rows in given} for item, given in parts.items()}
     static = None if whole.static is None else whole.static[[k]]
     point = replace(whole, points=whole.points[[k]], **only, static=static, spread=None, near_contact=None)
     tensor = coefficients_of(problem, found, (point,))[0][:, 0]

@@ -101,6 +101,7 @@ def write_report(
     )
     asked = curve.settings.get("frequency")
     band = f", frequency=({asked[0]:.12g}, {asked[1]:.12g})" if asked else ""
+    check = "" if curve.kept else ", check=False"
     low, high = curve.preloads_within(NEAR_BEST * best.amplitude)
     text = page.render(
         curve=curve, fit=fit, figures=figures, lights=lights(curve, fit), sensitivities=rows, left_out=NOT_MODELLED,
@@ -109,7 +110,7 @@ def write_report(
         lines=(
             "import bdamper as bd",
             'study = bd.load_study("best.h5", bd.load_model("model.h5"))  # best.save("best.h5") has the settings',
-            f"best = study.optimal_curve(({curve.preload[0]:.12g}, {curve.preload[-1]:.12g}), {len(curve)}{band})",
+            f"best = study.optimal_curve(({curve.preload[0]:.12g}, {curve.preload[-1]:.12g}), {len(curve)}{band}{check})",
         ),
     )  # fmt: skip
     try:

@@ -292,19 +292,31 @@ class Settings:
         faces = [face for face in self.model.interfaces.values() if face.kind == "friction"]
         return tuple(face.name for face in faces if face.body_a not in free and face.body_b not in free)
 
+    @property
+    def loaded(self) -> tuple[str, ...]:
+        """Names of what may be loaded: bodies with a load, and friction interfaces between constrained bodies."""
+        return (*(name for name, body in self.model.bodies.items() if body.load is not None), *self.constrained_faces)
+
+    def given_loads(self, item: str) -> dict[str, Any]:
+        """``loads`` (1 on every loaded body where none are given) or ``fixed_loads``, by name."""
+        given = getattr(self, item)
+        if given is None and item == "loads":
+            return {name: 1.0 for name in self.loaded if name in self.model.bodies}
+        return dict(given or {})
+
     def _check_loads(self) -> None:
-        bodies = [name for name, body in self.model.bodies.items() if body.load is not None]
+        bodies = [name for name in self.loaded if name in self.model.bodies]
         for item in ("loads", "fixed_loads"):
             given = getattr(self, item)
             words = "bodies with a load and friction interfaces between constrained bodies"
-            names = () if given is None else validate.mapping(item, given, (*bodies, *self.constrained_faces), words)
+            names = () if given is None else validate.mapping(item, given, self.loaded, words)
             for name in names:
                 if np.ndim(given[name]) == 0 or item == "loads" or name in bodies:
                     validate.number(f"{item} of '{name}'", given[name], least=0.0)
         if self.loads is not None:
             validate.require(any(self.loads.values()), "loads", "at least one above 0", dict(self.loads))
         if self.speed is not None:
-            expected = "none at a rotor speed, where mass times radius of the bodies decides"
+            expected = "none at a rotor speed, where mass times radius of the bodies decides (vary damper_mass there)"
             validate.require(self.loads is None, "loads", expected, self.loads)
             held = [name for name in self.fixed_loads or () if name in bodies]
             validate.require(not held, "fixed_loads", "those of interfaces alone at a rotor speed", held)

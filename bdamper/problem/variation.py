@@ -7,8 +7,9 @@ number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping 
 ``"damper_mass"`` (the same at a rotor speed, where the faces stay displaced as this speed displaces them under any load of
 the damper: the load belongs to the mass), ``"frequency_factor"`` (all natural frequencies, by the density of all bodies)
 and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`` and ``"gap_factor.left"``, one direction
-of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``, or one free
-body, ``"damper_mass_factor.rear"`` and ``"damper_mass.rear"``; the latter has its share of the preload in proportion.
+of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``, one load,
+``"loads.rear"`` and ``"fixed_loads.shroud"``, or one free body, ``"damper_mass_factor.rear"`` and ``"damper_mass.rear"``;
+the latter has its share of the preload in proportion.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from bdamper.util import validate
 FACTORS = (
     "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor", "frequency_factor", "gap_factor"
 )  # fmt: skip
+OF_LOAD = ("loads", "fixed_loads")
 OF_MASS = ("damper_mass_factor", "damper_mass")
 SIDES = ("tangential", "normal")
 
@@ -69,6 +71,7 @@ def setting_names(problem: Problem) -> list[str]:
     faces = [name for name, face in problem.model.interfaces.items() if face.kind == "friction"]
     names += [f"{setting}.{face}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
     names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
+    names += [f"{item}.{part}" for item in OF_LOAD for part in problem.settings.loaded]
     return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
 
 
@@ -137,25 +140,27 @@ def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         if inner:
             place: Any = problem.excitation if part == "excitation" else problem.settings.response_location
             problem = problem.anew(**{part: replace(place, **inner)})
-    for name, value in settings.items():
+    for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
             own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
             problem = problem.anew(friction_coefficient=own)
+        elif head in OF_LOAD and part:
+            problem = problem.anew(**{head: {**problem.settings.given_loads(head), part: value}})
         elif head in FACTORS:
             problem = _scaled(problem, head, part, value)
     return problem
 
 
 def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
-    factor = validate.number(name, factor, above=0.0)
+    factor = validate.number(f"{name}.{part}" if part else name, factor, above=0.0)
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps
         changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
         return problem.anew(gap=changed)
     if name in OF_MASS:
-        return _of_mass(problem, name, (part,) if part else problem.settings.free_bodies, factor)
+        return _of_mass(problem, name, part, factor)
     if part:
         expected = "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
         validate.require(problem.contact.residual is None, f"{name}.{part}", expected, "residual modes")
@@ -174,22 +179,23 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     return problem.anew(model=as_checked(whole))
 
 
-def _of_mass(problem: Problem, name: str, names: Sequence[str], factor: float) -> Problem:
-    """The mass of free bodies multiplied: all of them, or one, which "damper_mass" then gives its load in proportion."""
+def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
+    """The mass of all free bodies multiplied, or of one, which "damper_mass" then gives its load in proportion."""
+    settings = problem.settings
+    names = (part,) if part else settings.free_bodies
     validate.require(names, "mass of the damper", "a model with a free body", "none")
-    settings, old = problem.settings, problem.model
-    model, one = denser(old, factor, names), len(names) < len(settings.free_bodies)
+    model, one = denser(problem.model, factor, names), len(names) < len(settings.free_bodies)
     if name == "damper_mass_factor":
-        expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{names[0]}"
-        validate.require(settings.speed is None or not one, f"{name}.{names[0]}", expected, f"{settings.speed} rad/s")
+        expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{part}"
+        validate.require(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
         # the displacement by rotation stays what it is at this load
         spun = [(key, body, body.spin) for key, body in model.bodies.items()]
         moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
         model = replace(model, bodies=moved if not one else model.bodies)
-    elif one and settings.speed is None:
-        loads = settings.loads or {key: 1.0 for key, body in old.bodies.items() if body.load is not None}
-        scaled = {key: factor * share if key in names else share for key, share in loads.items()}
-        return problem.anew(model=as_checked(model), loads=scaled)
+    elif part and settings.speed is None:
+        loads = settings.given_loads("loads").items()
+        scaled = {key: factor * share if key == part else share for key, share in loads}
+        return problem.anew(model=as_checked(model), loads=scaled or None)
     return problem.anew(model=as_checked(model))
 
 

@@ -434,6 +434,22 @@ def answers(study):
     found.ask(None)
 
 
+def test_every_load_has_a_slider(monkeypatch):
+    """Those beside the preload: shares of the other bodies, and what does not change with it."""
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    monkeypatch.setattr("bdamper.app.page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
+    loads = {"loads": {"front": 1.0, "rear": 0.6}, "fixed_loads": {"shroud": 500.0}}
+    study = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, harmonics=1, **loads)
+    page = Page(document, study, "study")
+    assert [name for name in page.numbers if "loads" in name] == ["loads.rear", "fixed_loads.shroud"]
+    assert page.question().settings == ()
+    page.sliders["fixed_loads.shroud"].value = np.log10(250.0)
+    page.numbers["loads.rear"].value = 0.9
+    assert dict(page.question().settings) == {"loads.rear": 0.9, "fixed_loads.shroud": 250.0}
+    given = vary(study, dict(page.question().settings)).settings
+    assert given.loads == {"front": 1.0, "rear": 0.9} and given.fixed_loads == {"shroud": 250.0}
+
+
 def test_files_are_named_by_the_settings_of_what_is_in_them(page, answers):
     page.order.value = "10"
     page.show(provisional := answers.curve(page.question(), 1))

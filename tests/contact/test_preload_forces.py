@@ -23,7 +23,7 @@ from tests.plain import plain_study
 
 def coupling_of(model, engine_order):
     faces = tuple(name for name, face in model.interfaces.items() if face.kind == "friction")
-    return Coupling(model, faces, retained_modes(model, 2, 0), engine_order)
+    return Coupling(model, faces, retained_modes(model, 2, dict.fromkeys(model.bodies, 0)), engine_order)
 
 
 @pytest.fixture(scope="module", params=(9, 24, 48))

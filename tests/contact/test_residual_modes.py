@@ -65,7 +65,8 @@ def test_without_inertia_the_fifth_frequency_is_not_good_enough(reference):
 
 
 def coupling_of(model, engine_order=2, blade_modes=3):
-    return Coupling(model, tuple(model.interfaces), retained_modes(model, blade_modes, 0), engine_order)
+    modes = retained_modes(model, blade_modes, dict.fromkeys(model.bodies, 0))
+    return Coupling(model, tuple(model.interfaces), modes, engine_order)
 
 
 @pytest.mark.parametrize("name", sorted(ALL_MODELS))

@@ -1,16 +1,17 @@
 """Settings of one free body among several: modes, damping, drag and mass."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.accuracy.estimate import richer_study
-from bdamper.design.sensitivity import setting_family
+from bdamper.design.sensitivity import setting_family, setting_value
 from bdamper.problem.settings import settings_of
 from bdamper.problem.variation import setting_names, vary
-from tests.problem.test_loads import split_study
+from tests.problem.test_loads import split_study, whole_study
 
 SHARES = {"front": 0.3, "rear": 0.7}
 
@@ -106,6 +107,24 @@ def test_sweeps_and_sensitivities_know_single_bodies(study):
     assert sum(parts) == pytest.approx(whole, rel=1e-3)
 
 
+def test_the_mass_of_the_only_damper_has_its_load():
+    """By name as for all: the sensitivity to the mass with its load, not that to the inertia alone."""
+    one = whole_study("bladed_disk")[0].with_(harmonics=1)
+    assert vary(one.problem, {"damper_mass.damper": 1.5}).body_loads == {"damper": 1.5}
+    peak = one.peak(300.0, (310.0, 370.0))
+    found = one.peak_sensitivities(peak, ("damper_mass", "damper_mass.damper", "damper_mass_factor"))
+    whole, named, inertia = (each.amplitude for each in found.values())
+    assert named == pytest.approx(whole, rel=1e-3) and abs(inertia - whole) > 0.1 * abs(whole)
+
+
+def test_a_body_without_load_has_mass_alone(study):
+    bare = {name: replace(body, load=None) for name, body in study.model.bodies.items()}
+    own = study.with_(model=replace(study.model, bodies=bare), loads=None)
+    assert vary(own.problem, {"damper_mass.rear": 1.3}).body_loads is None
+    with pytest.raises(bd.SettingError, match=r"damper_mass\.rear: expected a finite number > 0, found -1"):
+        vary(own.problem, {"damper_mass.rear": -1.0})
+
+
 def test_settings_by_body_are_kept_with_results_and_copies(study):
     own = study.with_(damper_modes={"rear": 2}, damper_drag={"front": 3.0})
     record = own.problem.record()
@@ -115,9 +134,19 @@ def test_settings_by_body_are_kept_with_results_and_copies(study):
 
 
 def test_richer_modes_are_those_that_bodies_have(study):
-    richer = richer_study(study.with_(damper_modes={"rear": 2}).problem, "modes")
-    most = study.problem.settings.most_modes("free")
-    assert set(richer.problem.settings.by_body("damper_modes").values()) <= {most, 10}
+    """As far as each body goes, which has its own number of them."""
+    front = study.model.bodies["front"]
+    basis = front.bases[0]
+    fewer = replace(
+        basis, omega2=basis.omega2[:9], damping_ratio=basis.damping_ratio[:9], contact_modes=basis.contact_modes[..., :9]
+    )
+    short = replace(front, bases={0: fewer}, load=replace(front.load, generalised=front.load.generalised[:9]))
+    model = replace(study.model, bodies=study.model.bodies | {"front": short})
+    for given in ({"front": 3, "rear": 3}, {"rear": 6}):
+        richer = richer_study(study.with_(model=model, damper_modes=given, blade_modes=40).problem, "modes")
+        assert richer.problem.settings.damper_modes == {"front": 3, "rear": 10} and "3 and 10 elastic" in richer.text
+    whole = study.with_(model=model, damper_modes={"front": 3, "rear": 10}, blade_modes=40)
+    assert richer_study(whole.problem, "modes") == "the model has no more modes"
 
 
 @pytest.mark.parametrize(
@@ -134,3 +163,21 @@ def test_richer_modes_are_those_that_bodies_have(study):
 def test_wrong_bodies_and_values_are_named(study, settings, message):
     with pytest.raises(bd.SettingError, match=message):
         study.with_(**settings)
+
+
+def test_single_loads_are_varied_by_name():
+    model = bd.reference_model("shrouded_blade")
+    own = bd.Study(model, bd.Excitation("tip"), 4, harmonics=1, fixed_loads={"shroud": 50.0})
+    names = {"loads.front", "loads.rear", "fixed_loads.shroud", "fixed_loads.front"}
+    assert names <= set(setting_names(own.problem))
+    assert {name: setting_value(own.problem, name) for name in sorted(names)} == {
+        "fixed_loads.front": 0.0, "fixed_loads.shroud": 50.0, "loads.front": 1.0, "loads.rear": 1.0,
+    }  # fmt: skip
+    found = vary(own.problem, {"loads.rear": 0.6, "fixed_loads.shroud": 80.0}).settings
+    assert found.loads == {"front": 1.0, "rear": 0.6} and found.fixed_loads == {"shroud": 80.0}
+    assert vary(own.problem, {"fixed_loads.shroud": 80.0}).static(0.0).normal_force["shroud"] == pytest.approx(80.0)
+    with pytest.raises(bd.SettingError, match=r"did you mean fixed_loads\.shroud"):
+        vary(own.problem, {"fixed_loads.shruod": 1.0})
+    both = {"damper_mass.rear": 2.0, "loads.rear": 0.5}
+    for order in (both, dict(reversed(both.items()))):  # the load first, then the factor on it
+        assert vary(own.problem, order).body_loads == {"front": 1.0, "rear": 1.0}
