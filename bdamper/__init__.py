@@ -131,9 +131,12 @@ def __getattr__(name: str) -> Any:
     if name in HOMES:
         found = globals()[name] = getattr(import_module(f"bdamper.{HOMES[name]}"), name)
         return found
+    missing = AttributeError(f"module 'bdamper' has no attribute {name!r}")
+    if name.startswith("_"):  # tools ask every object for such names; a search for a module takes 0.1 s in an editable install
+        raise missing
     try:
         return import_module(f"bdamper.{name}")
     except ModuleNotFoundError as error:
         if not f"bdamper.{name}".startswith(str(error.name)):
             raise
-        raise AttributeError(f"module 'bdamper' has no attribute {name!r}") from None
+        raise missing from None
