@@ -26,6 +26,9 @@ export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
+# these run in make others alone
+APART := --ignore=tests/others
+
 BUILD_INPUTS := pyproject.toml meson.build meson.options
 BUILD_TOOLS := "meson-python>=0.18" "meson>=1.3" ninja "numpy>=2.0"
 
@@ -40,10 +43,10 @@ demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
 
 test: $(VENV)/test.stamp
-	$(call step,test suite,$(PY) -m pytest -n auto --dist worksteal -m "not slow" $(PYTEST_ARGS))
+	$(call step,test suite,$(PY) -m pytest -n auto --dist worksteal -m "not slow" $(APART) $(PYTEST_ARGS))
 
 test-slow: $(VENV)/test.stamp
-	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(PYTEST_ARGS))
+	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(APART) $(PYTEST_ARGS))
 
 bench: $(VENV)/test.stamp
 	$(call step,benchmarks,$(PY) -m benchmarks core tracking evaluations optimal effects)

@@ -18,7 +18,7 @@ QUICK = {
 }
 
 
-@pytest.mark.parametrize("command", QUICK)
+@pytest.mark.parametrize("command", [pytest.param(c, marks=[pytest.mark.slow] * (c == "report")) for c in QUICK])
 def test_answers_are_printed_and_written(command, tmp_path, capsys):
     files = [f"--{kind}={tmp_path / f'out.{kind}'}" for kind in ("csv", "h5", "png")]
     files += [f"--html={tmp_path / 'out.html'}"] * (command == "report")

@@ -112,6 +112,7 @@ def test_deviations_are_those_of_the_errors(jenkins):
     assert (np.var(ratios, axis=0) > 0.55).all() and (np.var(ratios, axis=0) < 1.6).all()
 
 
+@pytest.mark.slow
 def test_stages_and_resonances():
     """Damping, frequency and force gain from the response without damper; friction from resonances over load."""
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
