@@ -129,14 +129,11 @@ def __getattr__(name: str) -> Any:
         for home in HOMES.values():
             import_module(f"bdamper.{home}")
     if name in HOMES:
-        found = globals()[name] = getattr(import_module(f"bdamper.{HOMES[name]}"), name)
-        return found
-    missing = AttributeError(f"module 'bdamper' has no attribute {name!r}")
-    if name.startswith("_"):  # tools ask every object for such names; a search for a module takes 0.1 s in an editable install
-        raise missing
-    try:
-        return import_module(f"bdamper.{name}")
-    except ModuleNotFoundError as error:
-        if not f"bdamper.{name}".startswith(str(error.name)):
-            raise
-        raise missing from None
+        return globals().setdefault(name, getattr(import_module(f"bdamper.{HOMES[name]}"), name))
+    if not name.startswith("_"):  # tools ask for these; an editable install takes 0.1 s to search for a module
+        try:
+            return import_module(f"bdamper.{name}")
+        except ModuleNotFoundError as error:
+            if not f"bdamper.{name}".startswith(str(error.name)):
+                raise
+    raise AttributeError(f"module 'bdamper' has no attribute {name!r}")
