@@ -116,14 +116,14 @@ def test_closing_where_a_bound_of_the_slider_is_extreme():
         slope = -size * np.sin(closing - of_v)  # of v, upward
         amplitude = rng.choice([-1.0, 1.0]) * mu * kn * slope / -np.sin(closing - of_u)
         point = Point(np.ones(2), kn, mu, kn * size * level, np.zeros(2))
-        for off in 1e-15 * rng.normal(size=20):
+        for off in 1e-15 * rng.normal(size=8):
             x = np.zeros((3, 3))
             x[0, 1:] = amplitude * np.cos(of_u + off), amplitude * np.sin(of_u + off)
             x[2, 1:] = size * np.cos(of_v), size * np.sin(of_v)
             result, expected = evaluate(x, point), oracle.contact(x, *point.arguments)
             np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
             slipped += result.shares[1] > 0.0
-    assert slipped > 250
+    assert slipped > 100
 
 
 numbers = st.floats(-4.0, 4.0).map(lambda v: round(v, 3))

@@ -55,6 +55,7 @@ def test_a_jenkins_oscillator_is_recovered_without_noise(jenkins, tests):
     assert found.information[0].argmax() == 1 and found.information[1].argmax() == 2  # slip tells friction, stick stiffness
 
 
+@pytest.mark.slow
 def test_the_whole_of_the_experiment_times_three_changes_nothing(jenkins, tests):
     """Without gaps the response is proportional to preload and force together."""
     truth = vary(jenkins, TRUE)

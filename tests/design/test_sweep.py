@@ -598,6 +598,7 @@ class TestUncertainty:
         curve.plot()
         curve.plot(quantity="frequency")
 
+    @pytest.mark.slow
     def test_robust_optimum_of_one_draw_is_the_optimum(self, study):
         """A sample of equal draws has the optimum of the study itself."""
         plain = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False).optimum

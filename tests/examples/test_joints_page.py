@@ -4,10 +4,12 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "joints.md"
 
 
+@pytest.mark.slow
 def test_an_optimum_over_both_loads():
     section = PAGE.read_text().split("## An optimum over both loads")[1].split("\n## ")[0]
     (block,) = re.findall(r"```python\n(.*?)```", section, re.S)

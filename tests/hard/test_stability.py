@@ -170,6 +170,7 @@ def test_both_verdicts_of_shooting_as_time_integration_has_them(path):
 
 
 @pytest.mark.parametrize(("seed", "law"), [(4, "coupled"), (1, "constant load")])
+@pytest.mark.slow
 def test_shooting_at_a_fully_stuck_solution_is_linear(seed, law):
     """Most sliders rest at the end of their interval, as static slip leaves them; the structure is the one with springs."""
     coupled = {"friction_law": "coupled", "evaluation": bd.Sampled(64)}

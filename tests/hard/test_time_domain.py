@@ -95,7 +95,7 @@ LAWS = {
 DISTANCE = {"constant normal load": 1e-3, "constant load in a disk": 1e-2, "bonded": 1e-3, "sampled": 1e-2}
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "constant normal load")) for n in LAWS])
 def test_other_contact_laws_settle_where_harmonic_balance_says(name):
     """The peak in time, and that no other law has it.
 

@@ -28,6 +28,7 @@ def test_what_the_model_knows(study):
     assert study.model.meshes["blade"].modes[5].shape[-1] == 10
 
 
+@pytest.mark.slow
 def test_limits_and_peaks_at_the_optimum(study):
     free, stuck = (curve.peak for curve in (study.free(BAND), study.stuck(BAND)))
     assert free.frequency == pytest.approx(634.52, abs=0.01) and stuck.frequency == pytest.approx(683.14, abs=0.01)
@@ -37,6 +38,7 @@ def test_limits_and_peaks_at_the_optimum(study):
     assert free.amplitude / peaks[0] == pytest.approx(13.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_motion_in_time_is_lower(study):
     """Not a success: with the default number of patterns of the contacts' flexibility it settles 6 to 9 % below."""
     seen = study.verify(study.track(OPTIMUM, (655.0, 668.0)), steps_per_period=512)

@@ -59,6 +59,7 @@ def test_a_body_without_a_share_is_not_loaded(model):
     assert total["rear_left"] + total["rear_right"] < 1.0 < total["front_left"] + total["front_right"]
 
 
+@pytest.mark.slow
 def test_optimum_over_the_load_of_the_shroud(model):
     study = study_of(model, loads={"shroud": 1.0}, fixed_loads={"front": 50.0, "rear": 30.0})
     peaks = [study.peak(load, (200.0, 3000.0)) for load in (1.0, 2.0, 8.0)]

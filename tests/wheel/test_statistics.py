@@ -9,6 +9,7 @@ from bdamper.wheel.sample_result import BestPreload
 from bdamper.wheel.statistics import Interval, percentile, share, weibull_tail
 
 
+@pytest.mark.slow
 def test_intervals_of_percentiles_cover():
     rng = np.random.default_rng(0)
     true = -np.log(1.0 - 0.9)
