@@ -266,11 +266,9 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
 
     Those for which :meth:`Problem.wedge_friction` finds no upper bound of the normal force.
     """
-    if not any(body.kind == "free" and body.load is not None for body in problem.model.bodies.values()):
-        return ()
     try:
         found = problem.wedge_friction()
-    except SettingError:  # nothing holds the load
+    except SettingError:  # no free body has a load, or nothing holds it
         return ()
     faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
     holders = {problem.coupling.model.interfaces[name].body_a for name in faces}

@@ -176,7 +176,8 @@ def stress_at(
     result : Peak, Curve or OptimalCurve
         Of this problem.
     gauge : str or (3,) float, m
-        Name of a point of a stress set ("root 12", as :class:`StressCycle` names them), or a place near it.
+        Name of a point of a stress set ("root 12", as :class:`StressCycle` names them), or a place whose nearest point is
+        no farther away than a twentieth of the largest coordinate of the points.
     direction : {"tangential", "radial", "axial"} or three floats
     elastic : (Young's modulus in Pa, Poisson's ratio), optional
         Return strain, of a linear elastic isotropic material.
@@ -189,13 +190,16 @@ def stress_at(
     Raises
     ------
     SettingError
-        If there is no such point, or the result is not one of this problem.
+        If there is no such point or none near the place, or the result is not one of this problem.
     """
     found = solutions(problem, result)
     named = {f"{s.name} {k + 1}": (s, k) for s in chosen_sets(problem) for k in range(len(s))}
     if not isinstance(gauge, str):
-        place = validate.numbers("gauge, m", gauge, 3)
-        gauge = min(named, key=lambda name: float(np.linalg.norm(named[name][0].points[named[name][1]] - place)))
+        place, points = validate.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
+        away, near = np.linalg.norm(points - place, axis=1), 0.05 * np.abs(points).max()
+        gauge, least = list(named)[int(away.argmin())], float(away.min())
+        told = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
+        validate.require(least <= near, "gauge", f"a place within {amount(near, 'm')} of a point of the stress sets", told)
     whole, k = named[validate.choice("gauge", gauge, named)]
     parts = {item: getattr(whole, item).items() for item in ("modes", "contact")}
     only: dict[str, Any] = {item: {d: rows[[k]] for d, rows in given} for item, given in parts.items()}

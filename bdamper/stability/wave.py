@@ -87,8 +87,7 @@ class Judge:
             try:
                 count, roots = disturbed.growing(rate, band, self._roots.get(near))
             except FloatingPointError:
-                self.known[i] = Verdict(-1, np.nan)
-                return self.known[i]
+                return self.known.setdefault(i, Verdict(-1, np.nan))
             known = count == disturbed.right(roots, rate, band)
             self._roots[i] = roots
             self.known[i] = Verdict(count, disturbed.fastest(roots, band) / omega if known else np.nan)

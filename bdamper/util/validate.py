@@ -183,11 +183,11 @@ def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
 
 def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:
     """A sequence of names, each at most once."""
-    given = tuple(value) if isinstance(value, Iterable) and not isinstance(value, str | bytes) else None
-    known = given is not None and all(isinstance(item, str) and item in choices for item in given)
-    if given is None or not known or len(set(given)) != len(given) or len(given) < least:
-        some = f"at least {least} of" if least else "a sequence of"
-        raise unfit(name, f"{some} {tuple(choices)}, each at most once", value)
+    choices = tuple(choices)
+    several = isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    given = tuple(choice(name, item, choices) for item in value) if several else ()
+    good = several and least <= len(given) == len(set(given))
+    that(good, name, f"{f'at least {least}' if least else 'a sequence'} of {choices}, each at most once", value)
     return given
 
 
