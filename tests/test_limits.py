@@ -30,6 +30,7 @@ def run(*arguments, **ways):
 
 
 @pytest.mark.parametrize("test", ["test_hangs", "test_draws_and_hangs"])
+@pytest.mark.slow
 def test_what_hangs_is_ended(tmp_path, test):
     """With the settings and the hooks of the project, also where examples are drawn, which a failure would draw again."""
     (tmp_path / "test_it.py").write_text(HANGING)
@@ -49,10 +50,11 @@ def test_every_test_has_a_limit(pytestconfig, request):
     "test",
     [
         "hard/test_branches.py::test_ctrl_c_ends_an_optimal_curve_whose_threads_are_at_work[30]",
-        pytest.param("peaks/test_interrupted.py::test_a_signal", marks=pytest.mark.slow),
-        pytest.param("design/test_sweep.py::TestInterrupted::test_a_signal_to_all_processes", marks=pytest.mark.slow),
+        "peaks/test_interrupted.py::test_a_signal",
+        "design/test_sweep.py::TestInterrupted::test_a_signal_to_all_processes",
     ],
 )
+@pytest.mark.slow
 def test_interruptions_arrive_where_the_shell_ignores_them(test):
     """As for a job in the background (``&``), which inherits a SIGINT that is ignored."""
     found = run(f"tests/{test}", preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))

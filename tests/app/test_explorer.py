@@ -97,6 +97,7 @@ def loaded():
     return bd.lumped([1.0, 1.0, 0.1], [0.02, 0.02, 0.02], k, **ways)
 
 
+@pytest.mark.slow
 def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
     """Each question differs from the first in one thing alone, and all of them are asked of one thread's answers."""
     study, preloads = loaded(), (0.5, 2.0)

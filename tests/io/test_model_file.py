@@ -865,6 +865,7 @@ for seed in range(int(sys.argv[3]), int(sys.argv[4])):
 """
 
 
+@pytest.mark.slow
 def test_damaged_bytes_anywhere(saved, tmp_path):
     """Bytes changed anywhere, also in HDF5's own tables, which may break the HDF5 library itself.
 

@@ -125,6 +125,7 @@ def test_a_margin_needs_a_material_and_stress(study):
         bare.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
 
 
+@pytest.mark.slow
 def test_over_speed_the_lighter_damper_has_the_larger_margin():
     """Two of three contact points are open at rest there, which is no sign of rattling."""
     at = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip", amplitude=20.0), 5, harmonics=1,

@@ -172,6 +172,7 @@ def highest(curve):
     return SimpleNamespace(peak=peak, exact=True, kind="peak", note="")
 
 
+@pytest.mark.slow
 def test_where_rounding_keeps_newton_from_the_tolerance_the_peak_is_that_of_the_curve():
     """Once "higher at a maximum without a smooth peak": the residual stays at 3e-10, three times the tolerance."""
     study = bd.Study(

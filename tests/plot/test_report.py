@@ -42,6 +42,7 @@ def curve(study):
     return study.optimal_curve((60.0, 240.0), 6, check=False)
 
 
+@pytest.mark.slow
 def test_one_file_without_links(study, curve, tmp_path):
     curve.report(tmp_path / "review.html", study)
     curve.report(tmp_path / "again.html", study)

@@ -182,6 +182,7 @@ def test_directions_of_a_wheel_of_finite_elements():
         assert np.abs(ratio - 1.0).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_a_disk_of_six_blades_whose_dampers_differ():
     """What is built passes the checks of a model, and the state of its dampers is proportional to the load."""
     model = fe.bladed_disk(points=4, engine_order=2, fe=fe.SectorFE(fe.Geometry(n_blades=6)), wheel=LocalSizes())

@@ -19,6 +19,7 @@ def test_intervals_of_percentiles_cover():
     assert abs(np.median([one.value for one in found]) - true) < 0.03 * true
 
 
+@pytest.mark.slow
 def test_intervals_hold_wherever_unknown_values_lie():
     """A twentieth of the values is not known, always the highest or always the lowest: what a failing search may do."""
     rng = np.random.default_rng(1)
@@ -36,6 +37,7 @@ def test_intervals_hold_wherever_unknown_values_lie():
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.slow
 def test_intervals_hold_wherever_values_lie_within_their_errors(side):
     """What is found is off by its error, all of it to one side: the interval of what is found alone covers nothing."""
     rng = np.random.default_rng(2)
