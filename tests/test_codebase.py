@@ -1,6 +1,7 @@
 """The house: which room may use what, sizes, who may import what, and that the documents run."""
 
 import ast
+import gc
 import io
 import os
 import re
@@ -67,7 +68,7 @@ MODULES = {module_name(path) for path in python_files()} | {"_core"}
 
 @dataclass
 class Contents:
-    """What a file is asked for here: strings alone, as a tree of every file slows down whatever collects garbage later."""
+    """What a file is asked for here."""
 
     docstring: str
     imports: tuple[tuple[str, int], ...]
@@ -78,9 +79,17 @@ class Contents:
 
 
 @cache
-def contents(path: Path) -> Contents:
-    """Each file is parsed and walked once."""
+def tree(path: Path) -> ast.Module:
+    """Each file is parsed once; its tree is kept out of the garbage collector's sight, which it would slow down."""
     module = ast.parse(path.read_text())
+    gc.freeze()
+    return module
+
+
+@cache
+def contents(path: Path) -> Contents:
+    """Each file is walked once."""
+    module = tree(path)
     nodes = tuple(ast.walk(module))
     own = own_names(nodes)
     found, libraries, long, wrong = [], set(), [], []
@@ -254,7 +263,7 @@ def is_text(node: ast.AST) -> bool:
 def code_lines(path: Path) -> int:
     """Lines with code: no texts that stand by themselves, comments, blank lines and imports."""
     text, skipped = path.read_text(), ("NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER", "COMMENT")
-    nodes = list(ast.walk(ast.parse(text)))
+    nodes = list(ast.walk(tree(path)))
     code = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if tokenize.tok_name[token.type] not in skipped:
@@ -269,7 +278,7 @@ def is_import(node: ast.AST) -> bool:
 def constants(path: Path) -> list[tuple[str, str]]:
     """Names in capitals that a module assigns, with what each is given."""
     found = []
-    for node in ast.parse(path.read_text()).body:
+    for node in tree(path).body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             target = node.targets[0] if isinstance(node, ast.Assign) else node.target
             names = target.elts if isinstance(target, ast.Tuple) else [target]
@@ -304,9 +313,10 @@ def test_a_name_has_one_value_in_its_room():
     assert not found, found
 
 
+@cache
 def calls(path: Path) -> set[str]:
     """What a file calls: as it is written, and with the module that a name was imported from or stands for."""
-    nodes, full = tuple(ast.walk(ast.parse(path.read_text()))), {}
+    nodes, full = tuple(ast.walk(tree(path))), {}
     for node in nodes:
         if isinstance(node, ast.ImportFrom):
             full |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
@@ -380,10 +390,10 @@ def is_kept(node: ast.AST) -> bool:
     return called or (isinstance(node, ast.Attribute) and node.attr in ("__dict__", "__class__"))
 
 
-def writes(tree: ast.AST) -> int:
+def writes(module: ast.AST) -> int:
     """To ``__dict__`` and ``__class__``: assigned, deleted, or by a method of the mapping that changes it."""
     n = 0
-    for node in ast.walk(tree):
+    for node in ast.walk(module):
         if isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign | ast.Delete):
             targets = [node.target] if isinstance(node, ast.AugAssign | ast.AnnAssign) else node.targets
             parts = [part for target in targets for part in getattr(target, "elts", [target])]
@@ -394,21 +404,21 @@ def writes(tree: ast.AST) -> int:
     return n
 
 
-def planted(tree: ast.AST) -> int:
+def planted(module: ast.AST) -> int:
     """Uses of ``object.__setattr__`` and ``setattr`` but on ``self`` in what makes an object and methods that it calls."""
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    functions = [node for node in ast.walk(module) if isinstance(node, ast.FunctionDef)]
     making = [node for node in functions if node.name in ("__post_init__", "__init__")]
     asked = {last_name(n.func) for node in making for n in ast.walk(node) if isinstance(n, ast.Call)}
     making += [node for node in functions if node.name.startswith("_") and node.name in asked]
     inside = {id(n) for node in making for n in ast.walk(node)}
     setters = "object.__setattr__", "super().__setattr__", "setattr"
-    found = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) in setters]
+    found = [node for node in ast.walk(module) if isinstance(node, ast.Call) and ast.unparse(node.func) in setters]
     return sum(id(node) not in inside or ast.unparse(node.args[0]) != "self" for node in found)
 
 
 @pytest.mark.parametrize(("count", "left"), [(writes, WRITES), (planted, PLANTED)])
 def test_objects_stay_as_they_were_made(count, left):
-    found = {module_name(path): count(ast.parse(path.read_text())) for path in python_files()}
+    found = {module_name(path): count(tree(path)) for path in python_files()}
     assert not {name: n for name, n in found.items() if n > left.get(name, 0)}
 
 
@@ -436,10 +446,10 @@ ANY = {
 """Public parameters whose type is left open, by room: they shall become fewer."""
 
 
-def open_parameters(tree: ast.Module) -> list[str]:
+def open_parameters(module: ast.Module) -> list[str]:
     """Parameters of public functions and methods that are annotated with ``Any`` alone."""
     found = []
-    bodies = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]
+    bodies = [module.body, *(node.body for node in module.body if isinstance(node, ast.ClassDef))]
     for node in (node for body in bodies for node in body):
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             given = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
@@ -450,7 +460,7 @@ def open_parameters(tree: ast.Module) -> list[str]:
 def test_public_functions_say_what_they_take():
     found: dict[str, list[str]] = {}
     for path in python_files():
-        found.setdefault(room(module_name(path)), []).extend(open_parameters(ast.parse(path.read_text())))
+        found.setdefault(room(module_name(path)), []).extend(open_parameters(tree(path)))
     more = {name: names for name, names in found.items() if len(names) > ANY.get(name, 0)}
     assert not more, more
 
@@ -473,10 +483,10 @@ MEASURED = {
 """Docstrings with measurements, by room, which shall become fewer."""
 
 
-def docstrings(tree: ast.AST) -> list[tuple[str, str]]:
+def docstrings(module: ast.AST) -> list[tuple[str, str]]:
     """Names and texts: docstrings, and texts under a constant or a field."""
     found = []
-    for node in ast.walk(tree):
+    for node in ast.walk(module):
         for child in getattr(node, "body", []) if isinstance(getattr(node, "body", None), list) else []:
             if is_text(child):
                 found.append((getattr(node, "name", ""), child.value.value))
@@ -487,7 +497,7 @@ def test_docstrings_stay_short():
     long = {
         name or module_name(path)
         for path in python_files()
-        for name, text in docstrings(ast.parse(path.read_text()))
+        for name, text in docstrings(tree(path))
         if len(text.strip().splitlines()) > LONGEST_DOCSTRING
     }
     assert long <= LONG, long - LONG
@@ -496,7 +506,7 @@ def test_docstrings_stay_short():
 def test_measurements_stand_in_the_documents():
     found: dict[str, int] = {}
     for path in python_files():
-        n = sum(bool(NAMED.search(text)) for _, text in docstrings(ast.parse(path.read_text())))
+        n = sum(bool(NAMED.search(text)) for _, text in docstrings(tree(path)))
         found[room(module_name(path))] = found.get(room(module_name(path)), 0) + n
     more = {name: n for name, n in found.items() if n > MEASURED.get(name, 0)}
     assert not more, f"to docs/measured.md: {more}"
