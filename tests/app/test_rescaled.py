@@ -99,3 +99,14 @@ def test_ticks_are_few_round_and_apart(ends):
     assert 2 <= len(ticks) <= 8 and ends[0] <= min(ticks) and max(ticks) <= ends[1]
     span = np.log(ends[1] / ends[0])
     assert np.diff(np.log(ticks)).min() > 0.02 * span
+
+
+def test_a_force_beside_another_is_not_multiplied():
+    """Twice the first force is not twice all of the excitation."""
+    alone = pressed()
+    study = alone.with_(excitation=alone.excitation + replace(alone.excitation, amplitude=0.05))
+    answers = Answers(study, lambda answer: None)
+    answers.curve(Question((), 1.0, None), None)
+    double = answers.curve(Question(((FORCE, 0.2),), 2.0, None), None).curve
+    band = answers.band(Question((), 1.0, None))
+    assert double.peak.amplitude == pytest.approx(vary(study, {FORCE: 0.2}).track(2.0, band).peak.amplitude, rel=1e-6)
