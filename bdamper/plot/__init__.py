@@ -20,7 +20,6 @@ from bdamper.plot.curves import plot_band as plot_band
 from bdamper.plot.curves import plot_curve as plot_curve
 from bdamper.plot.curves import plot_curves as plot_curves
 from bdamper.plot.curves import plot_measurement as plot_measurement
-from bdamper.plot.curves import plot_microslip as plot_microslip
 from bdamper.plot.curves import plot_optimal as plot_optimal
 from bdamper.plot.curves import plot_time_sweep as plot_time_sweep
 from bdamper.plot.design import plot_accuracy as plot_accuracy
