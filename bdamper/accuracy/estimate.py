@@ -5,8 +5,7 @@ takes long: there the converged peak is embedded in the richer problem, Newton's
 of the interval: to the response at this frequency), and the whole curve is followed only if it fails.  Lower peaks of the
 curve that could become the highest are carried over with it (:mod:`bdamper.effects.richer`).  Where the richer response is
 highest at an end of the interval and that of the curve is not, the resonance has left the interval, which is then widened
-there by up to 39 % of the frequency.  The residual left is small: its effect follows from one Newton step
-(:func:`bdamper.effects.indicator.estimate_change`).
+there by up to 39 % of the frequency.
 
 Nothing is concluded from poorer settings.  A source for which the model has nothing richer, or whose richer curve cannot be
 followed, is not estimated, and says why.
@@ -23,8 +22,6 @@ followed, is not estimated, and says why.
     convergence is slow, all modes of the model.
 ``residual flexibility``
     Contact stiffness by a diagonal rule against residual modes, which carry all of it for the stuck modes.
-``solver``
-    The residual that is left, and the place of the peak between points of a curve.
 """
 
 from __future__ import annotations
@@ -40,7 +37,7 @@ from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
-from bdamper.effects.indicator import estimate_change
+from bdamper.effects.indicator import Change
 from bdamper.effects.richer import Tops, compare
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.peaks.highest import NEAR, highest_of_curve
@@ -48,17 +45,18 @@ from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem
+from bdamper.problem.results import check_result
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError
 
-SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver")
+SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility")
 
 
 @one_thread
 def estimate_errors(
-    problem: Problem, result: Curve | Peak | OptimalCurve, preload: float | None = None, *, sources: Sequence[str] = SOURCES
+    problem: Problem, result: Curve | Peak | OptimalCurve, *, sources: Sequence[str] = SOURCES
 ) -> ErrorEstimates:
     """Estimated errors of a peak by source.
 
@@ -68,8 +66,6 @@ def estimate_errors(
         That the result was computed with.
     result : Curve, Peak or OptimalCurve
         Of a tracking curve the highest peak is taken, of an optimal curve that of a tracking curve at its optimum.
-    preload : float, N, optional
-        For a peak that does not carry it as its parameter.
     sources : sequence of str
         Out of :data:`SOURCES`.
 
@@ -85,7 +81,6 @@ def estimate_errors(
     sources = validate.names("sources", sources, SOURCES)
     validate.instance("result", result, (Curve, Peak, OptimalCurve), "a Curve, a Peak or an OptimalCurve of this study")
     begin = time.perf_counter()
-    location = 0.0, 0.0
     if isinstance(result, OptimalCurve):
         best, found = result.optimum, _at_optimum(problem, result)
         if isinstance(found, str):
@@ -94,16 +89,15 @@ def estimate_errors(
         result = found
     if isinstance(result, Curve):
         check_curve(problem, result)
+        preload = result.preload
         tops = replace(Tops.of(problem, result), follow=not result.peak_at_end)
-        top = result.peak if result.peak_at_end == tops.at_end else tops.peaks[0]  # an end may be higher than the peak
-        preload, amplitude, frequency = result.preload, top.amplitude, top.frequency
-        location = tops.peaks[0].amplitude / amplitude - 1.0, tops.peaks[0].frequency / frequency - 1.0
     else:
-        preload = _preload_of(problem, result, preload)
-        amplitude, frequency = result.amplitude, result.frequency
-        tops = Tops((result,))
-    items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops, location)) is not None)
-    return ErrorEstimates(preload, frequency, amplitude, items, time.perf_counter() - begin)
+        validate.require(result.converged, "peak", "a converged one", f"status '{result.status}'")
+        check_result(problem, result, "peak")
+        preload, tops = result.parameter, Tops((result,))
+    top = tops.peaks[0]
+    items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops)) is not None)
+    return ErrorEstimates(preload, top.frequency, top.amplitude, items, time.perf_counter() - begin)
 
 
 def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
@@ -125,42 +119,20 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
     return curve
 
 
-def _preload_of(problem: Problem, peak: Peak, preload: float | None) -> float:
-    """The preload of a converged peak of this problem, that it carries or that is given."""
-    validate.require(peak.converged, "peak", "a converged one", f"status '{peak.status}'")
-    preload = peak.parameter if preload is None else problem.check_preload(preload)
-    if not np.isfinite(preload):
-        raise SettingError("preload is required: this peak has no stored preload")
-    n = problem.system(preload).n_unknowns
-    validate.require(len(peak.y) == n + 1, "peak", f"one of this study with {n} unknowns", len(peak.y) - 1)
-    return preload
-
-
-def _of_source(
-    problem: Problem, source: str, preload: float, tops: Tops, location: tuple[float, float]
-) -> SourceError | None:
+def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> SourceError | None:
     begin = time.perf_counter()
-    peak = tops.peaks[0]
-
-    def result(amplitude: float, frequency: float, text: str) -> SourceError:
-        uncertainty = 0.0 if np.isfinite(amplitude) else np.inf
-        return SourceError(source, float(amplitude), float(frequency), uncertainty, text, time.perf_counter() - begin)
-
-    if source == "solver":
-        e = estimate_change(problem.system(preload), peak.y)
-        text = f"residual {peak.residual:.1e}" + (", place of the peak on the curve" if any(location) else "")
-        return result(e.amplitude + location[0], e.frequency + location[1], text)
     try:
         richer = richer_study(problem, source)
         if richer is None:
             return None
         if isinstance(richer, str):
-            return result(np.nan, np.nan, richer)
+            raise BdamperError(richer)
         by_newton = richer.problem.harmonic_numbers != problem.harmonic_numbers
         found = compare(problem, richer.problem, preload, tops, by_newton)
+        how = f"{richer.text}; {found.how}" if found.known else found.how
     except BdamperError as error:
-        return result(np.nan, np.nan, str(error))
-    return result(found.amplitude, found.frequency, f"{richer.text}; {found.how}" if found.known else found.how)
+        found, how = Change(np.nan, np.nan, np.inf), str(error)
+    return SourceError(source, *found[:3], how, time.perf_counter() - begin)
 
 
 # ---- richer studies ----
@@ -280,7 +252,7 @@ def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] =
     result : Curve or OptimalCurve
         Of this problem.
     sources : sequence of str
-        What to estimate: "harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver".
+        What to estimate: "harmonics", "evaluation", "contact points", "modes", "residual flexibility".
     """
     validate.instance("result", result, (Curve, OptimalCurve), "a Curve or an OptimalCurve of this study")
     sources = validate.names("sources", sources, SOURCES)
