@@ -14,7 +14,6 @@ harmonic of the motion; its slope and width are the equivalent stiffness and dam
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -30,10 +29,10 @@ from bdamper.model.model import Interface
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem
+from bdamper.problem.results import solutions_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
@@ -321,44 +320,20 @@ class _Solution(NamedTuple):
     unknowns: NDArray
 
 
-def _solutions(problem: Problem, result: Solved) -> tuple[Problem, list[_Solution]]:
-    """The problem with the harmonics of a result, and its solutions."""
+def _solutions(problem: Problem, result: Solved) -> list[_Solution]:
     kinds = Curve, Peak, OptimalCurve
     validate.instance("result", result, kinds, "a tracking curve, a peak or an optimal curve of this study")
-    own = problem.record()["response"]
-    found_at = result.settings.get("response", own)
-    validate.require(found_at == own, "result", f"a result with the response {own}", f"one with {found_at}")
-    columns: tuple[Any, ...]
-    if isinstance(result, Peak):
-        if not result.converged or not np.isfinite(result.parameter):
-            raise SettingError(f"result: expected a peak that was found at a preload, found {result}")
-        columns = [result.parameter], [result.frequency], [0], [result.y[:-1]]
-    elif isinstance(result, Curve):
+    if isinstance(result, Curve):
         check_curve(problem, result)
-        columns = np.full(len(result), result.preload), result.frequency, result.branch, result.unknowns
-    else:
-        validate.require(result.model_hash == problem.model.hash, "result", "an optimal curve of this model", "another")
-        part = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
-        columns = result.preload, result.frequency, part, result.unknowns
+    solved, branch = solutions_of(problem, result), np.zeros(1, int)
+    if isinstance(result, Curve):
+        branch = result.branch
+    elif isinstance(result, OptimalCurve):
+        branch = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
+    columns = solved.preload, solved.frequency, branch, solved.unknowns
     found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in zip(*columns) if np.isfinite(f)]
     validate.require(found, "result", "solutions", f"none ({type(result).__name__})")
-    return problem, found
-
-
-def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_Solution, Equations[Sector]]]:
-    """Each solution with its equations, refused where it does not satisfy them."""
-    system, preload = None, None
-    largest_residual = 1e-6  # relative residual above which unknowns are no solution of a study
-    for s in solutions:
-        if system is None or s.preload != preload:
-            system, preload = problem.system(s.preload), s.preload
-            error = np.inf
-            if len(s.unknowns) == system.n_unknowns:
-                r = system.residual(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
-                error = float(np.abs(r * system.row_scale).max())
-            found = f"those of other settings (residual {error:.2g})"
-            validate.require(error < largest_residual, "result", "solutions of this study", found)
-        yield s, system
+    return found
 
 
 def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> NDArray:
@@ -390,10 +365,11 @@ def dissipation(problem: Problem, result: Solved) -> Dissipation:
     SettingError
         If the result is of another problem, or holds no solution.
     """
-    problem, solutions = _solutions(problem, result)
+    solutions = _solutions(problem, result)
     found: list[Energies] = []
     rows, amplitude, shown = [], [], ~problem.coupling.spring_points
-    for s, system in _systems(problem, solutions):
+    for s in solutions:
+        system = problem.system(s.preload)
         e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
         found.append(e)
         rows.append(_on_points(problem, system, e.contact)[shown])
@@ -455,10 +431,10 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     elif index is None and isinstance(result, OptimalCurve):
         known = result.amplitude[np.isfinite(result.amplitude)]
         index = int(np.argmin(known)) if len(known) else None
-    problem, solutions = _solutions(problem, result)
+    solutions = _solutions(problem, result)
     k = 0 if index is None else validate.whole("index of a point", index, -len(solutions), len(solutions) - 1)
-    ((s, system),) = _systems(problem, [solutions[k]])
-    u, omega = s.unknowns, 2.0 * np.pi * s.frequency
+    s = solutions[k]
+    system, u, omega = problem.system(s.preload), s.unknowns, 2.0 * np.pi * s.frequency
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
     counted, shown = _counted(problem, system), ~problem.coupling.spring_points
