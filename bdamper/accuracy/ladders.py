@@ -31,7 +31,7 @@ from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
@@ -201,7 +201,7 @@ def make_ladders(problem: Problem, vary: Any) -> dict[str, Ladder]:
     """Values of each thing that is varied, from the cheapest to the richest; see :func:`accuracy_cost`."""
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
     validate.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
-    given = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
+    given: dict[str, Any] = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
     validate.that(given, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem.settings)} - {"model"}
     for name, values in given.items():

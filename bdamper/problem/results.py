@@ -88,7 +88,7 @@ class Solutions(NamedTuple):
 
 
 def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
-    """The solutions of a peak or a curve at known preloads, NaN where a curve has no value; errors of :func:`unknowns_of`."""
+    """Solutions of a peak or a curve at known preloads, NaN where it has no value; errors as for :func:`unknowns_of`."""
     given: Any = result
     unknowns = unknowns_of(problem, result)
     preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
