@@ -29,20 +29,18 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
-from bdamper.continuation.curve import Curve, uninterrupted
-from bdamper.continuation.track import check_curve, track
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve
 from bdamper.effects.indicator import Change
 from bdamper.effects.richer import Tops, compare
 from bdamper.model.coupling import RIGID_NAMES
-from bdamper.peaks.highest import NEAR, highest_of_curve
 from bdamper.peaks.newton import Peak
-from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem
 from bdamper.problem.results import check_result
@@ -56,7 +54,7 @@ SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexi
 
 @one_thread
 def estimate_errors(
-    problem: Problem, result: Curve | Peak | OptimalCurve, *, sources: Sequence[str] = SOURCES
+    problem: Problem, result: Curve | Peak, *, sources: Sequence[str] = SOURCES
 ) -> ErrorEstimates:
     """Estimated errors of a peak by source.
 
@@ -64,8 +62,8 @@ def estimate_errors(
     ----------
     problem : Problem
         That the result was computed with.
-    result : Curve, Peak or OptimalCurve
-        Of a tracking curve the highest peak is taken, of an optimal curve that of a tracking curve at its optimum.
+    result : Curve or Peak
+        Of a tracking curve the highest peak is taken.
     sources : sequence of str
         Out of :data:`SOURCES`.
 
@@ -79,14 +77,8 @@ def estimate_errors(
         If the result is not one of this study, or not converged.
     """
     sources = validate.names("sources", sources, SOURCES)
-    validate.instance("result", result, (Curve, Peak, OptimalCurve), "a Curve, a Peak or an OptimalCurve of this study")
+    validate.instance("result", result, (Curve, Peak), "a Curve or a Peak of this study")
     begin = time.perf_counter()
-    if isinstance(result, OptimalCurve):
-        best, found = result.optimum, _at_optimum(problem, result)
-        if isinstance(found, str):
-            items = tuple(SourceError(source, np.nan, np.nan, np.inf, found) for source in sources)
-            return ErrorEstimates(best.preload, best.frequency, best.amplitude, items, time.perf_counter() - begin)
-        result = found
     if isinstance(result, Curve):
         check_curve(problem, result)
         preload = result.preload
@@ -98,25 +90,6 @@ def estimate_errors(
     top = tops.peaks[0]
     items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops)) is not None)
     return ErrorEstimates(preload, top.frequency, top.amplitude, items, time.perf_counter() - begin)
-
-
-def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
-    """A tracking curve at the preload of the optimum (at any, if it is flat), or why none can stand for it."""
-    n = problem.n_unknowns
-    if result.model_hash != problem.model.hash or result.unknowns.shape[1] != n:
-        expected = f"an optimal curve of this model and of this study with {n} unknowns"
-        raise SettingError(f"result: expected {expected}, found another")
-    best = result.optimum
-    if best.kind == "none":
-        return f"the optimal curve has no optimum ({best.status.partition(': ')[2]})"
-    preload = float(result.preload[-1]) if best.kind == "flat" else best.preload
-    curve = uninterrupted(track(problem, preload, tuple(result.settings["frequency"])))
-    if not curve.complete:
-        return f"no whole curve at {preload:.6g} N: {curve.reason}"
-    top = highest_of_curve(problem.system(preload), curve).peak
-    if not abs(top.amplitude / best.amplitude - 1.0) <= NEAR:
-        return f"the curve at {preload:.6g} N is highest at {top.amplitude:.6g} m, not {best.amplitude:.6g} m"
-    return curve
 
 
 def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> SourceError | None:
@@ -237,23 +210,17 @@ def _residual_modes(problem: Problem) -> Richer | None:
     return Richer(problem.anew(contact_stiffness="residual_modes"), "residual modes")
 
 
-Estimated = TypeVar("Estimated", Curve, OptimalCurve)
-
-
 @one_thread
-def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] = SOURCES) -> Estimated:
-    """The same tracking or optimal curve with estimated errors of its highest peak (of that at its optimum).
-
-    It prints them in one line and saves them.
+def with_errors(problem: Problem, curve: Curve, *, sources: Sequence[str] = SOURCES) -> Curve:
+    """The same tracking curve with estimated errors of its highest peak, which it prints in one line and saves.
 
     Parameters
     ----------
     problem : Problem
-    result : Curve or OptimalCurve
+    curve : Curve
         Of this problem.
     sources : sequence of str
         What to estimate: "harmonics", "evaluation", "contact points", "modes", "residual flexibility".
     """
-    validate.instance("result", result, (Curve, OptimalCurve), "a Curve or an OptimalCurve of this study")
-    sources = validate.names("sources", sources, SOURCES)
-    return replace(result, error_estimates=estimate_errors(problem, result, sources=sources))
+    validate.instance("curve", curve, Curve)
+    return replace(curve, error_estimates=estimate_errors(problem, curve, sources=sources))

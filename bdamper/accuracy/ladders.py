@@ -21,14 +21,13 @@ import numpy as np
 from bdamper.accuracy.estimate import missing_harmonics, with_stand_ins
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.linear_curve import stuck
 from bdamper.effects.richer import ask, whole_curve
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import Peak
 from bdamper.problem.asked import Asking, like, problem_of
 from bdamper.problem.plausible import check_question
-from bdamper.problem.problem import Problem, stuck_springs
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError
@@ -201,7 +200,8 @@ def make_ladders(problem: Problem, vary: Any) -> dict[str, Ladder]:
     """Values of each thing that is varied, from the cheapest to the richest; see :func:`accuracy_cost`."""
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
     validate.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
-    given: dict[str, Any] = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
+    named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
+    given: dict[str, Any] = dict(named)
     validate.that(given, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem.settings)} - {"model"}
     for name, values in given.items():
@@ -228,37 +228,6 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     if points is not None and points >= problem.settings.most_points:
         changes["contact_points"] = None
     return problem.anew(**changes) if changes else problem
-
-
-def slipping_preload(problem: Problem, frequency: tuple[float, float], share: float = 0.3) -> float:
-    """A preload (N) under which part of the contact slips at resonance; 0 where no body carries a load.
-
-    Friction can then carry a share of the tangential forces of the stuck response at its largest.
-
-    Parameters
-    ----------
-    problem : Problem
-    frequency : (low, high), Hz
-        Interval of the peak.
-    share : float
-        Of the tangential forces, summed over all points.
-
-    Raises
-    ------
-    BdamperError
-        If there is no static state, or no friction.
-    """
-    if not np.any(problem.damper_load[0]):
-        return 0.0
-    state = problem.static(1.0)
-    capacity = float(problem.friction @ np.abs(state.force[:, 2])) if state.converged else 0.0
-    if not capacity > 0.0:
-        raise BdamperError("preload: expected one to be given, since nothing slips in this study, found none")
-    response = stuck(problem, frequency)
-    c, s = problem.sector(1.0).layout.slices(1)
-    u = response.unknowns[int(np.argmax(response.amplitude))]
-    motion = np.abs(problem.bases[1].G[:, :2] @ (u[c] - 1j * u[s]))
-    return share * float((stuck_springs(problem, state)[:, :2] * motion).sum()) / capacity
 
 
 # ---- the search ----
@@ -305,7 +274,7 @@ class _Runs:
 @one_thread
 def accuracy_cost(
     study: Asking | Problem,
-    preload: float | None = None,
+    preload: float,
     frequency: tuple[float, float] | None = None,
     *,
     quantity: str | Solver = "curve",
@@ -321,8 +290,7 @@ def accuracy_cost(
     ----------
     problem : Problem
         What is not varied is as it is there.
-    preload : float, N, optional
-        By default one at which the contact slips in part (:func:`slipping_preload`); 0 where no body carries a load.
+    preload : float, N
     frequency : (low, high), Hz, optional
         Interval of the peak; around the first mode by default.
     quantity : {"curve", "peak"} or callable
@@ -358,7 +326,7 @@ def accuracy_cost(
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
     low, high = map(float, peak_interval(problem, frequency))
     ladders = make_ladders(problem, vary)
-    preload = slipping_preload(problem, (low, high)) if preload is None else problem.check_preload(preload)
+    preload = problem.check_preload(preload)
     check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)
     top = {name: len(values) - 1 for name, values in ladders.items()}

@@ -56,8 +56,8 @@ def microslip(
     -------
     SweepResult
         Over "force", from zero: "displacement" of the location along it (m), since the force is there; "slipping" and
-        "open", shares of the closed points that slip in either direction and of all points that are apart; "residual" of modal
-        equilibrium, relative.  Forces under which the damper slides have failed.
+        "open", shares of the closed points that slip in either direction and of all points that are apart; "residual" of
+        modal equilibrium, relative.  Forces under which the damper slides have failed.
 
     Raises
     ------

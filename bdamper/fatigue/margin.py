@@ -67,7 +67,7 @@ class Rule(validate.Checked):
             factor = material.factor(amplitude, mean, self.line, self.on)
         else:
             limit = material.findley_limit
-            found, _ = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
+            found = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
             factor = (limit if self.on == "both" else 1.0) / np.maximum(found, 1e-300)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest

@@ -7,11 +7,10 @@ import pytest
 
 import bdamper as bd
 from bdamper.accuracy.estimate import SOURCES, Richer, missing_harmonics, richer_study, with_stand_ins
-from bdamper.accuracy.ladders import make_ladders, slipping_preload, varied
+from bdamper.accuracy.ladders import make_ladders, varied
 from bdamper.effects import richer as richer_module
 from bdamper.effects.richer import Tops, compare
 from bdamper.harmonic_balance.equations import LINE_SEARCH_TRIALS, OK
-from bdamper.peaks.optimal_curve import OptimumPoint
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError, error_line
@@ -142,27 +141,6 @@ def test_curve_carries_its_errors(study, place, tmp_path):
     assert line.startswith("estimated error") and "(harmonics " in line
     with_errors.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
-
-
-def test_optimal_curve_carries_the_errors_at_its_optimum(study, place, tmp_path):
-    own = study.with_(harmonics=1)
-    curve = own.optimal_curve((3000.0, 4000.0, 5000.0), frequency=place[1], check=False)
-    assert Fact("error", "error not estimated") in curve.facts()
-    with_errors = own.with_errors(curve, sources=["harmonics"])
-    errors, best = with_errors.error_estimates, curve.optimum
-    assert errors.preload == best.preload and errors.amplitude == pytest.approx(best.amplitude, rel=0.01)
-    at_optimum = own.estimate_errors(own.track(best.preload, place[1]), sources=["harmonics"])
-    assert errors["harmonics"].amplitude == at_optimum["harmonics"].amplitude
-    assert Fact("error", errors.line) in with_errors.facts()
-    with_errors.save(tmp_path / "optimal.h5")
-    assert bd.load(tmp_path / "optimal.h5").error_estimates == errors
-    wrong = replace(curve, optimum=replace(best, amplitude=0.9 * best.amplitude))
-    assert own.estimate_errors(wrong, sources=["harmonics"]).line == "error not estimated"
-    none = OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, "not found: no preload has a value")
-    without = own.estimate_errors(replace(curve, optimum=none))
-    assert {s.against for s in without.sources} == {"the optimal curve has no optimum (no preload has a value)"}
-    with pytest.raises(SettingError, match="unknowns"):
-        study.estimate_errors(curve)
 
 
 def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
@@ -385,19 +363,6 @@ def test_default_ladders_suit_every_model(name):
     for values in ladders.values():
         sizes = [varied(study.problem, changes).system(0.0).n_unknowns for changes in values.values()]
         assert sizes == sorted(sizes)
-
-
-def test_preload_of_a_ladder_is_one_at_which_the_contact_slips(study, place):
-    result = bd.accuracy_cost(study, frequency=place[1], vary={"harmonics": [2]})
-    assert result.preload == pytest.approx(slipping_preload(study.problem, place[1]), rel=1e-12)
-    shares = study.peak(result.preload, place[1]).shares
-    assert 0.02 < shares[1] + shares[2] < 0.98
-    twice = study.with_(excitation=replace(study.excitation, amplitude=2.0))
-    assert slipping_preload(twice.problem, place[1]) == pytest.approx(2.0 * result.preload, rel=1e-9)
-    ground = plain_study(models.ALL_MODELS["ground"](0), bd.Excitation("tip"), 2)
-    assert slipping_preload(ground.problem, (200.0, 450.0)) == 0.0
-    with pytest.raises(bd.BdamperError, match="nothing slips"):
-        slipping_preload(study.with_(friction_coefficient=0.0).problem, place[1])
 
 
 # ---- effectivity ----
