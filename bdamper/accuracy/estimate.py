@@ -163,23 +163,13 @@ def _more_harmonics(problem: Problem) -> Richer | str:
 
 
 def _exact_events(problem: Problem) -> Richer | None:
-    if not isinstance(problem.settings.evaluation, Sampled):
+    own = problem.settings.evaluation
+    if not isinstance(own, Sampled):
         return None
-    finer = finer_evaluation(problem, problem.harmonic_numbers[-1])
-    if finer.settings.evaluation == "exact":
-        return Richer(finer, "exact events")
-    dense = Sampled(4 * problem.settings.evaluation.n_time)
-    return Richer(problem.anew(evaluation=dense), f"{dense.n_time} samples")
-
-
-def finer_evaluation(problem: Problem, harmonics: int) -> Problem:
-    """The study with exact events; with coupled friction, which has none, with 32 samples for each harmonic at least."""
-    if not isinstance(problem.settings.evaluation, Sampled):
-        return problem
     try:
-        return problem.anew(evaluation="exact")
-    except SettingError:
-        return problem.anew(evaluation=Sampled(max(problem.settings.evaluation.n_time, 128, 32 * harmonics)))
+        return Richer(problem.anew(evaluation="exact"), "exact events")
+    except SettingError:  # there are none with coupled friction
+        return Richer(problem.anew(evaluation=Sampled(4 * own.n_time)), f"{4 * own.n_time} samples")
 
 
 def _more_points(problem: Problem) -> Richer | str:

@@ -39,6 +39,7 @@ from bdamper.util.status import (
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 from bdamper.util.text import amount
 
+
 def draw(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
     """Values of settings drawn from independent distributions, by a scrambled Sobol sequence.
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.harmonic_balance.cycle import Energies, bodily_motion, energies, histories
+from bdamper.harmonic_balance.cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector
 from bdamper.model.model import Interface
@@ -40,8 +40,6 @@ from bdamper.util.tables import ROW, Column, Quantity, Tabular
 from bdamper.util.text import amount, percent
 
 AXES = ("t1", "t2", "n")
-ENERGIES = ("damping", "excitation", "kinetic")
-"""What both results take over from the energies of a cycle."""
 WHOLE = "whole"
 """Name of the loop of all contacts together."""
 NOTHING = 1e-9
@@ -315,22 +313,20 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
         If the result is of another problem, or holds no solution.
     """
     solutions = _solutions(problem, result)
-    found: list[Energies] = []
-    rows, amplitude, shown = [], [], ~problem.coupling.spring_points
-    for s in solutions:
-        system = problem.system(s.preload)
-        e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
-        found.append(e)
-        rows.append(_on_points(problem, system, e.contact)[shown])
-        amplitude.append(float(np.abs(system.response(s.unknowns)[1])))
-    own = ("preload", "frequency", "branch")
-    columns: dict[str, Any] = {name: np.array([getattr(s, name) for s in solutions]) for name in own}
-    columns |= {name: np.array([getattr(e, name) for e in found]) for name in ENERGIES}
-    stiffness = np.array([e.stiffness for e in found])
-    return Hysteresis(
-        amplitude=np.array(amplitude), energy=np.array(rows), stiffness=stiffness.real, width=stiffness.imag,
-        **columns, **_identity(problem),
-    )  # fmt: skip
+    rows = [_of_solution(problem, s) for s in solutions]
+    columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return Hysteresis(branch=np.array([s.branch for s in solutions]), **columns, **_identity(problem))
+
+
+def _of_solution(problem: Problem, s: _Solution) -> dict[str, Any]:
+    """Energies, equivalent stiffness and damping of one solution."""
+    system, shown = problem.system(s.preload), ~problem.coupling.spring_points
+    e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
+    return {
+        "preload": s.preload, "frequency": s.frequency, "amplitude": float(np.abs(system.response(s.unknowns)[1])),
+        "energy": _on_points(problem, system, e.contact)[shown], "damping": e.damping, "excitation": e.excitation,
+        "kinetic": e.kinetic, "stiffness": e.stiffness.real, "width": e.stiffness.imag,
+    }  # fmt: skip
 
 
 def _faces(problem: Problem) -> list[Interface]:
@@ -383,11 +379,11 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     solutions = _solutions(problem, result)
     k = 0 if index is None else validate.whole("index of a point", index, -len(solutions), len(solutions) - 1)
     s = solutions[k]
-    system, u, omega = problem.system(s.preload), s.unknowns, 2.0 * np.pi * s.frequency
+    system, u = problem.system(s.preload), s.unknowns
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
     counted, shown = _counted(problem, system), ~problem.coupling.spring_points
-    e, response = energies(system, u, omega, counted), complex(system.response(u)[1])
+    response = complex(system.response(u)[1])
     places = np.arange(system.n_points) if system.structure.points.index is None else system.structure.points.index
     first = np.unique(places, return_index=True)[1]  # of two elements of a point the first, with the point's own normal
     sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
@@ -398,14 +394,12 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     distance = (-n0 / np.where(kn > 0.0, kn, np.nan))[:, None] - X[first, 2]
     gap = np.full(force[:, 2].shape, np.nan)
     gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
-    at_points = {"displacement": displacement, "force": force, "gap": gap, "energy": _on_points(problem, system, e.contact)}
+    at_points = {"displacement": displacement, "force": force, "gap": gap}
     of_faces = {n: np.concatenate([getattr(face, n) for face in _faces(problem)]) for n in ("points", "frame", "area")}
     columns: dict[str, Any] = {name: values[shown] for name, values in (at_points | of_faces).items()}
-    columns |= {name: getattr(e, name) for name in ENERGIES}
     return Hysteresis(
-        preload=s.preload, frequency=s.frequency, amplitude=abs(response), theta=theta, stiffness=e.stiffness.real,
-        width=e.stiffness.imag, response=(response * np.exp(1j * theta)).real,
-        whole=_whole(system, u, F, theta, counted), **columns, **_identity(problem),
+        theta=theta, response=(response * np.exp(1j * theta)).real, whole=_whole(system, u, F, theta, counted),
+        **_of_solution(problem, s), **columns, **_identity(problem),
     )  # fmt: skip
 
 

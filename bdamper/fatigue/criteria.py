@@ -109,7 +109,7 @@ def largest_von_mises(coefficients: NDArray) -> NDArray:
 
 
 def _climbed(rates: Callable[[NDArray], tuple[NDArray, NDArray]], at: NDArray, most: float) -> NDArray:
-    """Instants (n,) of maxima near given ones, by Newton's method with first and second derivatives, in steps up to ``most``."""
+    """Instants (n,) of maxima near given ones, by Newton's method with both derivatives, in steps up to ``most``."""
     for _ in range(4):
         slope, curve = rates(at)
         falls = curve < 0.0

@@ -38,36 +38,25 @@ from bdamper.util.tables import Numbers, Pascals, Quantity, Tabular
 from bdamper.util.text import amount
 
 
-@brief
-@dataclass(frozen=True)
-class StressCycle(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
-    """Stress over the cycle of one solution.
-
-    ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
+@dataclass(frozen=True, kw_only=True)
+class AtPoints:
+    """What is known of the points of stress sets, and of the solution whose stress it is.
 
     Parameters
     ----------
     points : (n, 3) float, m
     names : tuple of str
         Name of each point: its set and its number in it, from 1.
-    coefficients : (n, 6, H + 1) complex, Pa
-        Mean, centrifugal stress included, and amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
-    centrifugal : (n, 6) float, Pa
-        Its part from the rotation; NaN where the set does not know it.
     counted : (n,) bool
         Points away from contact faces, which margins count.
     spread : (n,) float
         Difference between elements over the mean, a sign of the error of the mesh; NaN where the set does not know it.
     frequency, preload, speed : float, Hz, N, rad/s
     notes : tuple of str
-    settings : mapping
-    model_hash : str
     """
 
     points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
     names: Annotated[tuple[str, ...], Quantity(name="name")]
-    coefficients: NDArray
-    centrifugal: NDArray
     counted: Numbers
     spread: NDArray
     frequency: float
@@ -77,6 +66,27 @@ class StressCycle(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
     def __len__(self) -> int:
         return len(self.points)
+
+
+@brief
+@dataclass(frozen=True)
+class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
+    """Stress over the cycle of one solution.
+
+    ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
+
+    Parameters
+    ----------
+    coefficients : (n, 6, H + 1) complex, Pa
+        Mean, centrifugal stress included, and amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
+    centrifugal : (n, 6) float, Pa
+        Its part from the rotation; NaN where the set does not know it.
+    settings : mapping
+    model_hash : str
+    """
+
+    coefficients: NDArray
+    centrifugal: NDArray
 
     def over_cycle(self, theta: NDArray) -> NDArray:
         """(n, 6, n_theta) stress (Pa) at angles of the excitation (rad)."""

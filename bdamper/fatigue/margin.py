@@ -7,7 +7,7 @@ points.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bdamper.fatigue import criteria
 from bdamper.fatigue import cycle as over_cycle
-from bdamper.fatigue.cycle import StressCycle
+from bdamper.fatigue.cycle import AtPoints, StressCycle
 from bdamper.fatigue.material import LINES, ON, Material
 from bdamper.problem.problem import Problem
 from bdamper.problem.results import Solutions, SomeResult, solutions_of
@@ -75,7 +75,7 @@ class Rule(validate.Checked):
 
 @brief
 @dataclass(frozen=True)
-class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
+class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
     """Margins of one solution at every point of the stress sets.
 
     ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical
@@ -83,42 +83,24 @@ class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-
 
     Parameters
     ----------
-    points : (n, 3) float, m
-    names : tuple of str
     amplitude, mean : (n,) float, Pa
     factor : (n,) float
         On the vibration, or on vibration and mean, before the material's limit is met; below 1 it is exceeded.
     yield_factor : (n,) float
         Yield strength over the largest von Mises stress of the cycle; below 1 the first cycle yields.
-    counted : (n,) bool
-        Points away from contact faces: only they make a margin.
-    spread : (n,) float
     material : Material
     rule : Rule
-    frequency, preload, speed : float, Hz, N, rad/s
-    notes : tuple of str
     settings : mapping
     model_hash : str
     """
 
-    points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
-    names: Annotated[tuple[str, ...], Quantity(name="name")]
     amplitude: Annotated[NDArray, Quantity("Pa", "Stress amplitude")]
     mean: Annotated[NDArray, Quantity("Pa", "Mean stress")]
     factor: Numbers
     yield_factor: Numbers
-    counted: Numbers
-    spread: NDArray
     material: Material
     rule: Rule
-    frequency: float
-    preload: float
-    speed: float
-    notes: tuple[str, ...] = ()
     _told = ("least", "frequency", "preload", "speed", "rule", "material.name")
-
-    def __len__(self) -> int:
-        return len(self.factor)
 
     @property
     def critical(self) -> int:
@@ -370,11 +352,8 @@ class LeastMargin(Rule):
     def of_cycle(self, found: StressCycle) -> Margins:
         """The margins of one cycle of stress."""
         amplitude, mean, factor, to_yield = self.judge(found.coefficients, self.material)
-        return Margins(
-            points=found.points, names=found.names, amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield,
-            counted=found.counted, spread=found.spread, frequency=found.frequency, preload=found.preload,
-            speed=found.speed, **self._of(found),
-        )  # fmt: skip
+        own = {f.name: getattr(found, f.name) for f in fields(AtPoints)} | self._of(found)
+        return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **own)
 
     def _of(self, found: StressCycle) -> dict[str, Any]:
         """What margins take over from a cycle of stress, which needs points that count."""
