@@ -57,10 +57,9 @@ class Hysteresis(
     A single solution has numbers, and arrays with a value for each contact point.  Of several solutions each has a row, and
     there are no loops.
 
-    ``plot`` draws loops of force over displacement (:func:`bdamper.plot.plot_hysteresis`), or stiffness and damping of
-    several solutions over the amplitude (:func:`bdamper.plot.plot_dissipation`); ``plot_history`` draws forces and the gap
-    over time (:func:`bdamper.plot.plot_history`), ``plot_energy`` the energy lost over the faces
-    (:func:`bdamper.plot.plot_energy`).
+    ``plot`` draws (:func:`bdamper.plot.plot_hysteresis`) loops of force over displacement, or stiffness and damping of
+    several solutions over the amplitude; ``plot_history`` forces and the gap over time (:func:`bdamper.plot.plot_history`),
+    ``plot_energy`` the energy lost over the faces (:func:`bdamper.plot.plot_energy`).
 
     Parameters
     ----------

@@ -38,6 +38,7 @@ from bdamper.plot.hysteresis import plot_dissipation as plot_dissipation
 from bdamper.plot.hysteresis import plot_energy as plot_energy
 from bdamper.plot.hysteresis import plot_history as plot_history
 from bdamper.plot.hysteresis import plot_hysteresis as plot_hysteresis
+from bdamper.plot.hysteresis import plot_loops as plot_loops
 from bdamper.plot.model3d import plot_import_report as plot_import_report
 from bdamper.plot.model3d import plot_mode as plot_mode
 from bdamper.plot.model3d import plot_model as plot_model

@@ -32,7 +32,7 @@ def _name(result: Hysteresis, where: int | str) -> str:
 
 
 @picture(Hysteresis, "loops", legend=None)
-def plot_hysteresis(
+def plot_loops(
     result: Hysteresis, where: int | str | Sequence[int | str] = WHOLE, ax: Axes = NEW, *, direction: str = "t1"
 ) -> None:
     """Loops of force over displacement.
@@ -143,6 +143,6 @@ def plot_dissipation(
 
 
 @draws(Hysteresis)
-def plot_either(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
-    """Loops of a single solution, equivalent stiffness and damping of several."""
-    return (plot_hysteresis if result.single else plot_dissipation)(result, *arguments, **options)
+def plot_hysteresis(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
+    """Loops of a single solution (:func:`plot_loops`), stiffness and damping of several (:func:`plot_dissipation`)."""
+    return (plot_loops if result.single else plot_dissipation)(result, *arguments, **options)
