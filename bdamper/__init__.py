@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from bdamper.continuation.path import ContinuationOptions as ContinuationOptions
     from bdamper.design.fit import fit as fit
     from bdamper.design.loop import fit_loop as fit_loop
+    from bdamper.design.microslip import microslip as microslip
     from bdamper.design.residuals import Test as Test
     from bdamper.design.sweep import OptimalTask as OptimalTask
     from bdamper.design.sweep import PeakTask as PeakTask
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from bdamper.design.uncertainty import robust_optimum as robust_optimum
     from bdamper.design.uncertainty import uncertain_curve as uncertain_curve
     from bdamper.effects.comparison import compare as compare
-    from bdamper.effects.microslip import microslip as microslip
     from bdamper.io import load_model as load_model
     from bdamper.io import save_model as save_model
     from bdamper.io.from_fe import from_fe as from_fe
@@ -97,7 +97,7 @@ HOMES = {
     "mistuned_sample": "wheel.sample",
     # what settings and contacts do
     "accuracy_cost": "accuracy.ladders",
-    "microslip": "effects.microslip",
+    "microslip": "design.microslip",
     # results and studies from their files
     "load": "util.hdf5",
     "load_study": "study",

@@ -367,7 +367,6 @@ class Study(Comparable):
 
     # effects
     advise = analysis(advice.advise)
-    apply = advice.apply
 
     # what the contacts do in a cycle
     hysteresis = analysis(cycles.hysteresis)

@@ -77,19 +77,19 @@ def samples(separation: bool) -> AccuracyCost:
     values = [*(bd.Sampled(n) for n in (32, 64, 128, 256, 512, 1024, 2048)), "exact"]
     return bd.accuracy_cost(
         study, PRELOAD, INTERVAL, quantity=at_frequency(352.25 if separation else 355.7), vary={"evaluation": values},
-        tolerance=ALL, repeats=7 * REPEATS,
+        tolerance=ALL,
     )  # fmt: skip
 
 
 def peaks_by_samples() -> AccuracyCost:
     study = reference_study(harmonics=3)
     values = [*(bd.Sampled(n) for n in (32, 64, 128, 256, 512)), "exact"]
-    return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary={"evaluation": values}, tolerance=ALL, repeats=REPEATS)
+    return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary={"evaluation": values}, tolerance=ALL)
 
 
 def harmonics() -> AccuracyCost:
     vary = {"harmonics": [1, 2, 3, 5, 7, 9, 11, 13, 15, 20]}
-    return bd.accuracy_cost(reference_study(9), PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL, repeats=REPEATS)
+    return bd.accuracy_cost(reference_study(9), PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL)
 
 
 @lru_cache
@@ -106,17 +106,17 @@ def contact_points(stiffness: str) -> AccuracyCost:
     settings = PLAIN | {"contact_stiffness": stiffness}
     study = bd.Study(model_192(), bd.Excitation("tip"), 5, friction_coefficient=0.3, **settings)
     vary = {"contact_points": [9, 24, 48, 96, 192]}
-    return bd.accuracy_cost(study, 4000.0, (340.0, 380.0), vary=vary, tolerance=ALL, repeats=REPEATS)
+    return bd.accuracy_cost(study, 4000.0, (340.0, 380.0), vary=vary, tolerance=ALL)
 
 
 def blade_modes(stiffness: str) -> AccuracyCost:
     study, vary = reference_study(contact_stiffness=stiffness), {"blade_modes": [2, 5, 10, 20, 30, 40]}
-    return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary=vary, tolerance=ALL, repeats=REPEATS)
+    return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary=vary, tolerance=ALL)
 
 
 def damper_modes() -> AccuracyCost:
     vary = {"damper_modes": [0, 1, 2, 4, 6, 8, 10]}
-    return bd.accuracy_cost(reference_study(), PRELOAD, INTERVAL, vary=vary, tolerance=ALL, repeats=REPEATS)
+    return bd.accuracy_cost(reference_study(), PRELOAD, INTERVAL, vary=vary, tolerance=ALL)
 
 
 def friction_laws() -> AccuracyCost:
@@ -129,18 +129,18 @@ def friction_laws() -> AccuracyCost:
         "coupled, 512 samples": {"friction_law": "coupled", "evaluation": bd.Sampled(512)},
     }
     vary = {"friction_law": laws}
-    return bd.accuracy_cost(reference_study(9), PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL, repeats=REPEATS)
+    return bd.accuracy_cost(reference_study(9), PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL)
 
 
 def bases() -> AccuracyCost:
     study, vary = reference_study(9, harmonics=5), {"single_basis": [True, False]}
-    return bd.accuracy_cost(study, PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL, repeats=REPEATS)
+    return bd.accuracy_cost(study, PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL)
 
 
 def combined() -> AccuracyCost:
-    """What a user gets without any choice but the points and the tolerance."""
+    """What a user gets without any choice but the points, the preload and the tolerance."""
     study = bd.Study(bd.reference_model("bladed_disk", 24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
-    return bd.accuracy_cost(study, tolerance=0.05)
+    return bd.accuracy_cost(study, 6700.0, tolerance=0.05)
 
 
 # ---- what is not a setting ----
@@ -426,7 +426,7 @@ def on_page(text: str, name: str) -> AccuracyCost:
         number, seconds = known[error] if error in known else float(error), float(milliseconds) / 1e3
         runs.append(Run("richest" if error == "richest" else part, tuple(values), 1.0, 1.0, number, seconds))
     runs.sort(key=lambda r: (r.part != "richest", [-int("0" + re.sub(r"\D", "", value)) for value in r.values]))
-    return AccuracyCost(name, PRELOAD, INTERVAL, 0.05 if name == "combined" else SHOWN, varied, tuple(runs), (), REPEATS)
+    return AccuracyCost(name, PRELOAD, INTERVAL, 0.05 if name == "combined" else SHOWN, varied, tuple(runs), ())
 
 
 def draw(name: str, given: AccuracyCost) -> None:

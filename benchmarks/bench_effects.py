@@ -114,7 +114,8 @@ def agreement(n: int) -> None:
             print(f"{scene.name}: no peak ({error})")
             continue
         seconds = time.process_time() - begin
-        both = {"all": scene.study.with_effects(advice.reference), "called for": scene.study.apply(advice)}
+        sets = {"all": advice.reference, "called for": advice.called_for}
+        both = {name: scene.study.with_effects(effects) for name, effects in sets.items()}
         check = bd.compare(both, partial(bd.Study.track, preload=scene.preload, frequency=scene.interval))
         within.append(right(scene, check))
         whole, lean = (curve.cost for curve in check.curves)

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.effects.microslip import Microslip, microslip
+from bdamper.design.microslip import microslip
+from bdamper.design.sweep import SweepResult
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLES, colours, drawing
 from bdamper.util.text import amount
@@ -98,7 +99,7 @@ def split_study(
 
 def microslip_study(
     points: int = 24, choices: tuple[str | bd.ResidualModes, ...] = MICROSLIP_CHOICES
-) -> dict[str, Microslip]:
+) -> dict[str, SweepResult]:
     """First loading along the axis for every choice; "all" patterns are the whole flexibility."""
     model = bd.reference_model("bladed_disk", points)
     curves = {}
@@ -106,6 +107,13 @@ def microslip_study(
         study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False, **SETTINGS)
         curves[name_of(choice)] = microslip(study, MICROSLIP_PRELOAD, MICROSLIP_FORCES)
     return curves
+
+
+def loading(found: SweepResult) -> tuple[np.ndarray, np.ndarray]:
+    """Forces (N) up to that under which the damper slides, and the displacement (m) under each."""
+    displacement = found.array("displacement")
+    known = np.isfinite(displacement)
+    return np.array([point["force"] for point in found.points])[known], displacement[known]
 
 
 def print_microslip(points: int, figure: str | None) -> None:
@@ -116,12 +124,13 @@ def print_microslip(points: int, figure: str | None) -> None:
     heads = "".join(f"{f'um at {q:g} N':>13}" for q in at)
     print(f"{'method':<26}{heads}{'N/um: first':>13}{'at 270':>9}{'last N':>9}")
     for name, c in curves.items():
-        u = [np.interp(q, c.force, 1e6 * c.displacement, right=np.nan) for q in at]
-        slope = 1e-6 * c.stiffness
-        late = slope[np.flatnonzero(c.force[1:] >= 270.0)[0]]
+        force, displacement = loading(c)
+        u = [np.interp(q, force, 1e6 * displacement, right=np.nan) for q in at]
+        slope = 1e-6 * np.diff(force) / np.diff(displacement)
+        late = slope[np.flatnonzero(force[1:] >= 270.0)[0]]
         print(
             f"{name:<26}" + "".join(f"{v:>13.4f}" for v in u) + f"{slope[0]:>13.2f}{late:>9.2f}"
-            + (f"{c.force[-1]:>9g}" if c.complete else f"{c.force[-1]:>9g}  slides below {last:g} N")
+            + (f"{force[-1]:>9g}" if c.complete else f"{force[-1]:>9g}  slides below {last:g} N")
         )  # fmt: skip
     if figure:
         title = f"Damper seated with {MICROSLIP_PRELOAD:g} N, pushed along its axis until it slides"
@@ -131,7 +140,9 @@ def print_microslip(points: int, figure: str | None) -> None:
                 look = {"color": colour, "label": name}
                 if whole:
                     look = {"color": "k", "label": "whole flexibility", "linewidth": 2.5, "zorder": 1}
-                ax.plot(c.force[1:], c.stiffness, linestyle=STYLES[k % 6 * (not whole)], **look)
+                force, displacement = loading(c)
+                stiffness = np.diff(force) / np.diff(displacement)
+                ax.plot(force[1:], stiffness, linestyle=STYLES[k % 6 * (not whole)], **look)
             ax.set(xlabel="Force along the axis (N)", ylabel="Stiffness along the axis (N/m)")
         save_figure(ax, figure)
 

@@ -14,24 +14,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from bdamper.accuracy.estimate import missing_harmonics, with_stand_ins
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.linear_curve import stuck
 from bdamper.effects.richer import ask, whole_curve
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import Peak
 from bdamper.problem.asked import Asking, like, problem_of
 from bdamper.problem.plausible import check_question
-from bdamper.problem.problem import Problem, stuck_springs
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
@@ -67,7 +66,7 @@ class Run:
     error : float
         The larger relative difference of both from the richest run; NaN if that is not known.
     seconds : float
-        Of the processor, median of the repeats; NaN if the study has no such settings.
+        Of the processor; NaN if the study has no such settings.
     reason : str
         Why there is no whole answer, as far as it is known.
     """
@@ -100,7 +99,6 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         The richest one first.
     own : tuple of str
         Values that the study itself has; empty where they are not single settings.
-    repeats : int
     settings : mapping
         Of the study.
     interrupted : bool
@@ -114,7 +112,6 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     varied: tuple[str, ...]
     runs: tuple[Run, ...]
     own: tuple[str, ...]
-    repeats: int
     settings: dict[str, Any] = field(default_factory=dict, compare=False)
     interrupted: bool = False
 
@@ -145,92 +142,75 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         """Sum of the last steps, NaN where one is not known: how far the richest run itself may be off."""
         return float(sum(self.last_steps.values()))
 
-    def _conclusion(self) -> str:
+    def bottom_line(self) -> str:
         best, tolerance = self.recommended, percent(self.tolerance)
         if best is self.richest:
-            return f"nothing but the richest that was run is within {tolerance} of it"
+            return f"Nothing but the richest that was run is within {tolerance} of it."
         return (
-            f"for {tolerance}: {_text(self.varied, best.values)}, {percent(best.error)} from the richest in "
-            f"{best.seconds / self.richest.seconds:.2g} of its time"
+            f"For {tolerance}: {_text(self.varied, best.values)}, {percent(best.error)} from the richest in "
+            f"{best.seconds / self.richest.seconds:.2g} of its time."
         )
 
-    def bottom_line(self) -> str:
-        return f"{self._conclusion()[0].upper()}{self._conclusion()[1:]}."
+    def _table(self) -> list[tuple[str, ...]]:
+        rows = [(*map(spaced, self.varied), "amplitude", "frequency", "error", "time", "")]
+        for r in self.runs:
+            answer = (amount(r.amplitude, "m", 4), amount(r.frequency, "Hz", 5), percent(r.error))
+            marks = [r.part] * (r.part in (RICHEST, COMBINED)) + [OWN] * (r.values == self.own)
+            marks += [f"for {percent(self.tolerance)}"] * (r is self.recommended) + [r.reason] * bool(r.reason)
+            known = answer if np.isfinite(r.amplitude) else ("not known", "", "")
+            rows.append((*r.values, *known, f"{r.seconds:.3g} s", ", ".join(marks)))
+        return rows
 
     def details(self) -> str:
         steps = ", ".join(f"{spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
-        rows = [(*map(spaced, self.varied), "amplitude", "frequency", "error", "time", "")]
-        for r in self.runs:
-            known = np.isfinite(r.amplitude)
-            answer = (amount(r.amplitude, "m", 4), amount(r.frequency, "Hz", 5)) if known else ("not known", "")
-            error = percent(r.error) if known and r is not self.richest else ""
-            marks = [r.part] if r.part in (RICHEST, COMBINED) else []
-            marks += [OWN] * (r.values == self.own) + [f"for {percent(self.tolerance)}"] * (r is self.recommended)
-            seconds = f"{r.seconds:.3g} s" if np.isfinite(r.seconds) else ""
-            rows.append((*r.values, *answer, error, seconds, ", ".join(filter(None, [*marks, r.reason]))))
         lines = [
+            self.bottom_line(),
             f"{self.quantity}, preload {self.preload:g} N, {self.interval[0]:.5g} to {self.interval[1]:.5g} Hz",
-            f"  {self._conclusion()}{'; interrupted by the user, other runs may suffice' if self.interrupted else ''}",
-            f"  the richest itself is uncertain by its last steps: {steps}",
-            *aligned(rows, "  "),
+            f"the richest itself is uncertain by its last steps: {steps}",
+            *["interrupted by the user, other runs may suffice"] * self.interrupted,
+            *aligned(self._table()),
         ]
         return "\n".join(lines)
 
 
-def _text(names: Sequence[str], values: Sequence[str]) -> str:
+def _text(names: Iterable[str], values: Iterable[str]) -> str:
     return ", ".join(f"{spaced(n)} {v}" for n, v in zip(names, values))
 
 
 # ---- what is varied ----
 
 
-class Value(NamedTuple):
-    """One value of what is varied: its name, and the settings of the study that it changes."""
-
-    name: str
-    changes: Mapping[str, Any]
+Ladder = Mapping[str, Mapping[str, Any]]
+"""Settings of the study that each value of what is varied changes, by the name of the value, from the cheapest on."""
 
 
 def ladder_values(problem: Problem, name: str) -> list[Any]:
     """Values of a setting from the cheapest to the richest, as far as the model allows."""
     if name == "harmonics":
         return [n for n in (1, 3, 5) if not missing_harmonics(problem, n)]
-    if name == "evaluation":
-        least = 4 * problem.harmonic_numbers[-1] + 4
-        return [*(Sampled(n) for n in (32, 64, 128, 256, 512, 1024) if n >= least), "exact"]
     if name == "contact_points":
         full = problem.settings.most_points
         return [n for n in (9, 24, 48) if n < full] + [full]
-    if name == "blade_modes":
-        most = problem.settings.most_modes("constrained")
-        return [n for n in (5, 10, 20) if n < most] + [min(most, 40)]
-    if name == "damper_modes":
-        most = problem.settings.most_modes("free")
-        return [n for n in (0, 2, 4, 6) if n < most] + [most]
-    known = (*DEFAULT, "evaluation", "damper_modes")
-    raise SettingError(f"vary: expected a mapping of settings to values, or some of {known}, found '{name}'")
+    validate.choice("vary, without values", name, DEFAULT)
+    most = problem.settings.most_modes("constrained")
+    return [n for n in (5, 10, 20) if n < most] + [min(most, 40)]
 
 
-def make_ladders(problem: Problem, vary: Any) -> dict[str, list[Value]]:
+def make_ladders(problem: Problem, vary: Any) -> dict[str, Ladder]:
     """Values of each thing that is varied, from the cheapest to the richest; see :func:`accuracy_cost`."""
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
     validate.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
-    given = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
+    named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
+    given: dict[str, Any] = dict(named)
     validate.that(given, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem.settings)} - {"model"}
-    out: dict[str, list[Value]] = {}
     for name, values in given.items():
-        if isinstance(values, Mapping) and values and all(isinstance(v, Mapping) for v in values.values()):
-            out[name] = [Value(str(key), dict(changes)) for key, changes in values.items()]
-        elif not isinstance(values, Sequence | np.ndarray) or isinstance(values, str) or not len(values):
-            expected = "a sequence of one or more values, or a mapping of names to settings"
-            raise validate.unfit(f"vary '{name}'", expected, values)
-        else:
-            out[name] = [Value(_name(v), {name: v}) for v in values]
-        wrong = {key for value in out[name] for key in value.changes} - known
-        if wrong:
-            raise SettingError(f"vary: expected settings of a study, out of {sorted(known)}, found '{min(wrong)}'")
-    return out
+        several = isinstance(values, Mapping | Sequence | np.ndarray) and not isinstance(values, str) and len(values)
+        validate.that(several, f"vary '{name}'", "a sequence of values, or a mapping of names to settings", values)
+        given[name] = values if isinstance(values, Mapping) else {_name(v): {name: v} for v in values}
+        for value, changes in given[name].items():
+            validate.mapping(f"vary '{name}', {value}", changes, known, "settings of a study")
+    return given
 
 
 def _name(value: Any) -> str:
@@ -250,37 +230,6 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     return problem.anew(**changes) if changes else problem
 
 
-def slipping_preload(problem: Problem, frequency: tuple[float, float], share: float = 0.3) -> float:
-    """A preload (N) under which part of the contact slips at resonance; 0 where no body carries a load.
-
-    Friction can then carry a share of the tangential forces of the stuck response at its largest.
-
-    Parameters
-    ----------
-    problem : Problem
-    frequency : (low, high), Hz
-        Interval of the peak.
-    share : float
-        Of the tangential forces, summed over all points.
-
-    Raises
-    ------
-    BdamperError
-        If there is no static state, or no friction.
-    """
-    if not np.any(problem.damper_load[0]):
-        return 0.0
-    state = problem.static(1.0)
-    capacity = float(problem.friction @ np.abs(state.force[:, 2])) if state.converged else 0.0
-    if not capacity > 0.0:
-        raise BdamperError("preload: expected one to be given, since nothing slips in this study, found none")
-    response = stuck(problem, frequency)
-    c, s = problem.sector(1.0).layout.slices(1)
-    u = response.unknowns[int(np.argmax(response.amplitude))]
-    motion = np.abs(problem.bases[1].G[:, :2] @ (u[c] - 1j * u[s]))
-    return share * float((stuck_springs(problem, state)[:, :2] * motion).sum()) / capacity
-
-
 # ---- the search ----
 
 
@@ -289,19 +238,17 @@ class _Runs:
     """Combinations of values, each run once."""
 
     problem: Problem
-    ladders: Mapping[str, Sequence[Value]]
-    ask: Solver
+    ladders: Mapping[str, Ladder]
+    ask: Callable[[Problem], Any]
     preload: float
-    interval: tuple[float, float]
-    repeats: int
     done: list[Run] = field(default_factory=list)
     report: Callable[[str, int, int], None] | None = None
 
     def at(self, part: str, place: Mapping[str, int]) -> Run:
         """Compute the study with the values at these indices."""
-        chosen = [values[place[name]] for name, values in self.ladders.items()]
-        changes = {key: v for value in chosen for key, v in value.changes.items()}
-        return self.of(part, tuple(value.name for value in chosen), changes)
+        chosen = [list(values)[place[name]] for name, values in self.ladders.items()]
+        changes = [values[name] for values, name in zip(self.ladders.values(), chosen)]
+        return self.of(part, tuple(chosen), {key: v for change in changes for key, v in change.items()})
 
     def of(self, part: str, names: tuple[str, ...], changes: Mapping[str, Any]) -> Run:
         """One run, unless its values were run before."""
@@ -310,35 +257,29 @@ class _Runs:
             return same
         if self.report is not None:
             most = sum(map(len, self.ladders.values())) - len(self.ladders) + 2  # of one setting, combined, the richest
-            self.report(_text(tuple(self.ladders), names), len(self.done), max(most, len(self.done) + 1))
-        amplitude, frequency, reason, seconds = np.nan, np.nan, "", list[float]()
+            self.report(_text(self.ladders, names), len(self.done), max(most, len(self.done) + 1))
         try:
             study = varied(self.problem, changes)
             if study.static(self.preload).converged:
                 study.system(self.preload)
-            for _ in range(self.repeats):
-                amplitude, frequency, reason, spent, _ = ask(study, lambda p: self.ask(p, self.preload, self.interval))
-                seconds.append(spent)
+            amplitude, frequency, reason, seconds, _ = ask(study, self.ask)
         except BdamperError as failure:  # the other runs, those before it above all, are worth having without it
-            reason = str(failure)
-        against = self.done[0] if self.done else None
-        a, f = (amplitude, frequency) if against is None else (against.amplitude, against.frequency)
+            amplitude, frequency, reason, seconds = np.nan, np.nan, str(failure), np.nan
+        a, f = (self.done[0].amplitude, self.done[0].frequency) if self.done else (amplitude, frequency)
         error = float(max(abs(amplitude / a - 1.0), abs(frequency / f - 1.0)))
-        middle = float(np.median(seconds)) if seconds else np.nan
-        self.done.append(Run(part, names, amplitude, frequency, error, middle, reason))
+        self.done.append(Run(part, names, amplitude, frequency, error, seconds, reason))
         return self.done[-1]
 
 
 @one_thread
 def accuracy_cost(
     study: Asking | Problem,
-    preload: float | None = None,
+    preload: float,
     frequency: tuple[float, float] | None = None,
     *,
     quantity: str | Solver = "curve",
     vary: str | Sequence[str] | Mapping[str, Any] | None = None,
     tolerance: float = 0.05,
-    repeats: int = 1,
     progress: bool = False,
 ) -> AccuracyCost:
     """The cheapest combination of settings within a tolerance of the richest one, and what others cost.
@@ -349,21 +290,18 @@ def accuracy_cost(
     ----------
     problem : Problem
         What is not varied is as it is there.
-    preload : float, N, optional
-        By default one at which the contact slips in part (:func:`slipping_preload`); 0 where no body carries a load.
+    preload : float, N
     frequency : (low, high), Hz, optional
         Interval of the peak; around the first mode by default.
     quantity : {"curve", "peak"} or callable
         Read off a tracking curve, found by the search for the peak, or by a function of (study, preload, interval) that
         returns amplitude (m) and frequency (Hz).
     vary : str, sequence of str or mapping, optional
-        Settings and their values from the cheapest to the richest; for "harmonics", "contact_points", "blade_modes" (these
-        three by default), "evaluation" and "damper_modes" the name is enough.  Where several settings change together, a
+        Settings and their values from the cheapest to the richest; for "harmonics", "contact_points" and "blade_modes",
+        which are varied by default, the name is enough.  Where several settings change together, a
         mapping of names to settings replaces the values.
     tolerance : float
         Relative, on amplitude and frequency.
-    repeats : int
-        Of each timing.
     progress : bool
         Show which settings are run, and the time left.
 
@@ -384,17 +322,16 @@ def accuracy_cost(
     if not callable(quantity):
         validate.choice("quantity", quantity, tuple(QUANTITIES))
     problem = problem_of(study)
-    ask = QUANTITIES[quantity] if isinstance(quantity, str) else lambda p, *place: quantity(like(study, p), *place)
-    repeats = validate.whole("repeats", repeats, least=1)
+    solve = QUANTITIES[quantity] if isinstance(quantity, str) else lambda p, *place: quantity(like(study, p), *place)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
     low, high = map(float, peak_interval(problem, frequency))
     ladders = make_ladders(problem, vary)
-    preload = slipping_preload(problem, (low, high)) if preload is None else problem.check_preload(preload)
+    preload = problem.check_preload(preload)
     check_question(problem, [preload], frequency)
-    runs = _Runs(problem, ladders, ask, preload, (low, high), repeats)
+    runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)
     top = {name: len(values) - 1 for name, values in ladders.items()}
     own: tuple[str, ...] = ()
-    if all(list(value.changes) == [name] for name, values in ladders.items() for value in values):
+    if all(list(changes) == [name] for name, values in ladders.items() for changes in values.values()):
         own = tuple(_name(_own(problem, name)) for name in ladders)
     with stages("settings", "run") if progress else nullcontext() as runs.report, LongWork() as work:
         _search(runs, top, tolerance)
@@ -404,7 +341,7 @@ def accuracy_cost(
         raise KeyboardInterrupt
     return AccuracyCost(
         quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"), preload, (low, high), tolerance,
-        tuple(ladders), tuple(runs.done), own, repeats, problem.record(None), work.interrupted,
+        tuple(ladders), tuple(runs.done), own, problem.record(None), work.interrupted,
     )  # fmt: skip
 
 
@@ -419,7 +356,7 @@ def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:
     """The richest, each setting down by itself, then the cheapest sufficient values combined, richer until they suffice."""
     richest = runs.at(RICHEST, top)
     if not np.isfinite(richest.error):
-        text = f"{_text(tuple(runs.ladders), richest.values)}, at {runs.preload:g} N"
+        text = f"{_text(runs.ladders, richest.values)}, at {runs.preload:g} N"
         why = f" ({richest.reason})" if richest.reason else ""
         raise BdamperError(f"no whole answer with the richest settings, {text}{why}: give poorer ones in vary")
     place, error = dict(top), {}

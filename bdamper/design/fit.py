@@ -44,7 +44,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, because
 from bdamper.util.tables import Column, Tabular
-from bdamper.util.text import percent, spaced
+from bdamper.util.text import spaced
 
 P95 = 0.975
 """Quantile whose two sides leave 95 % between them."""
@@ -56,8 +56,6 @@ MOST = 60
 """Evaluations of a fit."""
 ALIKE = 1e4
 """Condition of the derivatives by the logarithms of the parameters from which a combination of them counts as not known."""
-ONE = 0.9
-"""Share of what is known of a parameter from which it is said that one test alone tells it."""
 UNLOADED = {"damping_factor": (0.05, 20.0), "frequency_factor": (0.8, 1.25), FORCE: (0.2, 5.0)}
 """Parameters that are found from the response without damper, with their ranges."""
 
@@ -133,10 +131,6 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     def __getitem__(self, name: str) -> float:
         """Estimate of a parameter."""
         return float(self.values[self.names.index(validate.choice("parameter", name, self.names))])
-
-    def profile(self, name: str) -> NDArray:
-        """(m, 2) float: values of a parameter, and by how much the sum of squares is larger there."""
-        return self.profiles[validate.choice("parameter", name, tuple(self.profiles))]
 
     def apply(self, study: A) -> A:
         """A study with the parameters that were found; the force gain is one of the rig and stays out.
@@ -328,18 +322,15 @@ def fit(
         validate.instance("data", each, (Test, Measured))
     noise = validate.number("noise", noise, above=0.0, below=1.0)
     names = (*setting_names(problem), FORCE)
-    validate.that(isinstance(vary, Mapping) and vary, "vary", "a mapping of parameters to their ranges", vary)
     ranges = {}
-    for name, ends in vary.items():
-        ranges[validate.choice("vary", name, names)] = validate.interval(
-            f"range of {name}", ends, "the unit of the parameter"
-        )
+    for name, ends in validate.mapping("vary", vary, names, "parameters").items():
+        ranges[name] = validate.interval(f"range of {name}", ends, "the unit of the parameter")
     stages, held = [], {}
     if free is not None:
         first = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
-        validate.require(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
         stages.append(_stage(Objective(problem, [free if isinstance(free, Test) else Test(free, 0.0)], first, noise)))
         held = dict(zip(stages[0].names, stages[0].values.tolist()))
+    validate.require(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if "frequency_factor" in ranges and stiff and not any(isinstance(t, Test) and t.preload == 0.0 for t in data):
         raise SettingError(
@@ -360,7 +351,7 @@ def _stage(objective: Objective) -> Fitted:
     k, counted = len(names), int(np.count_nonzero(r))
     sizes = np.cumsum([0, *(part.residual.size for part in parts)])
     rows = [slice(a, b) for a, b in zip(sizes, sizes[1:])]
-    notes, doubts = [], []
+    doubts = []
     scale = max(1.0, float(r @ r) / max(counted - k, 1))
     deviation = np.sqrt(scale) * deviations(J)
     quantile = float(scipy.stats.t.ppf(P95, max(counted - k, 1)))
@@ -385,9 +376,6 @@ def _stage(objective: Objective) -> Fitted:
     for j, name in enumerate(names):
         if min(x[j] - low[j], high[j] - x[j]) < 1e-3 * (high[j] - low[j]):
             doubts.append(f"{spaced(name)} is at an end of its range")
-        best = int(np.argmax(information[j]))
-        if n > 1 and information[j, best] > ONE:
-            notes.append(f"{spaced(name)}: {labels[best]} alone tells {percent(information[j, best])} of it")
     if lost := sum(int(part.lost.sum()) for part in parts):
         doubts.append(f"at {lost} measured points the model has no response, each counted as {LOST:g} times the noise")
     ends = np.exp(np.clip([x - half[0], x + half[1]], low, high))
@@ -397,7 +385,7 @@ def _stage(objective: Objective) -> Fitted:
         place=np.concatenate([part.place for part in parts]), measured=np.concatenate([part.measured for part in parts]),
         model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
         test=np.repeat(np.arange(n), [len(part.place) for part in parts]),
-        status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE, notes=tuple(notes), **problem.recorded(),
+        status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE, **problem.recorded(),
     )  # fmt: skip
 
 
@@ -436,7 +424,7 @@ def _joined(stages: Sequence[Fitted]) -> Fitted:
     whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
     doubts = [s.status.partition(": ")[2] for s in stages if s.status != COMPLETE]
     return replace(
-        last, names=first.names + last.names, tests=first.tests + last.tests, notes=first.notes + last.notes,
+        last, names=first.names + last.names, tests=first.tests + last.tests,
         **whole, information=information, profiles=first.profiles | last.profiles,
         test=np.append(first.test, last.test + len(first.tests)),
         status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE,

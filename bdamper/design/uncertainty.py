@@ -1,6 +1,6 @@
 """Optimal curves under uncertainty: percentile bands, and the preload that is best for nearly all of a sample.
 
-Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), by default from a scrambled Sobol
+Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), from a scrambled Sobol
 sequence, whose averages converge faster than those of independent draws.  The optimal curve of every draw is one point of
 a :func:`bdamper.sweep`, so executors and results files work as they do there.
 """
@@ -39,11 +39,9 @@ from bdamper.util.status import (
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 from bdamper.util.text import amount
 
-METHODS = ("sobol", "latin", "random")
 
-
-def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", seed: int = 0) -> dict[str, NDArray]:
-    """Values of settings drawn from independent distributions.
+def draw(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
+    """Values of settings drawn from independent distributions, by a scrambled Sobol sequence.
 
     Parameters
     ----------
@@ -51,9 +49,7 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
         Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.  For "slip_offset" its standard
         deviation (m), with which every draw gets offsets of its own at all contact points.
     n : int
-        A power of two for Sobol sequences.
-    method : {"sobol", "latin", "random"}
-        Scrambled Sobol sequence, Latin hypercube, independent draws.
+        A power of two.
     seed : int
         Equal seeds give equal draws.
 
@@ -68,19 +64,12 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
     n, seed = validate.whole("n", n, least=2), validate.whole("seed", seed)
-    validate.choice("method", method, METHODS)
-    d = len(distributions)
+    validate.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
     drawn = {}
     if "slip_offset" in given:
         spread = validate.number("slip_offset", given["slip_offset"], least=0.0, unit="m")
         drawn = {"slip_offset": np.full(n, spread), "slip_offset_seed": np.arange(n) + float(n * seed)}
-    if method == "sobol":
-        validate.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
-        unit = scipy.stats.qmc.Sobol(max(d, 1), scramble=True, seed=seed).random(n)
-    elif method == "latin":
-        unit = scipy.stats.qmc.LatinHypercube(max(d, 1), seed=seed).random(n)
-    else:
-        unit = np.random.default_rng(seed).random((n, d))
+    unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
     # keep away from the ends, where a ppf may be infinite
     unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
     return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
@@ -216,11 +205,8 @@ def uncertain_curve(
     validate.require("preload" not in samples, "samples", "settings other than the preload", "'preload'")
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
-    done = sweep(
-        study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress
-    )  # fmt: skip
-    m = len(values)
-    nothing = [np.nan] * m
+    done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
+    nothing = [np.nan] * len(values)
     return UncertainCurve(
         preload=values,
         amplitude=np.array([v.get("curve_amplitude", nothing) for v in done.values], float),

@@ -1,6 +1,6 @@
 """Effects: which physical effects one scene calls for, and what the choice of settings changes.
 
-In comes a problem with a preload and an interval of frequency.  ``advice.advise`` determines each effect, ``advice.apply``
-makes the study with those needed; ``comparison.compare`` asks several studies the same question; ``microslip`` is the
-first loading of a seated damper; ``indicator`` estimates what another study changes of a peak, ``richer.compare`` finds it.
+In comes a problem with a preload and an interval of frequency.  ``advice.advise`` determines each effect;
+``comparison.compare`` asks several studies the same question; ``indicator`` estimates what another study changes of a peak,
+``richer.compare`` finds it.
 """

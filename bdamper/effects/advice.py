@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.effects.indicator import embed, estimate_change
-from bdamper.effects.richer import Change, Tops, compare, whole_curve
+from bdamper.effects.indicator import Change, embed, estimate_change
+from bdamper.effects.richer import Tops, compare, whole_curve
 from bdamper.harmonic_balance.equations import Equations
-from bdamper.problem.asked import asked
-from bdamper.problem.effects import AXES, Effects
+from bdamper.problem.effects import AXES, SWITCHES, Effects
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -34,7 +33,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, from_rows
-from bdamper.util.text import amount
+from bdamper.util.text import aligned, amount, height, percent
 
 
 @dataclass(frozen=True)
@@ -72,8 +71,7 @@ class EffectAdvice:
     @property
     def size(self) -> float:
         """Largest relative change of amplitude or frequency, with what the estimate may miss; infinite if not known."""
-        size = max(abs(self.amplitude_change), abs(self.frequency_change)) + self.uncertainty
-        return float(size) if np.isfinite(size) else np.inf
+        return Change(self.amplitude_change, self.frequency_change, self.uncertainty).size
 
     @property
     def verdict(self) -> str:
@@ -107,8 +105,6 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, old
         Relative change of the peak with just the effects needed, computed.
     work : float
         Operations of a Newton iteration with just these, relative to those of the reference.
-    peaks : int
-        How many highest peaks the advice itself has computed, that of the reference included.
     notes : tuple of str
         What else to know of the curve of the reference.
     """
@@ -124,7 +120,6 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, old
     amplitude_change: float
     frequency_change: float
     work: float
-    peaks: int
     notes: tuple[str, ...] = ()
 
     def columns(self) -> dict[str, Column]:
@@ -144,41 +139,25 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, old
 
     def bottom_line(self) -> str:
         left = ", ".join(self.left_out) or "none"
-        change = f"the peak changes by {_percent(self.amplitude_change)} at {self.work:.2g} of the work"
+        change = f"the peak changes by {percent(self.amplitude_change, True)} at {self.work:.2g} of the work"
         return (
             f"At a preload of {amount(self.preload, 'N')} this scene calls for {len(self.effects) - len(self.left_out)} of "
             f"{len(self.effects)} effects. Without the others ({left}) {change}."
         )
 
-    def details(self) -> str:
-        lines = [
-            f"peak with all effects: {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N, "
-            f"tolerance {100 * self.tolerance:g} %",
-            f"{'without':<26}{'amplitude':>11}{'frequency':>11}{'may miss':>10}  {'source':<10}{'work':>6}  in the study",
-        ]
+    def _table(self) -> list[tuple[str, ...]]:
+        rows = [("without", "amplitude", "frequency", "may miss", "source", "work", "in the study")]
         for e in self.effects:
-            changes = [_change(c, e.uncertainty) for c in (e.amplitude_change, e.frequency_change)]
-            numbers = e.source == "estimated" and not all(c.startswith("<") for c in changes)
-            miss = _percent(e.uncertainty)[1:] if numbers else ""
+            changes = percent(e.amplitude_change, True), percent(e.frequency_change, True)
             state = f"{'on' if e.on else 'off'}: {e.verdict}" + (f" ({e.reason})" if e.reason else "")
-            lines.append(f"{e.name:<26}{changes[0]:>11}{changes[1]:>11}{miss:>10}  {e.source:<10}{e.work:>6.2f}  {state}")
-        lines.append(
-            f"{'without all left out':<26}{_percent(self.amplitude_change):>11}{_percent(self.frequency_change):>11}"
-            f"{'':>10}  {'computed':<10}{self.work:>6.2f}"
-        )
-        return "\n".join([*lines, *self.notes])
+            missed = percent(e.uncertainty) if e.source == "estimated" else ""
+            rows.append((e.name, *changes, missed, e.source, f"{e.work:.2f}", state))
+        changes = percent(self.amplitude_change, True), percent(self.frequency_change, True)
+        return [*rows, ("all left out", *changes, "", "computed", f"{self.work:.2f}", "")]
 
-
-def _change(value: float, uncertainty: float) -> str:
-    """A change in per cent; where as much may be missed as was found, what it is less than."""
-    if not np.isfinite(uncertainty) or uncertainty == 0.0 or max(uncertainty, 5e-5) < abs(value):
-        return _percent(value)
-    return f"< {np.ceil(1e4 * (abs(value) + uncertainty)) / 100:.2f} %"
-
-
-def _percent(value: float) -> str:
-    digits = 2 if abs(value) < 10.0 else 0
-    return f"{100 * value:+.{digits}f} %" if np.isfinite(value) else "unknown"
+    def details(self) -> str:
+        peak = f"peak with all effects: {height(self.amplitude, self.frequency, 6)}, tolerance {percent(self.tolerance)}"
+        return "\n".join([self.bottom_line(), peak, *aligned(self._table()), *self.notes])
 
 
 @one_thread
@@ -233,7 +212,7 @@ def advise(
     work = _work(problem.with_effects(called_for).system(preload)) / reference.work
     return Advice(
         preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, called_for, amplitude, change,
-        work, reference.peaks, notes,
+        work, notes,
     )  # fmt: skip
 
 
@@ -245,7 +224,6 @@ class _Reference:
         self.curve = whole_curve(problem, preload, frequency)
         self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
-        self.peaks = 1
 
     def row(self, name: str, own: Effects, tolerance: float) -> EffectAdvice:
         """The change of the peak without one effect: estimated, where that is not enough computed."""
@@ -253,21 +231,18 @@ class _Reference:
         leaner = self.problem.with_effects(self.effects.without(name))
         if not leaner.static(self.preload).converged:
             return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
-        system, top = leaner.system(self.preload), self.peak
-        work = _work(system) / self.work
-        if self.curve.point_kind[top.index] == "maximum":  # elsewhere the amplitude is not stationary along the curve
-            y = np.append(self.curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
-            e = estimate_change(system, embed(self.problem, leaner, self.preload, y))
-            if e.size <= tolerance:
-                return EffectAdvice(name, on, e.amplitude, e.frequency, e.defect, "estimated", work)
-        found = self.computed(leaner)
-        if not found.known:
-            return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", work, reason=found.how)
-        return EffectAdvice(name, on, found.amplitude, found.frequency, 0.0, "computed", work)
+        system, found, source = leaner.system(self.preload), None, "estimated"
+        if self.curve.point_kind[self.peak.index] == "maximum":  # elsewhere the amplitude is not stationary along the curve
+            y = np.append(self.curve.unknowns[self.peak.index], 2.0 * np.pi * self.peak.frequency)
+            found = estimate_change(system, embed(self.problem, leaner, self.preload, y))
+        if found is None or found.size > tolerance:
+            found, source = self.computed(leaner), "computed"
+        why = "" if found.known else found.how
+        source = source if found.known else "unknown"
+        return EffectAdvice(name, on, *found[:3], source, _work(system) / self.work, reason=why)
 
     def computed(self, leaner: Problem) -> Change:
         """Relative change of amplitude and frequency to the highest peak of another study."""
-        self.peaks += 1
         return compare(self.problem, leaner, self.preload, self.tops)
 
 
@@ -332,8 +307,7 @@ def fullest(problem: Problem) -> Effects:
             break
         most = l
     numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
-    switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
-    on: dict[str, Any] = dict.fromkeys(switches, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
+    on: dict[str, Any] = dict.fromkeys(SWITCHES, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
     least = min(2, problem.settings.most_modes("free"))
     modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
@@ -360,20 +334,3 @@ def parts(problem: Problem, effects: Effects) -> list[str]:
     names += [f"blade modes beyond {effects.blade_modes // 2}"] if blades and effects.blade_modes > 1 else []
     names += [f"contact points beyond {points // 2}"] if points > 1 else []
     return [name for name in names if effects.without(name) != effects]
-
-
-@asked
-def apply(problem: Problem, advice: Advice) -> Problem:
-    """The study with just the effects that a scene calls for.
-
-    Parameters
-    ----------
-    problem : Problem
-    advice : Advice
-
-    Returns
-    -------
-    Problem
-        Of the same kind as the one given.
-    """
-    return problem.with_effects(validate.instance("advice", advice, Advice).called_for)

@@ -77,20 +77,11 @@ class Comparison(
 
     def _table(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "amplitude", "frequency", "preload", "change", "time", "")]
-        for name, (a, f, p, status) in ((name, _outcome(result)) for name, result in self.results.items()):
-            change = self.change(name)
-            told = percent(change, True) if np.isfinite(change) and name != self.names[0] else ""
-            rows.append(
-                (
-                    name,
-                    amount(a, "m"),
-                    amount(f, "Hz", 6),
-                    amount(p, "N"),
-                    told,
-                    amount(self.results[name].cost.seconds, "s"),
-                    status,
-                )
-            )
+        for name, result in self.results.items():
+            a, f, p, status = _outcome(result)
+            told = percent(self.change(name), True) if name != self.names[0] and np.isfinite(self.change(name)) else ""
+            numbers = amount(a, "m"), amount(f, "Hz", 6), amount(p, "N")
+            rows.append((name, *numbers, told, amount(result.cost.seconds, "s"), status))
         return rows
 
     def bottom_line(self) -> str:

@@ -14,7 +14,6 @@ harmonic of the motion; its slope and width are the equivalent stiffness and dam
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -23,40 +22,24 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.harmonic_balance.cycle import Energies, bodily_motion, energies, histories
+from bdamper.harmonic_balance.cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector
 from bdamper.model.model import Interface
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem
+from bdamper.problem.results import solutions_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.tables import (
-    ROW,
-    Amplitude,
-    Column,
-    Hertz,
-    Joules,
-    Metres,
-    Newtons,
-    Numbers,
-    Places,
-    Quantity,
-    SquareMetres,
-    Tabular,
-    Texts,
-)
+from bdamper.util.tables import ROW, Column, Quantity, Tabular
 from bdamper.util.text import amount, percent
 
 AXES = ("t1", "t2", "n")
-ENERGIES = ("damping", "excitation", "kinetic")
-"""What both results take over from the energies of a cycle."""
 WHOLE = "whole"
 """Name of the loop of all contacts together."""
 NOTHING = 1e-9
@@ -66,23 +49,39 @@ Solved = Curve | Peak | OptimalCurve
 
 @brief
 @dataclass(frozen=True)
-class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis", row="contact_point"):
-    """Motions and forces at all contact points over one cycle of a solution.
+class Hysteresis(
+    Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis", former={"bdamper-dissipation": 1}
+):
+    """Energies, equivalent stiffness and damping of the contacts; of a single solution also its motions and forces.
 
-    ``plot`` draws loops of force over displacement (:func:`bdamper.plot.plot_hysteresis`), ``plot_history`` forces and the
-    gap over time (:func:`bdamper.plot.plot_history`), ``plot_energy`` the energy lost over the faces
-    (:func:`bdamper.plot.plot_energy`).
+    A single solution has numbers, and arrays with a value for each contact point.  Of several solutions each has a row, and
+    there are no loops.
+
+    ``plot`` draws (:func:`bdamper.plot.plot_hysteresis`) loops of force over displacement, or stiffness and damping of
+    several solutions over the amplitude; ``plot_history`` forces and the gap over time (:func:`bdamper.plot.plot_history`),
+    ``plot_energy`` the energy lost over the faces (:func:`bdamper.plot.plot_energy`).
 
     Parameters
     ----------
-    preload : float, N
-    frequency : float, Hz
-    amplitude : float, m
+    preload : float or (n,) float, N
+    frequency : float or (n,) float, Hz
+    amplitude : float or (n,) float, m
         Of the fundamental harmonic of the response.
+    interface : tuple of str
+        Of each contact point.
+    energy : (n_points,) or (n, n_points) float, J
+        Lost at each contact point in a cycle.
+    damping, excitation : float or (n,) float, J
+        Lost to the damping of the modes; work of the excitation, of one sector.
+    kinetic : float or (n,) float, J
+        Largest kinetic energy of the motion, if all of it passed through rest together.
+    stiffness, width : float or (n,) float, N/m
+        Equivalent stiffness of the contacts seen from the response, and equivalent viscous damping times the angular
+        frequency; NaN where the response is at rest.
+    branch : (n,) int
+        Branch of the curve that each of several solutions lies on.
     theta : (n_theta,) float, rad
         Angle of the excitation, from 0 to 2 pi, both included.
-    interface : tuple of str
-        Of each point.
     points : (n_points, 3) float, m
     frame : (n_points, 3, 3) float
         Rows t1, t2, n.
@@ -94,15 +93,6 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
     force : (n_points, 3, n_theta) float, N
     gap : (n_points, n_theta) float, m
         Distance of the surfaces, 0 in contact; NaN at points without a normal spring.
-    energy : (n_points,) float, J
-        Lost at each point in a cycle.
-    damping, excitation : float, J
-        Lost to the damping of the modes; work of the excitation, of one sector.
-    kinetic : float, J
-        Largest kinetic energy of the motion, if all of it passed through rest together.
-    stiffness, width : float, N/m
-        Equivalent stiffness of the contacts seen from the response, and equivalent viscous damping times the angular
-        frequency; NaN where the response is at rest.
     response : (n_theta,) float, m
         Fundamental harmonic of the response.
     whole : (n_theta,) float, N
@@ -111,25 +101,34 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
     model_hash : str
     """
 
-    preload: float
-    frequency: float
-    amplitude: float
-    theta: Annotated[NDArray, Quantity("rad", dims=("theta",))]
-    interface: Texts
-    points: Places
-    frame: NDArray
-    area: SquareMetres
-    displacement: Annotated[NDArray, Quantity("m", dims=(ROW, "axis", "theta"))]
-    force: Annotated[NDArray, Quantity("N", dims=(ROW, "axis", "theta"))]
-    gap: Annotated[NDArray, Quantity("m", dims=(ROW, "theta"))]
-    energy: Joules
-    damping: float
-    excitation: float
-    kinetic: float
-    stiffness: float
-    width: float
-    response: Annotated[NDArray, Quantity("m", dims=("theta",))]
-    whole: Annotated[NDArray, Quantity("N", dims=("theta",))]
+    preload: Annotated[Any, Quantity("N")]
+    frequency: Annotated[Any, Quantity("Hz")]
+    amplitude: Annotated[Any, Quantity("m", "Response amplitude")]
+    interface: Annotated[tuple[str, ...], Quantity(dims=("contact_point",))]
+    energy: Annotated[NDArray, Quantity("J", dims=(ROW, "contact_point"))]
+    damping: Annotated[Any, Quantity("J", "Damping of the modes", name="modal_damping")]
+    excitation: Annotated[Any, Quantity("J", "Work of the excitation", name="work")]
+    kinetic: Annotated[Any, Quantity("J")]
+    stiffness: Annotated[Any, Quantity("N/m", "Equivalent contact stiffness")]
+    width: Any
+    branch: Annotated[Any, Quantity()] = None
+    theta: Annotated[Any, Quantity("rad", dims=("theta",))] = None
+    points: Annotated[Any, Quantity("m", parts=("X", "Y", "Z"))] = None
+    frame: Any = None
+    area: Annotated[Any, Quantity("m2")] = None
+    displacement: Annotated[Any, Quantity("m", dims=(ROW, "axis", "theta"))] = None
+    force: Annotated[Any, Quantity("N", dims=(ROW, "axis", "theta"))] = None
+    gap: Annotated[Any, Quantity("m", dims=(ROW, "theta"))] = None
+    response: Annotated[Any, Quantity("m", dims=("theta",))] = None
+    whole: Annotated[Any, Quantity("N", dims=("theta",))] = None
+
+    def __len__(self) -> int:
+        return np.size(self.frequency)
+
+    @property
+    def single(self) -> bool:
+        """Whether it is of a single solution and has its motions and forces."""
+        return self.theta is not None
 
     @property
     def axis(self) -> Annotated[tuple[str, ...], Quantity(dims=("axis",))]:
@@ -137,14 +136,14 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         return AXES
 
     @property
-    def largest_pressure_force(self) -> Newtons:
+    def largest_pressure_force(self) -> Annotated[Any, Quantity("N")]:
         """(n_points,) float: largest normal force in the cycle."""
-        return self.force[:, 2].max(axis=1)
+        return self.force[:, 2].max(axis=1) if self.single else None
 
     @property
-    def largest_gap(self) -> Metres:
+    def largest_gap(self) -> Annotated[Any, Quantity("m")]:
         """(n_points,) float."""
-        return self.gap.max(axis=1)
+        return self.gap.max(axis=1) if self.single else None
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -152,24 +151,43 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         return tuple(dict.fromkeys(self.interface))
 
     @property
-    def by_interface(self) -> dict[str, float]:
+    def by_interface(self) -> dict[str, Any]:
         """Energy that each face takes in a cycle, J."""
-        return {name: float(self.energy[self.rows(name)].sum()) for name in self.interfaces}
+        return {name: self.energy[..., self.rows(name)].sum(axis=-1) for name in self.interfaces}
 
     @property
-    def lost(self) -> float:
+    def lost(self) -> Annotated[Any, Quantity("J")]:
         """Energy that all contacts take in a cycle, J."""
-        return float(self.energy.sum())
+        return self.energy.sum(axis=-1)
 
     @property
-    def damping_ratio(self) -> float:
+    def damping_ratio(self) -> Annotated[Any, Quantity(label="Equivalent damping ratio")]:
         """Equivalent damping ratio of the contacts: lost energy over 4 pi times the kinetic energy."""
-        return self.lost / (4.0 * np.pi * self.kinetic) if self.kinetic > 0.0 else float("nan")
+        with np.errstate(invalid="ignore"):
+            return np.divide(self.lost, 4.0 * np.pi * self.kinetic)
 
     @property
-    def imbalance(self) -> float:
-        """Error of the energy balance relative to the work of the excitation."""
-        return (self.excitation - self.damping - self.lost) / self.excitation if self.excitation else float("nan")
+    def viscous(self) -> Annotated[Any, Quantity("N s/m", name="viscous_damping")]:
+        """Equivalent viscous damping, N s/m."""
+        return self.width / (2.0 * np.pi * self.frequency)
+
+    @property
+    def imbalance(self) -> Any:
+        """What is left of the work of the excitation after both losses, relative to it."""
+        with np.errstate(invalid="ignore"):
+            return np.divide(self.excitation - self.damping - self.lost, self.excitation)
+
+    def _dimension(self) -> str:
+        return "contact_point" if self.single else "point"
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each contact point of a single solution; for each of several, with what each face takes."""
+        found, n = super().columns(), len(self.interface)
+        if not self.single:
+            return found | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
+        of_points = {name: c for name, c in found.items() if c.dims or len(c.values) == n}
+        rows = ("interface", "energy")
+        return {name: c._replace(dims=()) if name in rows else c for name, c in of_points.items()}
 
     def rows(self, interface: str) -> NDArray:
         """Indices of the points of one face."""
@@ -213,6 +231,8 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     def facts(self) -> tuple[Fact, ...]:
         """Energy of a cycle by its losses, and equivalent stiffness and damping of the contacts."""
+        if not self.single:
+            return ()
         return (
             Fact("preload", self.preload, "N"),
             Fact("frequency", self.frequency, "Hz"),
@@ -225,6 +245,11 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         )
 
     def bottom_line(self) -> str:
+        if not self.single:
+            k = int(np.argmax(self.damping_ratio))
+            at = f"{amount(self.amplitude[k], 'm')} and {amount(self.frequency[k], 'Hz')}"
+            load = amount(self.preload[k], "N")
+            return f"Largest damping ratio of the contacts {percent(self.damping_ratio[k])}, at {at}, preload {load}."
         share = self.lost / self.excitation if self.excitation else float("nan")
         most = max(self.by_interface, key=lambda name: self.by_interface[name], default="")
         where = f", most of it at {most}" if self.lost > NOTHING * self.excitation else ""
@@ -234,86 +259,6 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         )
 
 
-@brief
-@dataclass(frozen=True)
-class Dissipation(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-dissipation"):
-    """Energy lost per cycle, equivalent stiffness and damping of the contacts at every point of a curve.
-
-    ``plot`` draws equivalent stiffness and damping over the amplitude (:func:`bdamper.plot.plot_dissipation`).
-
-    Parameters
-    ----------
-    preload : (n,) float, N
-    frequency : (n,) float, Hz
-    amplitude : (n,) float, m
-    branch : (n,) int
-        Branch of the curve that each point lies on.
-    interface : tuple of str
-        Of each contact point.
-    energy : (n, n_points) float, J
-        Lost at each contact point in a cycle.
-    damping, excitation, kinetic : (n,) float, J
-        As in :class:`Hysteresis`.
-    stiffness, width : (n,) float, N/m
-        As in :class:`Hysteresis`.
-    settings : mapping
-    model_hash : str
-    """
-
-    preload: Newtons
-    frequency: Hertz
-    amplitude: Amplitude
-    branch: Numbers
-    interface: Annotated[tuple[str, ...], Quantity(dims=("contact_point",))]
-    energy: Annotated[NDArray, Quantity("J", dims=(ROW, "contact_point"))]
-    damping: Annotated[NDArray, Quantity("J", "Damping of the modes", name="modal_damping")]
-    excitation: Annotated[NDArray, Quantity("J", "Work of the excitation", name="work")]
-    kinetic: Joules
-    stiffness: Annotated[NDArray, Quantity("N/m", "Equivalent contact stiffness")]
-    width: NDArray
-
-    def __len__(self) -> int:
-        return len(self.frequency)
-
-    @property
-    def by_interface(self) -> dict[str, NDArray]:
-        """(n,) energy that each face takes in a cycle, J."""
-        faces = np.array(self.interface)
-        return {name: self.energy[:, faces == name].sum(axis=1) for name in dict.fromkeys(self.interface)}
-
-    @property
-    def lost(self) -> Joules:
-        """(n,) energy that all contacts take in a cycle, J."""
-        return np.asarray(self.energy.sum(axis=1))
-
-    @property
-    def damping_ratio(self) -> Annotated[NDArray, Quantity(label="Equivalent damping ratio")]:
-        """(n,) equivalent damping ratio of the contacts: lost energy over 4 pi times the kinetic energy."""
-        return np.asarray(self.lost / (4.0 * np.pi * self.kinetic))
-
-    @property
-    def viscous(self) -> Annotated[NDArray, Quantity("N s/m", name="viscous_damping")]:
-        """(n,) equivalent viscous damping, N s/m."""
-        return np.asarray(self.width / (2.0 * np.pi * self.frequency))
-
-    @property
-    def imbalance(self) -> NDArray:
-        """(n,) what is left of the work of the excitation after both losses, relative to it."""
-        return np.asarray((self.excitation - self.damping - self.lost) / self.excitation)
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each point of the result, with what each face takes; what each contact point takes for xarray."""
-        return super().columns() | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
-
-    def bottom_line(self) -> str:
-        if not len(self):
-            return "No points."
-        k = int(np.argmax(self.damping_ratio))
-        at = f"{amount(self.amplitude[k], 'm')} and {amount(self.frequency[k], 'Hz')}"
-        load = amount(self.preload[k], "N")
-        return f"Largest damping ratio of the contacts {percent(float(self.damping_ratio[k]))}, at {at}, preload {load}."
-
-
 class _Solution(NamedTuple):
     preload: float
     frequency: float
@@ -321,44 +266,20 @@ class _Solution(NamedTuple):
     unknowns: NDArray
 
 
-def _solutions(problem: Problem, result: Solved) -> tuple[Problem, list[_Solution]]:
-    """The problem with the harmonics of a result, and its solutions."""
+def _solutions(problem: Problem, result: Solved) -> list[_Solution]:
     kinds = Curve, Peak, OptimalCurve
     validate.instance("result", result, kinds, "a tracking curve, a peak or an optimal curve of this study")
-    own = problem.record()["response"]
-    found_at = result.settings.get("response", own)
-    validate.require(found_at == own, "result", f"a result with the response {own}", f"one with {found_at}")
-    columns: tuple[Any, ...]
-    if isinstance(result, Peak):
-        if not result.converged or not np.isfinite(result.parameter):
-            raise SettingError(f"result: expected a peak that was found at a preload, found {result}")
-        columns = [result.parameter], [result.frequency], [0], [result.y[:-1]]
-    elif isinstance(result, Curve):
+    if isinstance(result, Curve):
         check_curve(problem, result)
-        columns = np.full(len(result), result.preload), result.frequency, result.branch, result.unknowns
-    else:
-        validate.require(result.model_hash == problem.model.hash, "result", "an optimal curve of this model", "another")
-        part = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
-        columns = result.preload, result.frequency, part, result.unknowns
+    solved, branch = solutions_of(problem, result), np.zeros(1, int)
+    if isinstance(result, Curve):
+        branch = result.branch
+    elif isinstance(result, OptimalCurve):
+        branch = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
+    columns = solved.preload, solved.frequency, branch, solved.unknowns
     found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in zip(*columns) if np.isfinite(f)]
     validate.require(found, "result", "solutions", f"none ({type(result).__name__})")
-    return problem, found
-
-
-def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_Solution, Equations[Sector]]]:
-    """Each solution with its equations, refused where it does not satisfy them."""
-    system, preload = None, None
-    largest_residual = 1e-6  # relative residual above which unknowns are no solution of a study
-    for s in solutions:
-        if system is None or s.preload != preload:
-            system, preload = problem.system(s.preload), s.preload
-            error = np.inf
-            if len(s.unknowns) == system.n_unknowns:
-                r = system.residual(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
-                error = float(np.abs(r * system.row_scale).max())
-            found = f"those of other settings (residual {error:.2g})"
-            validate.require(error < largest_residual, "result", "solutions of this study", found)
-        yield s, system
+    return found
 
 
 def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> NDArray:
@@ -371,7 +292,7 @@ def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> 
 
 
 @one_thread
-def dissipation(problem: Problem, result: Solved) -> Dissipation:
+def dissipation(problem: Problem, result: Solved) -> Hysteresis:
     """Energy lost per cycle, equivalent stiffness and damping along a result.
 
     Parameters
@@ -383,29 +304,28 @@ def dissipation(problem: Problem, result: Solved) -> Dissipation:
 
     Returns
     -------
-    Dissipation
+    Hysteresis
 
     Raises
     ------
     SettingError
         If the result is of another problem, or holds no solution.
     """
-    problem, solutions = _solutions(problem, result)
-    found: list[Energies] = []
-    rows, amplitude, shown = [], [], ~problem.coupling.spring_points
-    for s, system in _systems(problem, solutions):
-        e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
-        found.append(e)
-        rows.append(_on_points(problem, system, e.contact)[shown])
-        amplitude.append(float(np.abs(system.response(s.unknowns)[1])))
-    own = ("preload", "frequency", "branch")
-    columns: dict[str, Any] = {name: np.array([getattr(s, name) for s in solutions]) for name in own}
-    columns |= {name: np.array([getattr(e, name) for e in found]) for name in ENERGIES}
-    stiffness = np.array([e.stiffness for e in found])
-    return Dissipation(
-        amplitude=np.array(amplitude), energy=np.array(rows), stiffness=stiffness.real, width=stiffness.imag,
-        **columns, **_identity(problem),
-    )  # fmt: skip
+    solutions = _solutions(problem, result)
+    rows = [_of_solution(problem, s) for s in solutions]
+    columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return Hysteresis(branch=np.array([s.branch for s in solutions]), **columns, **_identity(problem))
+
+
+def _of_solution(problem: Problem, s: _Solution) -> dict[str, Any]:
+    """Energies, equivalent stiffness and damping of one solution."""
+    system, shown = problem.system(s.preload), ~problem.coupling.spring_points
+    e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
+    return {
+        "preload": s.preload, "frequency": s.frequency, "amplitude": float(np.abs(system.response(s.unknowns)[1])),
+        "energy": _on_points(problem, system, e.contact)[shown], "damping": e.damping, "excitation": e.excitation,
+        "kinetic": e.kinetic, "stiffness": e.stiffness.real, "width": e.stiffness.imag,
+    }  # fmt: skip
 
 
 def _faces(problem: Problem) -> list[Interface]:
@@ -455,14 +375,14 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     elif index is None and isinstance(result, OptimalCurve):
         known = result.amplitude[np.isfinite(result.amplitude)]
         index = int(np.argmin(known)) if len(known) else None
-    problem, solutions = _solutions(problem, result)
+    solutions = _solutions(problem, result)
     k = 0 if index is None else validate.whole("index of a point", index, -len(solutions), len(solutions) - 1)
-    ((s, system),) = _systems(problem, [solutions[k]])
-    u, omega = s.unknowns, 2.0 * np.pi * s.frequency
+    s = solutions[k]
+    system, u = problem.system(s.preload), s.unknowns
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
     counted, shown = _counted(problem, system), ~problem.coupling.spring_points
-    e, response = energies(system, u, omega, counted), complex(system.response(u)[1])
+    response = complex(system.response(u)[1])
     places = np.arange(system.n_points) if system.structure.points.index is None else system.structure.points.index
     first = np.unique(places, return_index=True)[1]  # of two elements of a point the first, with the point's own normal
     sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
@@ -473,14 +393,12 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     distance = (-n0 / np.where(kn > 0.0, kn, np.nan))[:, None] - X[first, 2]
     gap = np.full(force[:, 2].shape, np.nan)
     gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
-    at_points = {"displacement": displacement, "force": force, "gap": gap, "energy": _on_points(problem, system, e.contact)}
+    at_points = {"displacement": displacement, "force": force, "gap": gap}
     of_faces = {n: np.concatenate([getattr(face, n) for face in _faces(problem)]) for n in ("points", "frame", "area")}
     columns: dict[str, Any] = {name: values[shown] for name, values in (at_points | of_faces).items()}
-    columns |= {name: getattr(e, name) for name in ENERGIES}
     return Hysteresis(
-        preload=s.preload, frequency=s.frequency, amplitude=abs(response), theta=theta, stiffness=e.stiffness.real,
-        width=e.stiffness.imag, response=(response * np.exp(1j * theta)).real,
-        whole=_whole(system, u, F, theta, counted), **columns, **_identity(problem),
+        theta=theta, response=(response * np.exp(1j * theta)).real, whole=_whole(system, u, F, theta, counted),
+        **_of_solution(problem, s), **columns, **_identity(problem),
     )  # fmt: skip
 
 

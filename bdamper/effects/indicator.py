@@ -19,9 +19,8 @@ change +1.3 %.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,34 +28,36 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.equations import OK, Equations, norm2
 from bdamper.peaks.newton import amplitude_and_phase
 from bdamper.problem.problem import Problem
-from bdamper.util.repr import brief
 
 
-@brief
-@dataclass(frozen=True)
-class Estimate:
-    """Change that another system makes to a peak.
+class Change(NamedTuple):
+    """Relative change that another study makes to a peak.
 
     Parameters
     ----------
     amplitude, frequency : float
-        Relative change of the peak; NaN where the other equations are not finite.
-    defect : float
-        Relative change of amplitude or frequency that the estimate misses, as far as a second residual tells.
-    y : (n_unknowns + 1,) float
-        The embedded point after one Newton step: a guess for the solution of the other system.
+        NaN if they are not known.
+    uncertainty : float
+        What the change may miss: 0 if it was computed, the defect of an estimate, infinite if nothing is known.
+    how : str
+        How it was found, or why not.
     """
 
     amplitude: float
     frequency: float
-    defect: float
-    y: NDArray
+    uncertainty: float = 0.0
+    how: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether it was found."""
+        return bool(np.isfinite(self.amplitude))
 
     @property
     def size(self) -> float:
-        """Largest relative change, the defect included."""
-        size = max(abs(self.amplitude), abs(self.frequency)) + self.defect
-        return size if np.isfinite(size) else np.inf
+        """Largest relative change, with what it may miss; infinite if not known."""
+        size = max(abs(self.amplitude), abs(self.frequency)) + self.uncertainty
+        return float(size) if np.isfinite(size) else np.inf
 
 
 def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
@@ -98,7 +99,7 @@ def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
     return np.array([i for i, _ in pairs], int), np.array([j for _, j in pairs], int)
 
 
-def estimate_change(system: Equations, y: NDArray) -> Estimate:
+def estimate_change(system: Equations, y: NDArray) -> Change:
     """Change of the peak from the point ``y`` to the solutions of a system that ``y`` does not solve.
 
     It is unknown where the equations of the system are not finite.
@@ -109,7 +110,7 @@ def estimate_change(system: Equations, y: NDArray) -> Estimate:
     y : (n_unknowns + 1,) float
         A peak of another system, embedded.
     """
-    n, unknown = system.n_unknowns, Estimate(np.nan, np.nan, np.inf, y)
+    n, unknown = system.n_unknowns, Change(np.nan, np.nan, np.inf, "no estimate")
     if system.core.evaluate(np.ascontiguousarray(y), r := np.empty(n)) != OK:
         return unknown
     grow, turn, amplitude = amplitude_and_phase(system, y[:-1])
@@ -130,4 +131,4 @@ def estimate_change(system: Equations, y: NDArray) -> Estimate:
     if not new[-1] > 0.0 or system.core.evaluate(new, again) != OK:
         return unknown
     missed = dual @ again
-    return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new)
+    return Change(float(change[0]), float(change[1]), float(np.abs(missed).max()), "estimated")

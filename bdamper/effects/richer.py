@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import track
-from bdamper.effects.indicator import embed
+from bdamper.effects.indicator import Change, embed
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.peaks.highest import highest_of_curve, maxima
 from bdamper.peaks.newton import Peak, find_peak, peak_scale, same_peak
@@ -144,19 +144,6 @@ class Tops:
         return cls((top.peak, *lower), (float(curve.frequency.min()), float(curve.frequency.max())), top.kind == "end")
 
 
-class Change(NamedTuple):
-    """Relative change of amplitude and frequency, NaN if not known, and how it was found or why not."""
-
-    amplitude: float
-    frequency: float
-    how: str
-
-    @property
-    def known(self) -> bool:
-        """Whether it was found."""
-        return bool(np.isfinite(self.amplitude))
-
-
 def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_newton: bool = False) -> Change:
     """How the highest peak changes from one problem to another under one preload (N).
 
@@ -171,7 +158,7 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
     """
     state, peak = other.static(preload), tops.peaks[0]
     if not state.converged:
-        return Change(np.nan, np.nan, f"no static state: {state.note}")
+        return Change(np.nan, np.nan, np.inf, f"no static state: {state.note}")
     if by_newton:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
@@ -185,7 +172,8 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
 
 
 def _change(before: Peak, after: Answer | Peak, how: str) -> Change:
-    return Change(after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, how)
+    a, f = after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0
+    return Change(a, f, 0.0 if np.isfinite(a) else np.inf, how)
 
 
 def _solved(system: Equations, embedded: list[NDArray], tops: Tops) -> Change | None:
@@ -206,5 +194,5 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
         c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
         if c.status == OK:
             change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
-            return Change(change, 0.0, "solved at the end of the interval")
+            return Change(change, 0.0, how="solved at the end of the interval")
     return None

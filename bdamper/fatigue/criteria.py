@@ -17,6 +17,7 @@ Instants are sampled, and the best ones refined by Newton's method, so that the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations_with_replacement
 from typing import NamedTuple
 
@@ -98,11 +99,22 @@ def largest_von_mises(coefficients: NDArray) -> NDArray:
     c = np.asarray(coefficients, complex)
     y, theta = np.einsum("ij,njl->nil", _DEVIATOR, c), angles(c.shape[-1] - 1)
     at = theta[(over_cycle(y, theta) ** 2).sum(axis=1).argmax(axis=1)]
-    for _ in range(4):
+
+    def rates(at: NDArray) -> tuple[NDArray, NDArray]:
         value, rate, bend = _at(y, at)
-        slope, curve = (value * rate).sum(1), (rate**2 + value * bend).sum(1)
-        at = at - np.where(curve < 0.0, np.clip(slope / np.where(curve < 0.0, curve, 1.0), -theta[1], theta[1]), 0.0)
+        return (value * rate).sum(1), (rate**2 + value * bend).sum(1)
+
+    at = _climbed(rates, at, theta[1])
     return np.linalg.norm(_at(y, at)[0], axis=1)
+
+
+def _climbed(rates: Callable[[NDArray], tuple[NDArray, NDArray]], at: NDArray, most: float) -> NDArray:
+    """Instants (n,) of maxima near given ones, by Newton's method with both derivatives, in steps up to ``most``."""
+    for _ in range(4):
+        slope, curve = rates(at)
+        falls = curve < 0.0
+        at = at + np.where(falls, np.clip(-slope / np.where(falls, curve, 1.0), -most, most), 0.0)
+    return at
 
 
 def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
@@ -140,16 +152,15 @@ def _extremes(c: NDArray) -> tuple[NDArray, NDArray]:
     """Instants (n,) of the largest and least value of scalar cycles (n, H + 1), by samples and Newton's method."""
     theta = angles(c.shape[-1] - 1)
     values = over_cycle(c, theta)
-    out = []
-    for sense in (1.0, -1.0):
-        at = theta[(sense * values).argmax(axis=1)]
-        for _ in range(4):
-            _, slope, curve = (x[:, 0] for x in _at(c[:, None], at))
-            good = sense * curve < 0.0
-            step = np.where(good, -slope / np.where(good, curve, 1.0), 0.0)
-            at = at + np.clip(step, -theta[1], theta[1])
-        out.append(at)
-    return out[0], out[1]
+
+    def climbed(sense: float) -> NDArray:
+        def rates(at: NDArray) -> tuple[NDArray, NDArray]:
+            _, slope, curve = _at(c[:, None], at)
+            return sense * slope[:, 0], sense * curve[:, 0]
+
+        return _climbed(rates, theta[(sense * values).argmax(axis=1)], theta[1])
+
+    return climbed(1.0), climbed(-1.0)
 
 
 def _by_signed_von_mises(c: NDArray) -> Cycle:
@@ -159,22 +170,12 @@ def _by_signed_von_mises(c: NDArray) -> Cycle:
     return Cycle(0.5 * (high - low), 0.5 * (high + low))
 
 
-def _largest_principal(stress: NDArray) -> NDArray:
-    """(...) largest absolute principal value of stress (..., 6), by the closed form of the cubic."""
-    third = stress[..., :3].sum(-1) / 3.0
-    size = von_mises(stress) / 3.0  # sqrt(J2/3)
-    determinant = np.linalg.det(tensors(stress) - third[..., None, None] * np.eye(3))
-    cosine = np.clip(determinant / np.maximum(2.0 * size**3, 1e-300), -1.0, 1.0)
-    angle = np.arccos(cosine) / 3.0
-    top, low = (third + 2.0 * size * np.cos(angle + turn) for turn in (0.0, 2.0 * np.pi / 3.0))
-    return np.maximum(np.abs(top), np.abs(low))
-
-
 def _by_principal(c: NDArray) -> Cycle:
     coarse = 2.0 * np.pi * np.arange(64) / 64
     i, j = np.triu_indices(len(coarse), 1)
     path = over_cycle(c, coarse)
-    best = _largest_principal((path[:, :, i] - path[:, :, j]).transpose(0, 2, 1)).argmax(axis=1)
+    apart = (path[:, :, i] - path[:, :, j]).transpose(0, 2, 1)
+    best = np.abs(np.linalg.eigvalsh(tensors(apart))).max(axis=-1).argmax(axis=1)
     first, second = coarse[i[best]], coarse[j[best]]
     for _ in range(30):
         difference = tensors(_at(c, first)[0] - _at(c, second)[0])
@@ -191,8 +192,8 @@ def _by_principal(c: NDArray) -> Cycle:
 # Critical plane
 
 
-def findley(coefficients: NDArray, k: float, limit: float | None = None) -> tuple[NDArray, NDArray]:
-    """Largest ``tau_a + k sigma_max`` over all planes, and that plane.
+def findley(coefficients: NDArray, k: float, limit: float | None = None) -> NDArray:
+    """(n,) largest ``tau_a + k sigma_max`` over all planes.
 
     Parameters
     ----------
@@ -202,21 +203,13 @@ def findley(coefficients: NDArray, k: float, limit: float | None = None) -> tupl
     limit : float, optional
         If given, the largest ``(tau_a + k sigma_a)/(limit - k sigma_m)`` instead: the reciprocal factor on the vibration
         alone, sigma_m and sigma_a mean and amplitude above it of the normal stress; infinite where the mean uses it up.
-
-    Returns
-    -------
-    value : (n,)
-    normal : (n, 3)
     """
     c = np.asarray(coefficients, complex)
-    planes = _half_sphere()
-    values, normals = np.zeros(len(c)), np.zeros((len(c), 3))
+    planes, values = _half_sphere(), np.zeros(len(c))
     for p in range(len(c)):
-        found = _plane_values(c[p], planes, k, limit, 64)
-        start = planes[np.argsort(found)[-3:]]
-        best = max((_refine_plane(c[p], n, k, limit) for n in start), key=lambda pair: pair[0])
-        values[p], normals[p] = best
-    return values, normals
+        start = planes[np.argsort(_plane_values(c[p], planes, k, limit, 64))[-3:]]
+        values[p] = max(_refine_plane(c[p], normal, k, limit) for normal in start)
+    return values
 
 
 def _half_sphere(n_rings: int = 12) -> NDArray:
@@ -263,8 +256,8 @@ def _parabola(values: NDArray) -> NDArray:
     return np.asarray(top + np.where(bend > 0.0, (after - before) ** 2 / (8.0 * np.where(bend > 0.0, bend, 1.0)), 0.0))
 
 
-def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) -> tuple[float, NDArray]:
-    """Best plane near a given one: steps along the sphere that are halved until they are 1e-4 rad."""
+def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) -> float:
+    """Largest value on planes near a given one: steps along the sphere that are halved until they are 1e-4 rad."""
     turn = np.arange(8) * np.pi / 4.0
     value = float(_plane_values(c, normal[None], k, limit, 1024)[0])
     step = 0.1
@@ -277,7 +270,7 @@ def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) ->
             value, normal = float(found.max()), around[found.argmax()]
         else:
             step *= 0.5
-    return value, normal
+    return value
 
 
 def smallest_circle(path: NDArray) -> NDArray:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from bdamper.model.loads import Direction, direction_vector
 from bdamper.model.model import Body, ModalBasis
 from bdamper.model.stress import StressSet
 from bdamper.problem.problem import Problem
-from bdamper.problem.results import unknowns_of
+from bdamper.problem.results import Solutions, SomeResult, solutions_of
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
@@ -38,52 +38,25 @@ from bdamper.util.tables import Numbers, Pascals, Quantity, Tabular
 from bdamper.util.text import amount
 
 
-class Solved(Protocol):
-    """A result with solutions: a peak (``y``), or a curve (``unknowns``)."""
-
-    @property
-    def frequency(self) -> Any: ...
-
-
-class Solutions(NamedTuple):
-    """Unknowns (m, n), frequency (Hz), preload (N) and speed of rotation (rad/s), each (m,)."""
-
-    unknowns: NDArray
-    frequency: NDArray
-    preload: NDArray
-    speed: NDArray
-
-
-@brief
-@dataclass(frozen=True)
-class StressCycle(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
-    """Stress over the cycle of one solution.
-
-    ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
+@dataclass(frozen=True, kw_only=True)
+class AtPoints:
+    """What is known of the points of stress sets, and of the solution whose stress it is.
 
     Parameters
     ----------
     points : (n, 3) float, m
     names : tuple of str
         Name of each point: its set and its number in it, from 1.
-    coefficients : (n, 6, H + 1) complex, Pa
-        Mean, centrifugal stress included, and amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
-    centrifugal : (n, 6) float, Pa
-        Its part from the rotation; NaN where the set does not know it.
     counted : (n,) bool
         Points away from contact faces, which margins count.
     spread : (n,) float
         Difference between elements over the mean, a sign of the error of the mesh; NaN where the set does not know it.
     frequency, preload, speed : float, Hz, N, rad/s
     notes : tuple of str
-    settings : mapping
-    model_hash : str
     """
 
     points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
     names: Annotated[tuple[str, ...], Quantity(name="name")]
-    coefficients: NDArray
-    centrifugal: NDArray
     counted: Numbers
     spread: NDArray
     frequency: float
@@ -93,6 +66,27 @@ class StressCycle(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
     def __len__(self) -> int:
         return len(self.points)
+
+
+@brief
+@dataclass(frozen=True)
+class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
+    """Stress over the cycle of one solution.
+
+    ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
+
+    Parameters
+    ----------
+    coefficients : (n, 6, H + 1) complex, Pa
+        Mean, centrifugal stress included, and amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
+    centrifugal : (n, 6) float, Pa
+        Its part from the rotation; NaN where the set does not know it.
+    settings : mapping
+    model_hash : str
+    """
+
+    coefficients: NDArray
+    centrifugal: NDArray
 
     def over_cycle(self, theta: NDArray) -> NDArray:
         """(n, 6, n_theta) stress (Pa) at angles of the excitation (rad)."""
@@ -127,7 +121,7 @@ class StressCycle(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
 def stress(
     problem: Problem,
-    result: Solved,
+    result: SomeResult,
     index: int | None = None,
     *,
     sets: str | Sequence[str] | None = None,
@@ -153,17 +147,16 @@ def stress(
     SettingError
         If the model has no stress, or the result is not one of this problem.
     """
-    found = solutions(problem, result, speed)
+    chosen, found = chosen_sets(problem, sets), solutions_of(problem, result)
     n = len(found.unknowns)
     if n > 1:
         index = _highest(result, found) if index is None else validate.whole("index", index, least=0, most=n - 1)
-    chosen = Solutions(*(column[[index or 0]] for column in found))
-    return of_solution(problem, chosen, sets)
+    return of_solution(problem, Solutions(*(column[[index or 0]] for column in found)), chosen, speed)
 
 
 def stress_at(
     problem: Problem,
-    result: Solved,
+    result: SomeResult,
     gauge: str | Sequence[float],
     direction: Direction,
     elastic: Sequence[float] | None = None,
@@ -192,7 +185,6 @@ def stress_at(
     SettingError
         If there is no such point or none near the place, or the result is not one of this problem.
     """
-    found = solutions(problem, result)
     named = {f"{s.name} {k + 1}": (s, k) for s in chosen_sets(problem) for k in range(len(s))}
     if not isinstance(gauge, str):
         place, points = validate.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
@@ -201,11 +193,7 @@ def stress_at(
         told = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
         validate.require(least <= near, "gauge", f"a place within {amount(near, 'm')} of a point of the stress sets", told)
     whole, k = named[validate.choice("gauge", gauge, named)]
-    parts = {item: getattr(whole, item).items() for item in ("modes", "contact")}
-    only: dict[str, Any] = {item: {d: rows[[k]] for d, rows in given} for item, given in parts.items()}
-    static = None if whole.static is None else whole.static[[k]]
-    point = replace(whole, points=whole.points[[k]], **only, static=static, spread=None, near_contact=None)
-    tensor = coefficients_of(problem, found, (point,))[0][:, 0]
+    tensor = coefficients_of(problem, solutions_of(problem, result), (whole,))[0][:, k]
     x, y, z = direction_vector(direction, "direction")
     along = np.array([x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * x * z])
     if elastic is not None:
@@ -221,26 +209,13 @@ def _highest(result: Any, found: Solutions) -> int:
     return int(np.where(np.isfinite(height) & np.isfinite(found.unknowns).all(axis=1), height, -np.inf).argmax())
 
 
-def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solutions:
-    """The solutions of a result, NaN where a curve has no value.
-
-    Raises
-    ------
-    SettingError
-        If there are none, or they are not those of this problem.
-    """
-    chosen_sets(problem)
-    unknowns = unknowns_of(problem, result)
-    preload = np.array([result.parameter]) if hasattr(result, "y") else np.asarray(result.preload, float)
-    validate.require(np.isfinite(preload).all(), "result", "one at a known preload", "none")
-    frequency = np.broadcast_to(np.asarray(result.frequency, float), len(unknowns))
+def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> NDArray:
+    """(m,) speed of rotation, rad/s: the one given, that of the study, or that at which the engine order excites."""
     turning = speed if speed is not None else problem.settings.speed
     if turning is not None:
-        rotation = np.full(len(unknowns), validate.number("speed", turning, least=0.0, unit="rad/s"))
-    else:
-        own = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
-        rotation = own * frequency
-    return Solutions(unknowns, frequency, np.broadcast_to(preload, len(unknowns)), rotation)
+        return np.full(len(frequency), validate.number("speed", turning, least=0.0, unit="rad/s"))
+    own = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
+    return own * frequency
 
 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
@@ -251,10 +226,11 @@ def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tu
     return tuple(known[validate.choice("stress set", name, list(known))] for name in names)
 
 
-def of_solution(problem: Problem, found: Solutions, sets: str | Sequence[str] | None = None) -> StressCycle:
+def of_solution(
+    problem: Problem, found: Solutions, chosen: Sequence[StressSet], speed: float | None = None
+) -> StressCycle:
     """Stress over the cycle of one solution."""
-    chosen = chosen_sets(problem, sets)
-    coefficients, centrifugal = coefficients_of(problem, found, chosen)
+    coefficients, centrifugal = coefficients_of(problem, found, chosen, speed)
     bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
     notes = [f"set '{s.name}' has no rows for contact forces: it lacks their share" for s in bare]
     notes += [f"set '{s.name}' has no centrifugal stress: the mean lacks it" for s in chosen if s.static is None]
@@ -267,21 +243,24 @@ def of_solution(problem: Problem, found: Solutions, sets: str | Sequence[str] | 
         spread=np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
         frequency=float(found.frequency[0]),
         preload=float(found.preload[0]),
-        speed=float(found.speed[0]),
+        speed=float(speeds(problem, found.frequency, speed)[0]),
         notes=tuple(notes),
         **problem.recorded(),
     )
 
 
-def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet]) -> tuple[NDArray, NDArray]:
+def coefficients_of(
+    problem: Problem, found: Solutions, sets: Sequence[StressSet], speed: float | None = None
+) -> tuple[NDArray, NDArray]:
     """Mean and harmonics (m, n, 6, H + 1) of the stress, Pa, and the centrifugal part (m, n, 6) of the mean."""
     n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
     out = np.full((len(found.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
     centrifugal = np.concatenate([np.full((len(s), 6), np.nan) if s.static is None else s.static for s in sets])
     present = sorted({0, *problem.settings.active_harmonics})
     parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
+    turning = speeds(problem, found.frequency, speed)
     systems: dict[float, tuple[Equations[Sector], NDArray]] = {}
-    for i, (u, frequency, preload, speed) in enumerate(zip(*found)):
+    for i, (u, frequency, preload) in enumerate(zip(*found)):
         if not np.isfinite(u).all():
             continue
         if preload not in systems:
@@ -302,8 +281,8 @@ def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet
                 by_body.setdefault(coordinate.body, {})[coordinate.index] = value
             values = [rows.stress(by_body.get(rows.body.name, {}), force, 2.0 * np.pi * frequency) for rows in parts[l]]
             out[i, ..., l] = np.concatenate(values)
-        out[i, ..., 0] = out[i, ..., 0].real + speed**2 * np.nan_to_num(centrifugal)
-    return out, found.speed[:, None, None] ** 2 * centrifugal
+        out[i, ..., 0] = out[i, ..., 0].real + turning[i] ** 2 * np.nan_to_num(centrifugal)
+    return out, turning[:, None, None] ** 2 * centrifugal
 
 
 def _contact_axes(problem: Problem, preload: float) -> NDArray:

@@ -7,18 +7,19 @@ points.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.fatigue import criteria
 from bdamper.fatigue import cycle as over_cycle
-from bdamper.fatigue.cycle import Solutions, Solved, StressCycle
+from bdamper.fatigue.cycle import AtPoints, StressCycle
 from bdamper.fatigue.material import LINES, ON, Material
 from bdamper.problem.problem import Problem
+from bdamper.problem.results import Solutions, SomeResult, solutions_of
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError
@@ -28,12 +29,12 @@ from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, word
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
-from bdamper.util.text import amount
+from bdamper.util.text import UNITS, amount
 
 HIDES = "signed von Mises hides vibration across the mean stress, such as torsion under tension, and jumps with its sign"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rule(validate.Checked):
     """Criterion for a stress cycle.
 
@@ -66,7 +67,7 @@ class Rule(validate.Checked):
             factor = material.factor(amplitude, mean, self.line, self.on)
         else:
             limit = material.findley_limit
-            found, _ = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
+            found = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
             factor = (limit if self.on == "both" else 1.0) / np.maximum(found, 1e-300)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
@@ -74,7 +75,7 @@ class Rule(validate.Checked):
 
 @brief
 @dataclass(frozen=True)
-class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
+class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
     """Margins of one solution at every point of the stress sets.
 
     ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical
@@ -82,42 +83,24 @@ class Margins(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-
 
     Parameters
     ----------
-    points : (n, 3) float, m
-    names : tuple of str
     amplitude, mean : (n,) float, Pa
     factor : (n,) float
         On the vibration, or on vibration and mean, before the material's limit is met; below 1 it is exceeded.
     yield_factor : (n,) float
         Yield strength over the largest von Mises stress of the cycle; below 1 the first cycle yields.
-    counted : (n,) bool
-        Points away from contact faces: only they make a margin.
-    spread : (n,) float
     material : Material
     rule : Rule
-    frequency, preload, speed : float, Hz, N, rad/s
-    notes : tuple of str
     settings : mapping
     model_hash : str
     """
 
-    points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
-    names: Annotated[tuple[str, ...], Quantity(name="name")]
     amplitude: Annotated[NDArray, Quantity("Pa", "Stress amplitude")]
     mean: Annotated[NDArray, Quantity("Pa", "Mean stress")]
     factor: Numbers
     yield_factor: Numbers
-    counted: Numbers
-    spread: NDArray
     material: Material
     rule: Rule
-    frequency: float
-    preload: float
-    speed: float
-    notes: tuple[str, ...] = ()
     _told = ("least", "frequency", "preload", "speed", "rule", "material.name")
-
-    def __len__(self) -> int:
-        return len(self.factor)
 
     @property
     def critical(self) -> int:
@@ -280,7 +263,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 def margin(
     problem: Problem,
     /,
-    result: Solved | StressCycle,
+    result: SomeResult | StressCycle,
     material: Material,
     index: int | None = None,
     *,
@@ -311,9 +294,7 @@ def margin(
     judge = LeastMargin(material, **judged)
     if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or kept is not None):
         result = over_cycle.stress(problem, result, index, sets=judge.sets, speed=judge.speed)
-    if isinstance(result, StressCycle):
-        return of_cycle(_as_kept(result, kept), material, judge.rule)
-    return judge.along(problem, result)
+    return judge.of_cycle(_as_kept(result, kept)) if isinstance(result, StressCycle) else judge.along(problem, result)
 
 
 def _as_kept(found: StressCycle, kept: Marched | None) -> StressCycle:
@@ -332,7 +313,7 @@ def _as_kept(found: StressCycle, kept: Marched | None) -> StressCycle:
 
 @validate.spelt
 @dataclass(frozen=True)
-class LeastMargin:
+class LeastMargin(Rule):
     """How a margin is judged, and the question for the least one, as :meth:`bdamper.Study.crossings` takes it.
 
     A call takes a problem, the unknowns of a solution, its frequency (rad/s) and its preload (N).
@@ -350,88 +331,57 @@ class LeastMargin:
         As for :func:`bdamper.fatigue.cycle.stress`.
     """
 
-    material: Material
-    criterion: str = "von_mises"
-    line: str = "goodman"
-    on: str = "amplitude"
-    sets: str | Sequence[str] | None = None
-    speed: float | None = None
-
-    def __post_init__(self) -> None:
-        validate.instance("material", self.material, Material)
-        _ = self.rule
+    material: Annotated[Material, partial(validate.instance, kind=Material)]
+    sets: str | Sequence[str] | None = field(default=None, kw_only=True)
+    speed: float | None = field(default=None, kw_only=True)
 
     @property
     def rule(self) -> Rule:
         """Criterion, line, and what the factor is on."""
-        return Rule(self.criterion, self.line, self.on)
+        return Rule(criterion=self.criterion, line=self.line, on=self.on)
 
     def __call__(self, problem: Problem, unknowns: NDArray, omega: float, preload: float) -> float:
         return self.margins(problem, np.append(unknowns, omega), preload).least
 
     def margins(self, problem: Problem, y: NDArray, preload: float, kept: Marched | None = None) -> Margins:
         """At every point of a solution with its frequency (rad/s), of the motion in time where that is given."""
-        at = _Point(y, float(y[-1]) / (2.0 * np.pi), preload)
-        cycle = over_cycle.stress(problem, at, sets=self.sets, speed=self.speed)
-        return of_cycle(_as_kept(cycle, kept), self.material, self.rule)
+        found = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
+        cycle = over_cycle.of_solution(problem, found, over_cycle.chosen_sets(problem, self.sets), self.speed)
+        return self.of_cycle(_as_kept(cycle, kept))
+
+    def of_cycle(self, found: StressCycle) -> Margins:
+        """The margins of one cycle of stress."""
+        amplitude, mean, factor, to_yield = self.judge(found.coefficients, self.material)
+        own = {f.name: getattr(found, f.name) for f in fields(AtPoints)} | self._of(found)
+        return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **own)
+
+    def _of(self, found: StressCycle) -> dict[str, Any]:
+        """What margins take over from a cycle of stress, which needs points that count."""
+        validate.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
+        notes = (*found.notes, *([HIDES] if self.criterion == "signed_von_mises" else []))
+        own = {"settings": found.settings, "model_hash": found.model_hash}
+        return {"material": self.material, "rule": self.rule, "notes": notes, **own}
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
-        """The margins along a curve."""
-        return of_solutions(problem, curve, over_cycle.solutions(problem, curve, self.speed), self)
-
-
-class _Point(NamedTuple):
-    """A solution by itself."""
-
-    y: NDArray
-    frequency: float
-    parameter: float
-    converged: bool = True
-
-
-def of_cycle(found: StressCycle, material: Material, rule: Rule) -> Margins:
-    """The margins of one cycle of stress."""
-    amplitude, mean, factor, to_yield = rule.judge(found.coefficients, material)
-    _check_counted(found)
-    return Margins(
-        points=found.points, names=found.names, amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield,
-        counted=found.counted, spread=found.spread, material=material, rule=rule, frequency=found.frequency,
-        preload=found.preload, speed=found.speed, notes=_notes(found, rule), settings=found.settings,
-        model_hash=found.model_hash,
-    )  # fmt: skip
-
-
-def _check_counted(found: StressCycle) -> None:
-    validate.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
-
-
-def _notes(found: StressCycle, rule: Rule) -> tuple[str, ...]:
-    return (*found.notes, *([HIDES] if rule.criterion == "signed_von_mises" else []))
-
-
-def of_solutions(problem: Problem, result: Any, found: Solutions, judge: LeastMargin) -> MarginCurve:
-    """The margin at every point of a curve."""
-    material, rule, sets = judge.material, judge.rule, judge.sets
-    chosen = over_cycle.chosen_sets(problem, sets)
-    known = np.isfinite(found.unknowns).all(axis=1)
-    validate.require(known.any(), "margin", "a curve with solutions", "none")
-    solved = Solutions(*(column[known] for column in found))
-    first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), sets)
-    _check_counted(first)
-    coefficients, _ = over_cycle.coefficients_of(problem, solved, chosen)
-    m, n = coefficients.shape[:2]
-    columns = [np.full((len(known), n), np.nan) for _ in range(4)]
-    for column, values in zip(columns, rule.judge(coefficients.reshape(m * n, 6, -1), material)):
-        column[known] = values.reshape(m, n)
-    amplitude, mean, factor, to_yield = columns
-    counted = np.where(first.counted, factor, np.inf)
-    critical = np.where(known, np.where(known[:, None], counted, np.inf).argmin(axis=1), -1)
-    least = np.where(known, counted[np.arange(len(known)), critical], np.nan)
-    over = "preload" if np.ndim(result.preload) else "frequency"
-    return MarginCurve(
-        over=over, unit="N" if over == "preload" else "Hz", values=np.asarray(getattr(result, over), float), margin=least,
-        response=np.asarray(result.amplitude, float), names=first.names, critical=critical, amplitude=amplitude, mean=mean,
-        factor=factor, yield_factor=to_yield, counted=first.counted, frequency=np.asarray(found.frequency),
-        preload=np.asarray(found.preload), speed=found.speed, material=material, rule=rule, notes=_notes(first, rule),
-        settings=first.settings, model_hash=first.model_hash,
-    )  # fmt: skip
+        """The margin at every point of a curve."""
+        chosen, found = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
+        known = np.isfinite(found.unknowns).all(axis=1)
+        validate.require(known.any(), "margin", "a curve with solutions", "none")
+        solved = Solutions(*(column[known] for column in found))
+        first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
+        shared = self._of(first)
+        coefficients, _ = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
+        m, n = coefficients.shape[:2]
+        columns = np.full((4, len(known), n), np.nan)
+        columns[:, known] = [x.reshape(m, n) for x in self.judge(coefficients.reshape(m * n, 6, -1), self.material)]
+        amplitude, mean, factor, to_yield = columns
+        counted = np.where(first.counted & known[:, None], factor, np.inf)
+        critical = np.where(known, counted.argmin(axis=1), -1)
+        over = "preload" if np.ndim(curve.preload) else "frequency"
+        return MarginCurve(
+            over=over, unit=UNITS[over], values=np.asarray(getattr(curve, over), float),
+            margin=np.where(known, counted.min(axis=1), np.nan), response=np.asarray(curve.amplitude, float),
+            names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield,
+            counted=first.counted, frequency=np.asarray(found.frequency), preload=np.asarray(found.preload),
+            speed=over_cycle.speeds(problem, found.frequency, self.speed), **shared,
+        )  # fmt: skip

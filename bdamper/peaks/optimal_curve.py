@@ -16,7 +16,6 @@ from bdamper.util import validate
 from bdamper.util.convergence import Convergence
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
-from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import FilePath, Recorded, Storable
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import Plottable, draw
@@ -126,8 +125,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         Of the whole answer: the curves, the marches in time and the peaks with more harmonics.
     settings : mapping
     model_hash : str
-    error_estimates : ErrorEstimates or None
-        Of the peak at the optimum, by source, where they were asked for.
     convergence : Convergence or None
         The peak at the optimum with more harmonics.
     lower_bound : (n,) float, m
@@ -160,7 +157,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     stuck: Limit
     optimum: OptimumPoint
     cost: Cost
-    error_estimates: ErrorEstimates | None = None
     convergence: Convergence | None = None
     lower_bound: Metres = field(default_factory=lambda: np.empty(0))
     goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
@@ -170,7 +166,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     margins: tuple[MarginCurve, ...] = ()
     kept: tuple[Marched, ...] = ()
     _told = (
-        "optimum", "kept", "least_in_time", "convergence", "error", "free", "stuck", "ratio", "stuck_shift_percent",
+        "optimum", "kept", "least_in_time", "convergence", "free", "stuck", "ratio", "stuck_shift_percent",
         "margins", "detached",
     )  # fmt: skip
 
@@ -284,11 +280,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         """Highest points on closed branches of the curves, with their preloads; they do not count."""
         return tuple(f"at {curve.preload:.6g} N {fold}" for curve in self.curves for fold in curve.detached)
 
-    @property
-    def error(self) -> str:
-        """Estimated error in one line."""
-        return error_line(self.error_estimates)
-
     def report(self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None) -> None:
         """Write one HTML file for a design review: pictures inside, no links, the same bytes for the same results.
 
@@ -331,8 +322,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         out.append(self._recommended() if o.verified else f"The search for the optimum is {o.status}.")
         if self.convergence is not None:
             out.append(f"More harmonics: {self.convergence.verdict}.")
-        unknown = () if self.error_estimates is None else self.error_estimates.unknown
-        return " ".join([*filter(None, out), *([f"Not checked: {', '.join(unknown)}."] if unknown else [])])
+        return " ".join(filter(None, out))
 
     def _said_of(self, kept: Marched) -> str:
         """The steady-state amplitude in time, beside that of the harmonic balance."""

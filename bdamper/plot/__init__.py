@@ -20,7 +20,6 @@ from bdamper.plot.curves import plot_band as plot_band
 from bdamper.plot.curves import plot_curve as plot_curve
 from bdamper.plot.curves import plot_curves as plot_curves
 from bdamper.plot.curves import plot_measurement as plot_measurement
-from bdamper.plot.curves import plot_microslip as plot_microslip
 from bdamper.plot.curves import plot_optimal as plot_optimal
 from bdamper.plot.curves import plot_time_sweep as plot_time_sweep
 from bdamper.plot.design import plot_accuracy as plot_accuracy
@@ -39,6 +38,7 @@ from bdamper.plot.hysteresis import plot_dissipation as plot_dissipation
 from bdamper.plot.hysteresis import plot_energy as plot_energy
 from bdamper.plot.hysteresis import plot_history as plot_history
 from bdamper.plot.hysteresis import plot_hysteresis as plot_hysteresis
+from bdamper.plot.hysteresis import plot_loops as plot_loops
 from bdamper.plot.model3d import plot_import_report as plot_import_report
 from bdamper.plot.model3d import plot_mode as plot_mode
 from bdamper.plot.model3d import plot_model as plot_model

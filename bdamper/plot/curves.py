@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.rattle import NO_STEADY
 from bdamper.design.sensitivity import band
-from bdamper.effects.hysteresis import Dissipation
-from bdamper.effects.microslip import Microslip
+from bdamper.effects.hysteresis import Hysteresis
 from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
 from bdamper.peaks.sensitivity import CurveSensitivity
@@ -50,7 +49,7 @@ ALIKE = 0.9
 """Ratio from which both limits are one line."""
 SHOWN = ("amplitude", "shift")
 """Quantities of an optimal curve."""
-FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
+FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Hysteresis, name) for name in ("frequency", "amplitude", "preload"))
 
 
 def amplitude_label(*results: Curve | OptimalCurve) -> str:
@@ -299,12 +298,6 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     if np.isfinite(result.lower_bound).any():
         look = {"color": "0.4", "markersize": 4.0, "markerfacecolor": "w"}
         ax.plot(result.preload, result.lower_bound, "^", label="lower bound", **look)
-
-
-@picture(Microslip)
-def plot_microslip(microslip: Microslip, ax: Axes = NEW) -> None:
-    """Force over displacement of first loading."""
-    draw_table(ax, microslip, "displacement", "force")
 
 
 @picture(Marched, "mark")

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
+from bdamper.effects.hysteresis import AXES, WHOLE, Hysteresis
 from bdamper.plot.axes import NEW, drawing, legend_beside, looks, picture
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.table import draw_table
@@ -31,8 +31,8 @@ def _name(result: Hysteresis, where: int | str) -> str:
     return f"{face} face, point {where - int(result.rows(face)[0]) + 1}"
 
 
-@picture(Hysteresis, legend=None)
-def plot_hysteresis(
+@picture(Hysteresis, "loops", legend=None)
+def plot_loops(
     result: Hysteresis, where: int | str | Sequence[int | str] = WHOLE, ax: Axes = NEW, *, direction: str = "t1"
 ) -> None:
     """Loops of force over displacement.
@@ -99,16 +99,17 @@ def plot_energy(result: Hysteresis) -> NDArray:
     return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
 
 
-@draws(Dissipation)
+@draws(Hysteresis, "dissipation")
 def plot_dissipation(
-    result: Dissipation, quantity: str = "equivalent", ax: Axes | Sequence[Axes] | NDArray | None = None, *,
+    result: Hysteresis, quantity: str = "equivalent", ax: Axes | Sequence[Axes] | NDArray | None = None, *,
     over: str = "amplitude", title: str = "",
 ) -> Axes | NDArray:  # fmt: skip
     """Equivalent stiffness, damping and energy of the contacts over the amplitude.
 
     Parameters
     ----------
-    result : Dissipation
+    result : Hysteresis
+        Of several solutions.
     quantity : {"equivalent", "energy"}
         Equivalent stiffness and damping ratio, or where the work of the excitation goes in a cycle.
     ax : matplotlib axes, optional
@@ -139,3 +140,9 @@ def plot_dissipation(
         draw_table(axes, result, over, "damping", color="0.35", linestyle="-.", marker="", label="damping of the modes")
         axes.set_ylim(smallest * result.excitation.max(), None)
     return cast(Axes, axes)
+
+
+@draws(Hysteresis)
+def plot_hysteresis(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
+    """Loops of a single solution (:func:`plot_loops`), stiffness and damping of several (:func:`plot_dissipation`)."""
+    return (plot_loops if result.single else plot_dissipation)(result, *arguments, **options)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from bdamper.continuation.curve import Curve
 from bdamper.effects.comparison import Comparison
-from bdamper.effects.hysteresis import Dissipation, Hysteresis
+from bdamper.effects.hysteresis import Hysteresis
 from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import NEW, looks, once, picture
@@ -23,8 +23,7 @@ from bdamper.util.plotting import draws
 OF: dict[type, tuple[str, dict[str, str]]] = {
     Curve: ("frequency", {"amplitude": "amplitude"}),
     OptimalCurve: ("preload", {"amplitude": "amplitude", "shift": "shift_percent"}),
-    Dissipation: ("amplitude", {"damping_ratio": "damping_ratio", "stiffness": "stiffness"}),
-    Hysteresis: ("", {"loop": ""}),
+    Hysteresis: ("amplitude", {"damping_ratio": "damping_ratio", "stiffness": "stiffness"}),
 }
 """Of each kind of result the column that it is drawn over, and what can be drawn, by the name of its quantity."""
 OPTIMA = {True: "optimum", False: "least value, not verified"}
@@ -32,7 +31,7 @@ OPTIMA = {True: "optimum", False: "least value, not verified"}
 
 @picture()
 def plot_together(
-    results: Mapping[str, Curve] | Mapping[str, OptimalCurve] | Mapping[str, Dissipation] | Mapping[str, Hysteresis],
+    results: Mapping[str, Curve] | Mapping[str, OptimalCurve] | Mapping[str, Hysteresis],
     quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = (),
 ) -> None:  # fmt: skip
     """Several results of one kind on the same axes.
@@ -53,7 +52,7 @@ def plot_together(
     kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
     if kind is None:
         found = [type(result).__name__ for result in results.values()]
-        kinds = "tracking curves, optimal curves, dissipations or hysteresis, all of one kind"
+        kinds = "tracking curves, optimal curves or hysteresis, all of one kind"
         raise validate.unfit("results", kinds, found)
     x, columns = OF[kind]
     quantity = validate.choice("quantity", quantity or next(iter(columns)), columns)
@@ -66,7 +65,7 @@ def plot_together(
             plot_measurement(one, ax)
     result: Any
     for (name, result), look in zip(results.items(), looks(len(results))) if kind is not Curve else ():
-        if isinstance(result, Hysteresis):
+        if isinstance(result, Hysteresis) and result.single:
             ax.plot(*result.loop(), **{**look, "marker": ""}, label=name)
             ax.set(**OF_WHOLE)
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,24 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
     if hasattr(given, "settings"):
         check_result(problem, result)
     return unknowns
+
+
+class Solutions(NamedTuple):
+    """Unknowns (m, n), frequency (Hz) and preload (N) of solutions, each (m,)."""
+
+    unknowns: NDArray
+    frequency: NDArray
+    preload: NDArray
+
+
+def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
+    """Solutions of a peak or a curve at known preloads, NaN where it has no value; errors as for :func:`unknowns_of`."""
+    given: Any = result
+    unknowns = unknowns_of(problem, result)
+    preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
+    validate.require(np.isfinite(preload).all(), "result", "one at a known preload", "none")
+    n = len(unknowns)
+    return Solutions(unknowns, np.broadcast_to(np.asarray(given.frequency, float), n), np.broadcast_to(preload, n))
 
 
 def response_at(problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential") -> NDArray:

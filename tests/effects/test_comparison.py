@@ -116,7 +116,7 @@ def test_changes_are_those_from_the_first(found):
 
 
 def test_results_of_several_kinds_are_refused(study, found):
-    with pytest.raises(bd.SettingError, match="results: expected tracking curves, optimal curves, dissipations or"):
+    with pytest.raises(bd.SettingError, match="results: expected tracking curves, optimal curves or hysteresis"):
         plot_together({"a": found.curves[0], "b": study.dissipation(found.curves[0])})
     with pytest.raises(bd.SettingError, match=r"quantity: expected one of \('amplitude',\), found 'shift'"):
         found.plot("shift")

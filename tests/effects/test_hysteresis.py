@@ -198,7 +198,7 @@ def test_as_many_axes_are_given_as_a_picture_has(study, curve):
 
 def test_a_result_of_another_response_is_refused(study, curve):
     other = study.with_(response=bd.Response("tip", "axial"))
-    with pytest.raises(bd.BdamperError, match=r"a result with the response .*axial.*, found one with .*tangential"):
+    with pytest.raises(bd.BdamperError, match=r"found one with response = .*tangential.* for .*axial"):
         other.hysteresis(curve)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.effects.indicator import Estimate, embed, estimate_change
+from bdamper.effects.indicator import Change, embed, estimate_change
 from bdamper.peaks.newton import find_peak
 from bdamper.problem.effects import Effects
 from tests import models
@@ -44,7 +44,7 @@ def test_estimate_is_the_derivative_of_the_peak(full, peak):
         change = true.amplitude / peak.amplitude - 1.0
         assert abs(change) > 1e-5
         error.append(abs(e.amplitude - change))
-        defect.append(e.defect)
+        defect.append(e.uncertainty)
         assert e.amplitude == pytest.approx(change, rel=0.1)
     assert error[0] / error[1] > 3.0 and error[1] / error[2] > 3.0
     # the second residual tells a good part of what is missing; the rest is the phase that the peak need not keep
@@ -85,8 +85,8 @@ def test_embedding_keeps_what_both_have(full, changes):
 
 
 def test_the_size_of_an_estimate_is_what_it_may_be_at_most():
-    assert Estimate(0.01, -0.02, 0.005, np.zeros(1)).size == pytest.approx(0.025)
-    assert Estimate(np.nan, 0.0, 0.0, np.zeros(1)).size == np.inf
+    assert Change(0.01, -0.02, 0.005).size == pytest.approx(0.025)
+    assert Change(np.nan, 0.0, 0.0).size == np.inf
 
 
 def test_an_estimate_outside_the_equations_is_none(full, peak):

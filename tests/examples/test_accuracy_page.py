@@ -20,7 +20,7 @@ def test_code_of_the_page(capsys):
     for block in blocks:  # the optimum of quick settings is higher
         exec(compile(block.replace("preloads_within(9e-5)", "preloads_within(2e-4)"), "accuracy.md", "exec"), space)
     found = capsys.readouterr().out
-    assert "Estimated error" in found and "for 5 %: " in found
+    assert "Estimated error" in found and "For 5 %: " in found
     assert space["result"].tolerance == 0.05 and space["curve"].complete
 
 

@@ -151,7 +151,7 @@ def test_advice_legend_shows_what_is_drawn():
         for name, change, called_for in (("harmonics beyond 1", 0.5, True), ("damper modes beyond 0", 0.001, False))
     )
     sets = Effects(harmonics=5), Effects(harmonics=5)
-    ax = Advice(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0, 3).plot()
+    ax = Advice(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
     said = ["black names: needed", "grey: all together\nmay be left out"]
     assert list(patches) == ["amplitude", "frequency", "tolerance, 1 %", *said]
@@ -184,7 +184,7 @@ def test_accuracy_explains_its_lines(times):
         Run("contact_points", ("5", "9"), np.nan, np.nan, np.nan, t[1]),
         Run("combination", ("3", "9"), 1e-3, 300.0, 0.0, t[0]),
     )
-    result = AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, (), 1)
+    result = AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, ())
     assert plot_accuracy(result, title="own").get_title() == "own"
     ax = plot_accuracy(result)
     assert legend_texts(ax) == [

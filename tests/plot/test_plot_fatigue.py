@@ -14,6 +14,8 @@ from bdamper.plot import plot_margin
 from bdamper.util.errors import SettingError
 from tests.models import wedge_model
 
+SOLUTION = {"frequency": 300.0, "preload": 200.0, "speed": 400.0}
+
 
 @pytest.fixture(scope="module")
 def margins():
@@ -21,8 +23,8 @@ def margins():
     factor = AISI_1050.factor(amplitude, mean)
     seen = np.array([True, True, False])
     return Margins(
-        np.eye(3) * 0.01, ("root 1", "root 2", "root 3"), amplitude, mean, factor, 3.0 * factor, seen, np.full(3, 0.1),
-        AISI_1050, Rule(), 300.0, 200.0, 400.0,
+        amplitude, mean, factor, 3.0 * factor, AISI_1050, Rule(), points=np.eye(3) * 0.01,
+        names=("root 1", "root 2", "root 3"), counted=seen, spread=np.full(3, 0.1), **SOLUTION,
     )  # fmt: skip
 
 
@@ -39,7 +41,8 @@ def test_stress_over_the_cycle_is_drawn_at_the_critical_point():
     coefficients = np.zeros((2, 6, 2), complex)
     coefficients[:, 1, 0], coefficients[:, 1, 1] = 100e6, [20e6, 50e6]
     nothing, seen = np.zeros((2, 6)), np.ones(2, bool)
-    cycle = StressCycle(np.zeros((2, 3)), ("a 1", "a 2"), coefficients, nothing, seen, nothing[:, 0], 300.0, 200.0, 400.0)
+    at = {"points": np.zeros((2, 3)), "names": ("a 1", "a 2"), "counted": seen, "spread": nothing[:, 0]}
+    cycle = StressCycle(coefficients, nothing, **at, **SOLUTION)
     axes = cycle.plot()
     whole = next(line for line in axes.lines if line.get_label() == "von Mises")
     assert whole.get_ydata().max() == pytest.approx(150.0) and "a 2" in axes.get_title()

@@ -239,7 +239,7 @@ F = (270.0, 380.0)
         lambda s: s.estimate_errors(None), lambda s: s.with_errors(None), lambda s: s.peak_sensitivities("peak"),
         lambda s: bd.compare({}, len), lambda s: bd.compare({"a": s, "b": {"frictoin": 1}}, len),
         lambda s: bd.compare({"a": s}, str),
-        lambda s: bd.accuracy_cost(s, 9.0, F, vary=()), lambda s: bd.accuracy_cost(s, 9.0, F, repeats=1.5),
+        lambda s: bd.accuracy_cost(s, 9.0, F, vary=()),
         lambda s: bd.accuracy_cost(s, 9.0, "F"), lambda s: bd.accuracy_cost(s, 9.0, F, tolerance="1"),
         lambda s: bd.accuracy_cost(s, 9.0, F, quantity="x"), lambda s: bd.accuracy_cost(s, "9", F),
         lambda s: bd.sweep(s, {"preload": [1.0]}, "peak"), lambda s: bd.sweep(s, {"preload": [1.0]}, executor="threads"),

@@ -13,63 +13,22 @@ after the other the slope decreases from the stuck stiffness to zero, at the for
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, static_state
+from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, PreloadState, static_state
+from bdamper.design.sweep import SweepResult
 from bdamper.model.loads import direction_vector
 from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
-from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Plottable
-from bdamper.util.repr import brief
-from bdamper.util.tables import Metres, Newtons, Numbers, Tabular
-from bdamper.util.text import amount, percent
-
-
-@brief
-@dataclass(frozen=True)
-class Microslip(Plottable, Tabular, Storable, kind="bdamper-microslip"):
-    """A curve of first loading.
-
-    ``plot`` draws force over displacement (:func:`bdamper.plot.plot_microslip`).
-
-    Parameters
-    ----------
-    preload : float, N
-    force : (n,) float, N
-        From zero, as far as equilibria were found.
-    displacement : (n,) float, m
-        Of the location along the force, since the force is there.
-    slipping, open : (n,) float
-        Share of the closed points that slip in either direction; share of all points that are apart.
-    residual : (n,) float
-        Of modal equilibrium, relative.
-    complete : bool
-        Whether the last force asked for was reached; otherwise the damper slides.
-    """
-
-    preload: float
-    force: Newtons
-    displacement: Metres
-    slipping: Numbers
-    open: Numbers
-    residual: Numbers
-    complete: bool
-
-    @property
-    def stiffness(self) -> NDArray:
-        """(n - 1,) slope of the chords between neighbouring forces, N/m."""
-        return np.diff(self.force) / np.diff(self.displacement)
-
-    def bottom_line(self) -> str:
-        way = f"{amount(self.displacement[-1], 'm')} under {amount(self.force[-1], 'N')}"
-        slips = f"{percent(self.slipping[-1])} of the contact slips{'' if self.complete else ', beyond it slides'}"
-        return f"At a preload of {amount(self.preload, 'N')} the damper moves by {way}; {slips}."
+from bdamper.util.hdf5 import enter_former
+from bdamper.util.status import COMPLETE, FAILED, because
 
 
 @asked
@@ -80,7 +39,7 @@ def microslip(
     *,
     location: str = "damper",
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0),
-) -> Microslip:
+) -> SweepResult:
     """Displacement of a location under forces that grow while the load stays.
 
     Parameters
@@ -95,7 +54,10 @@ def microslip(
 
     Returns
     -------
-    Microslip
+    SweepResult
+        Over "force", from zero: "displacement" of the location along it (m), since the force is there; "slipping" and
+        "open", shares of the closed points that slip in either direction and of all points that are apart; "residual" of
+        modal equilibrium, relative.  Forces under which the damper slides have failed.
 
     Raises
     ------
@@ -122,15 +84,36 @@ def microslip(
         constant_shift=own.shift_at(preload),
     )  # fmt: skip
     state = replace(seat, load=0.0)
-    states, reached = [state], [0.0]
+    values = [_answers(state, 0.0)]
     for force in wanted:
         state = static_state(system, float(force), start=state, steps=2)
         if not state.converged:
             break
-        states.append(state)
-        reached.append(float(force))
-    closed = np.array([np.mean(s.status[:, 0] != OPEN) for s in states])
-    slips = [((s.status == SLIP_PLUS) | (s.status == SLIP_MINUS)).any(axis=1).mean() for s in states]
-    moved, residual = (np.array(x) for x in zip(*((d.real @ (s.q - seat.q), s.residual) for s in states)))
-    slipping = np.array(slips) / np.maximum(closed, 1e-300)
-    return Microslip(float(preload), np.array(reached), moved, slipping, 1.0 - closed, residual, state.converged)
+        values.append(_answers(state, float(d.real @ (state.q - seat.q))))
+    beyond = len(wanted) + 1 - len(values)
+    status = (COMPLETE,) * len(values) + (because(FAILED, "the damper slides"),) * beyond
+    fields = _over_force([0.0, *wanted.tolist()], values + [{}] * beyond)
+    return SweepResult(**fields | {"status": status}, **problem.recorded())
+
+
+def _answers(state: PreloadState, moved: float) -> dict[str, float]:
+    closed = float(np.mean(state.status[:, 0] != OPEN))
+    slips = float(((state.status == SLIP_PLUS) | (state.status == SLIP_MINUS)).any(axis=1).mean())
+    slipping = slips / max(closed, 1e-300)
+    return {"displacement": moved, "slipping": slipping, "open": 1.0 - closed, "residual": state.residual}
+
+
+def _over_force(force: Sequence[float], values: Sequence[dict[str, float]]) -> dict[str, Any]:
+    """Fields of the sweep over the force."""
+    n, points = len(force), tuple({"force": f} for f in force)
+    fields = {"names": ("force",), "points": points, "values": tuple(values), "status": (COMPLETE,) * n}
+    return fields | {"seconds": np.zeros(n), "shape": (n,)}
+
+
+def _of_0_6(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the sweep that a first loading in a file of version 0.6 or before is."""
+    answers = {name: group[name][()].tolist() for name in ("displacement", "slipping", "open", "residual")}
+    return _over_force(group["force"][()].tolist(), [dict(zip(answers, row)) for row in zip(*answers.values())])
+
+
+enter_former("bdamper-microslip", "slipping", SweepResult, _of_0_6)
