@@ -9,11 +9,10 @@ in which direction a wave travels, mass, centre and inertia.  The report lists t
 from __future__ import annotations
 
 import datetime
-import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from math import gcd
 from typing import TYPE_CHECKING
@@ -22,25 +21,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.bounds import BOUNDS
+from bdamper.io.built_model import BuiltModel
 from bdamper.io.contact_faces import ContactFaces, LaidContacts, from_first_sector, lay_contacts
 from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.force_field import force_fields
 from bdamper.io.from_matrices import constrained_from_matrices, cyclic_sectors, free_from_matrices, held_components
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
-from bdamper.io.import_report import ImportReport
 from bdamper.io.imported_stress import stress_rows
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
-from bdamper.io.model_file import save_model
 from bdamper.io.plausible import (
     check_corners,
     check_lowest,
     check_not_swapped,
-    check_one_scale,
     check_radial,
     check_sizes,
     check_table,
 )
-from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, placement
+from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring
 from bdamper.model.checks import require
 from bdamper.model.model import Body, Location, Model
 from bdamper.model.validation import check_model
@@ -51,44 +48,19 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import stages
-from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
     from bdamper.reduction.stress import StressRows
 
 
+TOLD = ("checks", "missing", "failed")
+"""What the bodies have to tell the report."""
 HARMONICS = 9
 """Harmonics whose nodal diameters a model has by default."""
 DAMPER_MODES = 16
 """Modes of a free body by default, its six rigid ones included."""
 MARCHED = 33
 """Sectors after which an excitation repeats, up to which a model has all their nodal diameters, for marches in time."""
-
-
-@brief
-@dataclass(frozen=True)
-class BuiltModel:
-    """A model and the report on how it came about.
-
-    Parameters
-    ----------
-    model : Model
-    report : ImportReport
-    """
-
-    model: Model
-    report: ImportReport
-
-    def __str__(self) -> str:
-        return str(self.report)
-
-    def plot(self):  # type: ignore[no-untyped-def]
-        """The picture of the report; see :meth:`ImportReport.plot`."""
-        return self.report.plot()
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model file; the report goes into its provenance."""
-        save_model(self.model, path)
 
 
 @validate.spelt
@@ -158,7 +130,7 @@ def build_model(
         At the first thing that is wrong, naming it, what was expected and what was found.
     """
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
-    bodies = _prepared(blade, damper, placement(axis, radial, origin, units), validate.flag("strict", strict))
+    bodies = _prepared(blade, damper, Placement(axis, radial, origin, units), validate.flag("strict", strict))
     counts = _counts(list(bodies)[1:], n_modes, n_damper_modes)
     contacts = _given_contacts(contacts)
     faces = _sector_faces(bodies["blade"], sector_faces, n_blades)
@@ -201,12 +173,9 @@ def _counts(free: Sequence[str], n_modes: int, n_damper_modes: int | Mapping[str
 
 
 def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
-    for body in bodies.values():
-        body.check_repeated()
-    for name in list(bodies)[1:] if check_units else ():
-        check_one_scale(bodies["blade"], bodies[name])
     check_radial(bodies["blade"], n_blades)
     for body in bodies.values():
+        body.check_repeated()
         if body.has_matrices:
             check_not_swapped(body)
             if body.name == "blade":  # a free body: check_rigid_motion
@@ -374,7 +343,7 @@ def _reduced(
         if name == "blade" and body.has_matrices:
             mask = held_components(body, wanted, fixed, ring)
             part = None if wheel is None else blade_part(body, wanted, ring, mask, wheel, laid.interfaces)
-            kept = {0} if body.given.other_speeds else set()  # for the displacement by rotation
+            kept = {0} if body.given.faster else set()  # for the displacement by rotation
             sector = cyclic_sectors(body, ring, mask, kept if part is None else kept.union(sampled_waves(ring.n_blades)))
             made[name] = constrained_from_matrices(body, wanted, ring, sector, mask, rows)
             if part is not None:
@@ -398,7 +367,6 @@ def _assembled(
     if check_units:
         for name, body in bodies.items():
             check_lowest(body, made[name])
-    checks = [check for body in bodies.values() for check in body.checks]
     model = Model(
         n_blades=n_blades,
         bodies=made,
@@ -411,19 +379,12 @@ def _assembled(
         },
     )
     check_model(model, where="built model")
-    checks.append("the model passes the checks of the model file")
-    report = ImportReport(
-        sources={name: str(body.given) for name, body in bodies.items()},
-        faces=laid.faces,
-        checks=tuple(checks),
-        failed=tuple(text for body in bodies.values() for text in body.failed),
-        missing=tuple(text for body in bodies.values() for text in body.missing),
-        model=model,
-    )
+    told = {part: tuple(text for body in bodies.values() for text in getattr(body, part)) for part in TOLD}
+    built = BuiltModel(model, {name: str(body.given) for name, body in bodies.items()}, laid.faces, **told)
     provenance = {
         "source": "; ".join(f"{name}: {body.given.source}" for name, body in bodies.items()),
         "made by": "bdamper.io.build_model",
         "date": datetime.date.today().isoformat(),
-        "report": str(report)[:20000],
+        "report": str(built)[:20000],
     }
-    return BuiltModel(replace(model, provenance=provenance), report)
+    return replace(built, model=replace(model, provenance=provenance))

@@ -225,10 +225,10 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
 def read_arrays(
     stiffness: FilePath | sp.spmatrix,
     mass: FilePath | sp.spmatrix,
-    nodes: FilePath | tuple[NDArray, NDArray] | FEBody,
+    nodes: FilePath | NDArray | tuple[NDArray, NDArray] | FEBody,
     dofs: FilePath | NDArray | None = None,
     sets: dict[str, FilePath | NDArray] | None = None,
-    elements: FilePath | tuple[NDArray, ...] = (),
+    elements: FilePath | NDArray | tuple[NDArray, ...] = (),
     source: str = "",
 ) -> FEBody:
     """A body from matrices, a node table, a dof table and sets, each given as arrays or as a file.
@@ -237,13 +237,14 @@ def read_arrays(
     ----------
     stiffness, mass : path-like or sparse matrix
         See :func:`read_matrix`.
-    nodes : path-like, (numbers, positions) or FEBody
-        See :func:`read_nodes`; or a mesh, as a body or a file that :func:`read_body` reads, with its elements and sets.
+    nodes : path-like, (n, 3) array, (numbers, positions) or FEBody
+        See :func:`read_nodes`; positions alone are numbered from 0; or a mesh, as a body or a file that :func:`read_body`
+        reads, with its elements and sets.
     dofs : path-like or (n_eq, 2) int, optional
         See :func:`read_dofs`; by default three rows a node, or the table in Abaqus text with nodes.
     sets : mapping of name to path-like or array, optional
         One-dimensional: node numbers; two-dimensional: faces of elements.
-    elements : path-like or tuple of int arrays
+    elements : path-like, int array or tuple of these
         See :func:`read_elements` and :class:`FEBody`.
     source : str
         What messages call the body; the file of the stiffness by default.
@@ -259,7 +260,8 @@ def read_arrays(
     if isinstance(nodes, FEBody):
         mesh = nodes
     else:
-        numbers, positions = _loaded(nodes, read_nodes)
+        plain = isinstance(nodes, np.ndarray)
+        numbers, positions = (np.arange(len(nodes)), nodes) if plain else _loaded(nodes, read_nodes)
         mesh = FEBody(np.asarray(numbers), np.asarray(positions, float))
     node_sets: dict[str, NDArray] = {}
     face_sets: dict[str, tuple[NDArray, ...]] = {}
@@ -269,8 +271,7 @@ def read_arrays(
             node_sets[name] = values
         else:
             face_sets[name] = (values,)
-    own = _loaded(elements, read_elements)
-    require(not isinstance(own, np.ndarray), f"{what}: elements", "a tuple of arrays, one for each kind", "one array")
+    own = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
     source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
     return replace(
         mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=own or mesh.elements,

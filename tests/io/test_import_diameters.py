@@ -93,7 +93,7 @@ def test_sector_faces_match_as_exactly_as_files_round_positions(bodies, directio
     """Six digits of a position are rounded by 5e-6 of the sector; what is 3e-5 off is another mesh, 3e-4 another face."""
     for share, words in ((5e-6, "pairs of nodes match"), (3e-5, "meshes that differ")):
         built = build_model(rounded(bodies[0], share, direction), bodies[1], **SETTINGS, nodal_diameters=(1,))
-        assert sum(words in line for line in built.report.checks) == 1
+        assert sum(words in line for line in built.checks) == 1
     with pytest.raises(ModelError, match=r"sector_faces: expected two sets of nodes .* largest distance .* apart"):
         build_model(rounded(bodies[0], 3e-4, (1.0, 0.0, 0.0)), bodies[1], **SETTINGS, nodal_diameters=(1,))
 
