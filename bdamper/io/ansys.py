@@ -44,9 +44,6 @@ _HEADER = 103  # the second record starts here
 _FULL, _RESULT = 4, 12
 _KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
 _MODAL = 2
-_ANALYSES = {
-    0: "static", 1: "of buckling", _MODAL: "modal", 3: "harmonic", 4: "transient", 7: "a substructure", 8: "of a spectrum",
-}  # fmt: skip
 
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
@@ -79,14 +76,14 @@ class _Binary:
     def _record(self, word: int, item: str) -> tuple[NDArray, int]:
         where = f"{self.source}: {item} at word {word}"
         start = 4 * int(word)
-        if start < 0 or start + 12 > len(self.data):
-            raise mismatch(where, f"a record within {len(self.data) // 4} words", "a place outside: the file is truncated")
+        within, words = 0 <= start <= len(self.data) - 12, len(self.data) // 4
+        require(within, where, f"a record within {words} words", "a place outside: the file is truncated")
         size, flags = struct.unpack_from("<iI", self.data, start)
         end = start + 8 + 4 * size
-        if size < 0 or end + 4 > len(self.data):
-            raise mismatch(where, "a record that ends within the file", f"a length of {size} words: damaged or truncated")
-        if struct.unpack_from("<i", self.data, end)[0] != size:
-            raise mismatch(where, f"the length {size} again at its end", "another number: damaged")
+        within, found = size >= 0 and end + 4 <= len(self.data), f"a length of {size} words: damaged or truncated"
+        require(within, where, "a record that ends within the file", found)
+        again = struct.unpack_from("<i", self.data, end)[0]
+        require(again == size, where, f"the length {size} again at its end", f"{again}: damaged")
         kind = flags >> 24
         dtype = np.dtype({0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)])
         require(not kind & _ZLIB, where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "one with it")
@@ -416,17 +413,13 @@ class _Archive:
             more = self._integers(wanted, fields)
             self.lines.require(bool(more), wanted, len(found))
             found += more
-        members: list[NDArray] = []
-        for number in found[:total]:
-            if number < 0:
-                if not members or -number < members[-1][-1] or -number - members[-1][-1] > 50_000_000:
-                    raise mismatch(item, f"ranges in component '{name}'", number)
-                members.append(np.arange(members[-1][-1] + 1, -number + 1))
-                if len(members[-1]) == 0:
-                    members.pop()
-            else:
-                members.append(np.array([number]))
-        if kind.startswith("NODE") and members:
+        members, last = [np.zeros(0, np.int64)], 0
+        for number in found[:total]:  # a negative one ends a range
+            good = number >= 0 or 0 < last <= -number <= last + 50_000_000
+            require(good, item, f"ranges in component '{name}'", number)
+            members.append(np.arange(last + 1 if number < 0 else number, abs(number) + 1))
+            last = abs(number)
+        if kind.startswith("NODE") and total:
             self.sets[name] = np.concatenate(members)
 
 
@@ -455,8 +448,7 @@ def read_rst(path: Path) -> FEBody:
     """
     file = _Binary(path, _RESULT)
     head = _Header(file, _HEADER, "header")
-    kind = _ANALYSES.get(head[8], "another")
-    require(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", f"{head[8]}, {kind}")
+    require(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
     n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
     room = head.count(4, "room for result sets", n_sets)
     index = file.record(head.pointer(11, 41), "index of result sets")

@@ -158,10 +158,11 @@ def _prepared(
     free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
     taken = [name for name in free if name in ("blade", "ground") or not isinstance(name, str)]
     validate.require(not taken, "free bodies", "names other than 'blade' and 'ground'", taken)
-    given = {"blade": blade, **free}
-    for name, body in given.items():
-        validate.instance(name, body, FEBody, "an FEBody, as read_arrays returns it")
-    return {name: PreparedBody(name, body, place, strict=strict) for name, body in given.items()}
+    out = {}
+    for name, given in {"blade": blade, **free}.items():
+        body = validate.instance(name, given, FEBody, "an FEBody, as read_arrays returns it")
+        out[name] = PreparedBody(name, body, place, strict=strict)
+    return out
 
 
 def _counts(free: Sequence[str], n_modes: int, n_damper_modes: int | Mapping[str, int]) -> dict[str, int]:
@@ -188,21 +189,19 @@ def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units
 def _known_frequencies(
     given: Mapping[int, Sequence[float]] | None, diameters: tuple[int, ...]
 ) -> Mapping[int, Sequence[float]]:
-    if given is None:
-        return {}
-    for d, values in validate.instance("expected_frequencies", given, Mapping, "a mapping").items():
+    known = validate.instance("expected_frequencies", {} if given is None else given, Mapping, "a mapping")
+    for d, values in known.items():
         require(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
         validate.numbers(f"expected_frequencies at nodal diameter {d}", values, above=0.0, unit="Hz")
-    return given
+    return known
 
 
 def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     several = isinstance(given, Iterable) and not isinstance(given, str)
     contacts = tuple(validate.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
     validate.that(contacts, "contacts", "a sequence of one or more ContactFaces", given)
-    repeated = [c.name for k, c in enumerate(contacts) if c.name in [other.name for other in contacts[:k]]]
-    if repeated:
-        raise SettingError(f"contacts: expected each name once, found '{repeated[0]}' twice")
+    names = [contact.name for contact in contacts]
+    validate.that(len(set(names)) == len(names), "contacts", "each name once", names)
     return contacts
 
 
@@ -247,8 +246,7 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
         if faces is None:
             expected = "the two faces of the sector" + ("" if n_blades else ", and n_blades (1 if nothing repeats)")
             raise SettingError(f"sector_faces: expected {expected}, as no rotation carries faces of elements onto others")
-        how = f"found from the geometry, {faces.n_sectors} sectors"
-        body.checks.append(f"sector faces: {how}; {len(faces.dependent)} pairs of nodes match within {tolerance:.2g} m")
+        body.checks.append(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
     if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
         raise validate.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
@@ -259,24 +257,19 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
     for left, right, words in ((first, second, "the first set lies toward -X"), (second, first, "the sets came swapped")):
         try:
             matched = match_faces(body.nodes, left, right, n_blades, tolerance)
+            body.checks.append(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
+            return matched
         except ValueError as error:
             problems.append(str(error))
-            continue
-        # Nodes on the axis of rotation would be their own image; nothing in a disk stands there.
-        body.checks.append(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
-        return matched
     expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
-    if not body.elements:
-        raise body.error("sector_faces", expected, f"{problems[0]}; the other way: {problems[1]}")
+    body.require(body.elements, "sector_faces", expected, "; the other way: ".join(problems))
     with body.refusing("sector_faces", expected):
         tied = [tie_faces(body.nodes, body.boundary, *pair, n_blades) for pair in ((first, second), (second, first))]
     best = min(tied, key=lambda faces: faces.distance)
-    found = f"{problems[0]}; the other way: {problems[1]}; meshes that differ are at best {best.distance:.3g} m apart"
+    found = f"{'; the other way: '.join(problems)}; meshes that differ are at best {best.distance:.3g} m apart"
     body.require(best.distance <= BOUNDS.tied_faces * body.size, "sector_faces", expected, found)
-    body.checks.append(
-        f"sector faces: meshes that differ, {len(best.dependent)} nodes tied by interpolation to {len(best.independent)}, "
-        f"at most {best.distance:.2g} m apart"
-    )
+    tied_nodes = f"{len(best.dependent)} nodes tied by interpolation to {len(best.independent)}"
+    body.checks.append(f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart")
     return best
 
 
@@ -347,8 +340,8 @@ def _reduced(
             sector = cyclic_sectors(body, ring, mask, kept if part is None else kept.union(sampled_waves(ring.n_blades)))
             made[name] = constrained_from_matrices(body, wanted, ring, sector, mask, rows)
             if part is not None:
-                local = body, wanted, sector, laid.interfaces, part, shapes or LocalSizes()
-                made[name] = with_local_basis(made[name], *local)
+                sizes = shapes or LocalSizes()
+                made[name] = with_local_basis(made[name], body, wanted, sector, laid.interfaces, part, sizes)
         elif name == "blade":
             validate.require(wheel is None, "wheel", "a sector of a cyclic structure with its matrices", "modes alone")
             made[name] = constrained_from_modes(body, wanted, ring)
