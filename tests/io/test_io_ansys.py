@@ -14,8 +14,8 @@ from bdamper.fe.mesh import join_blocks
 from bdamper.io import read_ansys, read_cdb, read_full, read_rst
 from bdamper.io.ansys import _Binary, _node_axes
 from bdamper.io.prepare import Placement, PreparedBody
-from bdamper.reduction.facets import enclosed_volume
 from bdamper.model.model import turn
+from bdamper.reduction.facets import enclosed_volume
 from bdamper.reduction.sector_faces import find_faces
 from bdamper.reduction.waves import travelling_waves
 from bdamper.util.errors import ModelError
