@@ -127,8 +127,8 @@ class _Binary:
             taken = 1 if length < 0 else length
             place, length = abs(place), abs(length)
             stored = step if taken == 1 else taken * dtype.itemsize
-            if place + length > size or at + taken * dtype.itemsize > len(raw):
-                raise mismatch(where, f"windows within {size} values", f"one of {length} from {place}")
+            within = place + length <= size and at + taken * dtype.itemsize <= len(raw)
+            require(within, where, f"windows within {size} values", f"one of {length} from {place}")
             out[place : place + length] = np.frombuffer(raw, dtype, taken, at)
             at += stored
         return out
@@ -214,9 +214,8 @@ def read_full(path: Path) -> FullMatrices:
     keep = keep[~empty]
     require(len(keep) > 0, str(path), "free components", "none")
     kept = [m[keep][:, keep].tocsr() for m in matrices]
-    wrong = dofs[keep, 1] > 3
-    if wrong.any():
-        raise mismatch(f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {dofs[keep][wrong][0, 1]}")
+    highest = dofs[keep, 1].max()
+    require(highest <= 3, f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {highest}")
     return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep), np.unique(dofs[:, 0]))
 
 
@@ -225,8 +224,8 @@ def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArr
     for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
         require(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
     numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
-    if counts.min() < 0 or counts.max() > len(dof_names) or counts.sum() != n_eq:
-        raise mismatch(f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
+    good = counts.min() >= 0 and counts.max() <= len(dof_names) and counts.sum() == n_eq
+    require(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
     first = np.repeat(np.cumsum(counts) - counts, counts)
     place = np.arange(n_eq) - first
     return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[place]])
@@ -241,10 +240,10 @@ def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matri
     for row in range(n_eq):
         column, value = next(records), next(records)
         where = f"{file.source}: {item}, row {row + 1}"
-        if column.dtype.kind != "i" or value.dtype.kind != "f" or len(column) != len(value):
-            raise mismatch(where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
-        if len(column) and (column.min() < 1 or column.max() > n_eq):
-            raise mismatch(where, f"columns 1 to {n_eq}", int(column.max()))
+        good = column.dtype.kind == "i" and value.dtype.kind == "f" and len(column) == len(value)
+        require(good, where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
+        low, high = column.min(initial=1), column.max(initial=1)
+        require(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
         rows.append(np.full(len(column), row))
         columns.append(column.astype(np.int64) - 1)
         values.append(value.astype(float))

@@ -109,8 +109,8 @@ class _Deck:
                 self.node_surfaces[name] = [text.split(",")[0].strip() for _, text in lines]
             else:
                 pairs = [tuple(w.strip() for w in text.split(",")[:2]) for _, text in lines]
-                if any(len(p) != 2 for p in pairs):
-                    raise mismatch(item, "an element or set and the label of a face in every line", "another line")
+                good = all(len(pair) == 2 for pair in pairs)
+                require(good, item, "an element or set and the label of a face in every line", "another line")
                 self.surfaces[name] = pairs  # type: ignore[assignment]
         elif keyword == "*MATERIAL":
             self.material = parameters.get("NAME", "").upper()

@@ -47,11 +47,9 @@ class ContactFaces:
         Sector in which body b is met, -1, 0 or 1; found from the positions by default.
     gap : float (in the units of the files) or "measured"
         Initial normal distance; "measured" takes that of the two meshes.
-    frame : (3, 3) float, optional
-        Rows t1, t2, n in the axes of the model; by default n is the mean outward normal of face a, and t2 points
-        against the axis of rotation.
     patches : Patches, optional
-        Rectangles in the axes of the model, in place of a grid.
+        Rectangles in one plane, in the axes of the model, in place of a grid.  The normal of a grid is the mean outward
+        normal of face a, and t2 points against the axis of rotation.
     stiffness : (3,) or (n_points, 3) float, N/m, optional
         Contact stiffness of the user along t1, t2, n.
 
@@ -70,7 +68,6 @@ class ContactFaces:
     kind: Literal["friction", "constraint"] = "friction"
     sector_b: Annotated[int, partial(validate.whole, least=-1, most=1)] | None = None
     gap: Annotated[float | Literal["measured"], _gap] = 0.0
-    frame: Annotated[NDArray, _frame] | None = None
     patches: Patches | None = None
     stiffness: NDArray | tuple[float, float, float] | None = None
 
@@ -104,15 +101,6 @@ def _gap(name: str, gap: float | str) -> float | str:
         return validate.number(name, gap)
     validate.that(gap == "measured", name, "a distance in the units of the files, or 'measured'", gap)
     return gap
-
-
-def _frame(name: str, frame: NDArray) -> NDArray:
-    rows = frame if isinstance(frame, np.ndarray | Sequence) and np.shape(frame) == (3, 3) else None
-    axes = np.array([validate.numbers(name, row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
-    if not np.allclose(axes @ axes.T, np.eye(3), atol=BOUNDS.axes) or np.linalg.det(axes) < 0.0:
-        expected = "three rows t1, t2, n of length 1 at right angles, right-handed"
-        raise validate.unfit(name, expected, np.asarray(frame).tolist())
-    return frame
 
 
 @dataclass(frozen=True)
@@ -171,7 +159,7 @@ def _sector_drawn(
 
 def _from_free(contact: ContactFaces) -> ContactFaces:
     """The same contact with a free body as body a."""
-    plain = contact.frame is None and contact.patches is None and contact.faces_b is not None
+    plain = contact.patches is None and contact.faces_b is not None
     if not plain or contact.body_a != "blade" or contact.body_b == "blade":
         return contact
     sector = None if contact.sector_b is None else -contact.sector_b
@@ -181,10 +169,9 @@ def _from_free(contact: ContactFaces) -> ContactFaces:
 
 def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
     """A contact of a damper that is turned by ``back`` (3, 3), so many sectors."""
-    frame = None if contact.frame is None else np.asarray(contact.frame) @ back.T
     patches = None if contact.patches is None else contact.patches.turned(back)
     sector_b = None if contact.sector_b is None or contact.body_b == "ground" else contact.sector_b - sector
-    return replace(contact, frame=frame, patches=patches, sector_b=sector_b)
+    return replace(contact, patches=patches, sector_b=sector_b)
 
 
 def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int) -> LaidContacts:
@@ -269,7 +256,7 @@ def _means(
     """Means over the patches of the user, or over a grid on what the faces have in common."""
     what = (f"{contact.item}, faces of the {contact.body_a}", f"{contact.item}, faces of the {contact.body_b}")
     if contact.patches is None:
-        return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, frame=contact.frame, what=what)
+        return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, what=what)
     a = patches_on_rectangles(contact.patches, nodes_a, face_a, what[0])
     if nodes_b is None or face_b is None:
         return a

@@ -143,13 +143,12 @@ class PreparedBody:
         g = self.given
         self.where = f"{self.name} ({g.source})"
         numbers, nodes = np.asarray(g.numbers), np.asarray(g.nodes, float)
-        if numbers.ndim != 1 or nodes.shape != (len(numbers), 3) or len(numbers) == 0:
-            raise self.error("nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
+        good = numbers.ndim == 1 and nodes.shape == (len(numbers), 3) and len(numbers) > 0
+        self.require(good, "nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
         self.require(numbers.dtype.kind in "iu", "nodes", "whole node numbers", numbers.dtype)
         self.require(np.isfinite(nodes).all(), "nodes", "finite positions", nodes[~np.isfinite(nodes)][:1])
         unique, count = np.unique(numbers, return_counts=True)
-        if len(unique) < len(numbers):
-            raise self.error("nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
+        self.require(count.max() == 1, "nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
         self.nodes: NDArray = self.place.units.length * (nodes - self.place.origin) @ self.place.rotation.T
         self._sorted = np.argsort(numbers, kind="stable")
         self._ascending = numbers[self._sorted]
@@ -208,9 +207,8 @@ class PreparedBody:
         numbers = np.asarray(numbers)
         self.require(numbers.dtype.kind in "iu", item, "whole node numbers", f"numbers of type {numbers.dtype}")
         place = np.minimum(np.searchsorted(self._ascending, numbers), len(self._ascending) - 1)
-        missing = self._ascending[place] != numbers
-        if missing.any():
-            raise self.error(item, "numbers of existing nodes", f"{numbers[missing][0]}")
+        for missing in numbers[self._ascending[place] != numbers][:1]:
+            raise self.error(item, "numbers of existing nodes", missing)
         return self._sorted[place]
 
     def node_set(self, given: NodeSet, item: str) -> NDArray:
@@ -260,8 +258,8 @@ class PreparedBody:
             self.require(len(found) > 0, item, "nodes that hold at least one whole face of an element", "none")
             return found
         for group in groups:
-            if group.ndim != 2 or group.shape[1] not in (3, 4, 6, 8) or len(group) == 0:
-                raise self.error(item, "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
+            good = group.ndim == 2 and group.shape[1] in (3, 4, 6, 8) and len(group) > 0
+            self.require(good, item, "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
         return Facets(tuple(self.index(g, item) for g in groups))
 
     def node(self, given: object, item: str) -> int:
@@ -287,8 +285,8 @@ class PreparedBody:
         """
         outward = centre * [1.0, 1.0, 0.0]
         distance = np.linalg.norm(outward)
-        if not distance >= 1e-6 * max(self.size, 1e-300):
-            raise self.error("centre of mass", "a place off the axis of rotation", f"{centre} m")
+        good = distance >= 1e-6 * max(self.size, 1e-300)
+        self.require(good, "centre of mass", "a place off the axis of rotation", f"{centre} m")
         radial = outward / distance
         return np.array([np.cross(radial, [0.0, 0.0, 1.0]), radial, [0.0, 0.0, 1.0]])
 
@@ -296,8 +294,7 @@ class PreparedBody:
         """Refuse nodes at the same place: they are usually a mesh that was not merged."""
         used = self.used
         pairs = cKDTree(self.nodes[used]).query_pairs(BOUNDS.same_place * max(self.size, 1e-30), output_type="ndarray")
-        if len(pairs):
-            a, b = self.given.numbers[used[pairs[0]]]
+        for a, b in self.given.numbers[used[pairs[:1]]]:
             found = f"nodes {a} and {b} at one place and {len(pairs)} such pairs in all"
             raise self.error("nodes", "each place once", found)
 
