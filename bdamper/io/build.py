@@ -106,7 +106,7 @@ def build_model(
         Where forces act and the response is read; nodal forces on the blade (``bdamper.io.force_field``).
     engine_order, harmonics, nodal_diameters : int or several, int, sequence of int (0 to N/2), optional
         Nodal diameters of the model, given or as the harmonics of engine orders need them; by default as nine harmonics and
-        a march in time do, which the report weighs.  0 is always added.
+        a march in time do.  0 is always added.
     n_modes, n_damper_modes, damping_ratio : int, int, float
         Modes of the sector at each nodal diameter, and of a damper, its six rigid ones included, for all alike or by name;
         damping ratio of all elastic modes.
@@ -229,8 +229,7 @@ def _diameters(
             of_each[order].append(distinct if distinct <= MARCHED else 1)
     wanted = {d for order, counts in of_each.items() for d in needed_nodal_diameters(n_blades, order, max(counts))}
     if harmonics is None:
-        few = {d for order in orders for d in needed_nodal_diameters(n_blades, order, 3)}
-        reason += f" and a march in time, at {len(wanted) / len(few):.2g} times the work and size of harmonics=3"
+        reason += " and a march in time"
         wanted &= held or wanted
     return tuple(sorted({0, *wanted})), excited, reason
 

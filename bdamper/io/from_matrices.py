@@ -47,15 +47,7 @@ def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, r
 def cyclic_sectors(
     body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int] = ()
 ) -> Callable[[int], CyclicSector]:
-    """The sector from matrices as a function of the nodal diameter; modes of those in ``kept`` are kept.
-
-    Raises
-    ------
-    ModelError
-        If hardly anything of the sector can move.
-    """
-    free = int((~mask).sum())
-    body.require(free >= 12, "matrices", "more than a dozen free components", free)
+    """The sector from matrices as a function of the nodal diameter; modes of those in ``kept`` are kept."""
     made: dict[int, CyclicSector] = {}
 
     def sector(d: int) -> CyclicSector:
@@ -89,8 +81,6 @@ def constrained_from_matrices(
     free = int((~mask).sum())
     n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.faces.dependent)) // 2))
     fewer, compared = replace(wanted, n_modes=n_modes), set[int]()
-    known = {*body.expected, *(modes.nodal_diameter for modes in body.given.modes)}
-    known_first = sorted(ring.diameters, key=lambda d: d not in known)
 
     def checked(d: int) -> CyclicSector:
         made = sector(d)
@@ -104,8 +94,7 @@ def constrained_from_matrices(
         return made
 
     with body.refusing("matrices", POSITIVE):
-        built = constrained_body(body.name, fewer, checked, known_first, ring.diameters, rotation_of(body))
-    built = replace(built, bases=dict(sorted(built.bases.items())))
+        built = constrained_body(body.name, fewer, checked, ring.diameters, ring.diameters, rotation_of(body))
     for d, basis in built.bases.items():  # a body that is not held has six squared frequencies that are rounding
         low, high = basis.omega2[[0, -1]]
         expected, found = "a sector that is held (fixed nodes)", f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"

@@ -614,7 +614,6 @@ def test_frequencies_off_by_a_factor_are_named(bodies, built, tip, factor, words
 
 
 def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built, tip):
-    """Before most of the work is done where it may end it: with the first of the nodal diameters that are compared."""
     expected = {ND: built.frequencies[ND][:4] / 1.31}
     given = {"contacts": contacts(), "locations": {"tip": tip}, "expected_frequencies": expected, **SETTINGS}
     with pytest.warns(BdamperWarning, match=r"blade, nodal diameter 5: .* ratios 1.31 to 1.31 \(strict=True refuses\)"):
