@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from bdamper.effects.comparison import compare as compare
     from bdamper.io import load_model as load_model
     from bdamper.io import save_model as save_model
-    from bdamper.io.from_fe import from_fe as from_fe
     from bdamper.masses import Contact as Contact
     from bdamper.masses import lumped as lumped
     from bdamper.model.coupling import RIGID_NAMES as RIGID_NAMES
@@ -75,7 +74,6 @@ HOMES = {
     "reference_model": "shipped",
     "load_model": "io",
     "save_model": "io",
-    "from_fe": "io.from_fe",
     "lumped": "masses",
     "Contact": "masses",
     "prescribe_preload": "problem.prescribed",

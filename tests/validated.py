@@ -620,7 +620,7 @@ def models_by_others() -> Problem:
         moving = others.front(body) if "n_blades" not in settings else body.numbers[body.nodes[:, 2] > 5.0 - 1e-9]
         rub = ContactFaces("rub", moving, body_a="blade", body_b="ground", points=4)
         made = build_model(body, contacts=[rub], n_modes=8, nodal_diameters=list(theirs), **settings)
-        found = made.report.frequencies
+        found = made.frequencies
         pairs = [(f, g, d) for d, known in theirs.items() for f, g in zip(known, found[d])]
         error = np.array([abs(g / f - 1.0) for f, g, _ in pairs])
         reference, ours, d = pairs[int(error.argmax())]

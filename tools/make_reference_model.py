@@ -68,7 +68,7 @@ def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
     """One model, with the full finite element frequencies of the bonded damper in its provenance; what ``stored`` lacks."""
     if points == LARGEST:
         fe = SectorFE(fe.geometry, fe.density, fe.material, keep_factors=False)
-        rotation = fe.rotation(TOP_SPEED, (BONDED_DIAMETER,))
+        rotation = fe.rotation(TOP_SPEED)
         orders = {order: 7 if order == BONDED_DIAMETER else SPEED_HARMONICS for order in SPEED_ORDERS}
         n = fe.geometry.n_blades
         diameters = {d for order, harmonics in orders.items() for d in needed_nodal_diameters(n, order, harmonics)}
@@ -93,7 +93,7 @@ def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
 def turbine_blade() -> Model:
     """The typical case, for engine order 5, all of whose harmonics meet seven nodal diameters."""
     fe = SectorFE(TURBINE, MeshDensity.preset("reference"), NICKEL_ALLOY, keep_factors=False)
-    rotation = fe.rotation(1000.0, (BONDED_DIAMETER,))
+    rotation = fe.rotation(1000.0)
     model = bladed_disk(
         9, fe=fe, n_modes=20, n_damper_modes=10, pictures=(BONDED_DIAMETER,), rotation=rotation, stress=True
     )

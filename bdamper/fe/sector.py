@@ -78,18 +78,15 @@ class SectorFE:
             self._cyclic[nodal_diameter] = CyclicSector(self.blade, self.faces, self.clamped, nodal_diameter)
         return self._cyclic[nodal_diameter]
 
-    def rotation(self, check_at: float | None = None, check_diameters: tuple[int, ...] | None = None) -> Rotation:
+    def rotation(self, check_at: float | None = None) -> Rotation:
         """How the stiffness of the sector changes with rotor speed.
 
         Parameters
         ----------
         check_at : float, rad/s, optional
             Speed at which frequencies are compared with those of the full matrices.
-        check_diameters : tuple of int, optional
-            Nodal diameters where they are; all by default.
         """
-        per_squared_speed = stiffness_per_squared_speed(self.blade, self.cyclic(0))
-        return Rotation(per_squared_speed, 0.0, check_at, check_diameters, "bdamper.fe")
+        return Rotation(stiffness_per_squared_speed(self.blade, self.cyclic(0)), 0.0, check_at, "bdamper.fe")
 
     def blade_part(self) -> BladePart:
         """Shank, platform and airfoil, the blade of a wheel; it meets the disk at the rim, under the shank."""

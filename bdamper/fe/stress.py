@@ -38,7 +38,7 @@ def blade_stress(
     """
     at = blade_points(fe.blade, fe.geometry)
     near = near_patches(fe.blade.nodes[at], faces[0], faces[1].turned(turn(-fe.geometry.pitch)))
-    rows = StressRows("blade", solids_of(fe.blade), fe.blade.nodes, at, near, np.float32)
+    rows = StressRows("blade", solids_of(fe.blade), fe.blade.nodes, at, near)
     for d in sorted({0, *nodal_diameters}):
         rows.add(fe.cyclic(d), contact, *fe.cyclic(d).modes(n_modes))
     return {"blade": rows.set("blade", "bdamper.fe.stress, mean over elements at nodes")}

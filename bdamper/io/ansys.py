@@ -44,9 +44,6 @@ _HEADER = 103  # the second record starts here
 _FULL, _RESULT = 4, 12
 _KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
 _MODAL = 2
-_ANALYSES = {
-    0: "static", 1: "of buckling", _MODAL: "modal", 3: "harmonic", 4: "transient", 7: "a substructure", 8: "of a spectrum",
-}  # fmt: skip
 
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
@@ -79,14 +76,14 @@ class _Binary:
     def _record(self, word: int, item: str) -> tuple[NDArray, int]:
         where = f"{self.source}: {item} at word {word}"
         start = 4 * int(word)
-        if start < 0 or start + 12 > len(self.data):
-            raise mismatch(where, f"a record within {len(self.data) // 4} words", "a place outside: the file is truncated")
+        within, words = 0 <= start <= len(self.data) - 12, len(self.data) // 4
+        require(within, where, f"a record within {words} words", "a place outside: the file is truncated")
         size, flags = struct.unpack_from("<iI", self.data, start)
         end = start + 8 + 4 * size
-        if size < 0 or end + 4 > len(self.data):
-            raise mismatch(where, "a record that ends within the file", f"a length of {size} words: damaged or truncated")
-        if struct.unpack_from("<i", self.data, end)[0] != size:
-            raise mismatch(where, f"the length {size} again at its end", "another number: damaged")
+        within, found = size >= 0 and end + 4 <= len(self.data), f"a length of {size} words: damaged or truncated"
+        require(within, where, "a record that ends within the file", found)
+        again = struct.unpack_from("<i", self.data, end)[0]
+        require(again == size, where, f"the length {size} again at its end", f"{again}: damaged")
         kind = flags >> 24
         dtype = np.dtype({0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)])
         require(not kind & _ZLIB, where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "one with it")
@@ -130,8 +127,8 @@ class _Binary:
             taken = 1 if length < 0 else length
             place, length = abs(place), abs(length)
             stored = step if taken == 1 else taken * dtype.itemsize
-            if place + length > size or at + taken * dtype.itemsize > len(raw):
-                raise mismatch(where, f"windows within {size} values", f"one of {length} from {place}")
+            within = place + length <= size and at + taken * dtype.itemsize <= len(raw)
+            require(within, where, f"windows within {size} values", f"one of {length} from {place}")
             out[place : place + length] = np.frombuffer(raw, dtype, taken, at)
             at += stored
         return out
@@ -217,9 +214,8 @@ def read_full(path: Path) -> FullMatrices:
     keep = keep[~empty]
     require(len(keep) > 0, str(path), "free components", "none")
     kept = [m[keep][:, keep].tocsr() for m in matrices]
-    wrong = dofs[keep, 1] > 3
-    if wrong.any():
-        raise mismatch(f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {dofs[keep][wrong][0, 1]}")
+    highest = dofs[keep, 1].max()
+    require(highest <= 3, f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {highest}")
     return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep), np.unique(dofs[:, 0]))
 
 
@@ -228,8 +224,8 @@ def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArr
     for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
         require(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
     numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
-    if counts.min() < 0 or counts.max() > len(dof_names) or counts.sum() != n_eq:
-        raise mismatch(f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
+    good = counts.min() >= 0 and counts.max() <= len(dof_names) and counts.sum() == n_eq
+    require(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
     first = np.repeat(np.cumsum(counts) - counts, counts)
     place = np.arange(n_eq) - first
     return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[place]])
@@ -244,10 +240,10 @@ def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matri
     for row in range(n_eq):
         column, value = next(records), next(records)
         where = f"{file.source}: {item}, row {row + 1}"
-        if column.dtype.kind != "i" or value.dtype.kind != "f" or len(column) != len(value):
-            raise mismatch(where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
-        if len(column) and (column.min() < 1 or column.max() > n_eq):
-            raise mismatch(where, f"columns 1 to {n_eq}", int(column.max()))
+        good = column.dtype.kind == "i" and value.dtype.kind == "f" and len(column) == len(value)
+        require(good, where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
+        low, high = column.min(initial=1), column.max(initial=1)
+        require(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
         rows.append(np.full(len(column), row))
         columns.append(column.astype(np.int64) - 1)
         values.append(value.astype(float))
@@ -416,17 +412,13 @@ class _Archive:
             more = self._integers(wanted, fields)
             self.lines.require(bool(more), wanted, len(found))
             found += more
-        members: list[NDArray] = []
-        for number in found[:total]:
-            if number < 0:
-                if not members or -number < members[-1][-1] or -number - members[-1][-1] > 50_000_000:
-                    raise mismatch(item, f"ranges in component '{name}'", number)
-                members.append(np.arange(members[-1][-1] + 1, -number + 1))
-                if len(members[-1]) == 0:
-                    members.pop()
-            else:
-                members.append(np.array([number]))
-        if kind.startswith("NODE") and members:
+        members, last = [np.zeros(0, np.int64)], 0
+        for number in found[:total]:  # a negative one ends a range
+            good = number >= 0 or 0 < last <= -number <= last + 50_000_000
+            require(good, item, f"ranges in component '{name}'", number)
+            members.append(np.arange(last + 1 if number < 0 else number, abs(number) + 1))
+            last = abs(number)
+        if kind.startswith("NODE") and total:
             self.sets[name] = np.concatenate(members)
 
 
@@ -455,8 +447,7 @@ def read_rst(path: Path) -> FEBody:
     """
     file = _Binary(path, _RESULT)
     head = _Header(file, _HEADER, "header")
-    kind = _ANALYSES.get(head[8], "another")
-    require(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", f"{head[8]}, {kind}")
+    require(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
     n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
     room = head.count(4, "room for result sets", n_sets)
     index = file.record(head.pointer(11, 41), "index of result sets")

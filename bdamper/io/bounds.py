@@ -12,16 +12,12 @@ class Bounds:
     # What no machine has points to mistaken units.
     size: tuple[float, float] = (1e-3, 30.0)
     """Largest extent of a body, m."""
-    position: float = 1e9
-    """Largest distance from the origin, m: beyond it squares lose their digits."""
     density: tuple[float, float] = (200.0, 30000.0)
     """Mass over volume, kg/m3."""
     frequency: tuple[float, float] = (0.1, 5e6)
     """Lowest elastic frequency, Hz."""
     wave_speed: tuple[float, float] = (1000.0, 15000.0)
     """Of longitudinal waves in solids of machines, m/s: 2200 in lead and in plastics, 12900 in beryllium."""
-    damper_size: tuple[float, float] = (1e-3, 10.0)
-    """Extent of a damper over that of the sector."""
     radial_angle: float = 15.0
     """Largest angle (degrees) between ``radial`` and the middle of a narrow sector, for a lean of the blade."""
 
@@ -48,8 +44,6 @@ class Bounds:
     agreement: float = 0.01
     """Difference up to which two programs agree on a frequency, two faces are equal in area, and modes at one speed are
     combinations of those at another."""
-    on_line: float = 0.1
-    """Deviation of the stiffness at a third speed from a straight line in the squared speed, relative to the change."""
     axes: float = 1e-6
     """Product of two directions at right angles, and deviation of their lengths from 1."""
 

@@ -9,11 +9,10 @@ in which direction a wave travels, mass, centre and inertia.  The report lists t
 from __future__ import annotations
 
 import datetime
-import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from math import gcd
 from typing import TYPE_CHECKING
@@ -22,25 +21,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.bounds import BOUNDS
+from bdamper.io.built_model import BuiltModel
 from bdamper.io.contact_faces import ContactFaces, LaidContacts, from_first_sector, lay_contacts
 from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.force_field import force_fields
 from bdamper.io.from_matrices import constrained_from_matrices, cyclic_sectors, free_from_matrices, held_components
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
-from bdamper.io.import_report import ImportReport
 from bdamper.io.imported_stress import stress_rows
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
-from bdamper.io.model_file import save_model
 from bdamper.io.plausible import (
     check_corners,
     check_lowest,
     check_not_swapped,
-    check_one_scale,
     check_radial,
     check_sizes,
     check_table,
 )
-from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, placement
+from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring
 from bdamper.model.checks import require
 from bdamper.model.model import Body, Location, Model
 from bdamper.model.validation import check_model
@@ -51,44 +48,19 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import stages
-from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
     from bdamper.reduction.stress import StressRows
 
 
+TOLD = ("checks", "missing", "failed")
+"""What the bodies have to tell the report."""
 HARMONICS = 9
 """Harmonics whose nodal diameters a model has by default."""
 DAMPER_MODES = 16
 """Modes of a free body by default, its six rigid ones included."""
 MARCHED = 33
 """Sectors after which an excitation repeats, up to which a model has all their nodal diameters, for marches in time."""
-
-
-@brief
-@dataclass(frozen=True)
-class BuiltModel:
-    """A model and the report on how it came about.
-
-    Parameters
-    ----------
-    model : Model
-    report : ImportReport
-    """
-
-    model: Model
-    report: ImportReport
-
-    def __str__(self) -> str:
-        return str(self.report)
-
-    def plot(self):  # type: ignore[no-untyped-def]
-        """The picture of the report; see :meth:`ImportReport.plot`."""
-        return self.report.plot()
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model file; the report goes into its provenance."""
-        save_model(self.model, path)
 
 
 @validate.spelt
@@ -134,7 +106,7 @@ def build_model(
         Where forces act and the response is read; nodal forces on the blade (``bdamper.io.force_field``).
     engine_order, harmonics, nodal_diameters : int or several, int, sequence of int (0 to N/2), optional
         Nodal diameters of the model, given or as the harmonics of engine orders need them; by default as nine harmonics and
-        a march in time do, which the report weighs.  0 is always added.
+        a march in time do.  0 is always added.
     n_modes, n_damper_modes, damping_ratio : int, int, float
         Modes of the sector at each nodal diameter, and of a damper, its six rigid ones included, for all alike or by name;
         damping ratio of all elastic modes.
@@ -158,7 +130,7 @@ def build_model(
         At the first thing that is wrong, naming it, what was expected and what was found.
     """
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
-    bodies = _prepared(blade, damper, placement(axis, radial, origin, units), validate.flag("strict", strict))
+    bodies = _prepared(blade, damper, Placement(axis, radial, origin, units), validate.flag("strict", strict))
     counts = _counts(list(bodies)[1:], n_modes, n_damper_modes)
     contacts = _given_contacts(contacts)
     faces = _sector_faces(bodies["blade"], sector_faces, n_blades)
@@ -186,10 +158,11 @@ def _prepared(
     free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
     taken = [name for name in free if name in ("blade", "ground") or not isinstance(name, str)]
     validate.require(not taken, "free bodies", "names other than 'blade' and 'ground'", taken)
-    given = {"blade": blade, **free}
-    for name, body in given.items():
-        validate.instance(name, body, FEBody, "an FEBody, as read_arrays returns it")
-    return {name: PreparedBody(name, body, place, strict=strict) for name, body in given.items()}
+    out = {}
+    for name, given in {"blade": blade, **free}.items():
+        body = validate.instance(name, given, FEBody, "an FEBody, as read_arrays returns it")
+        out[name] = PreparedBody(name, body, place, strict=strict)
+    return out
 
 
 def _counts(free: Sequence[str], n_modes: int, n_damper_modes: int | Mapping[str, int]) -> dict[str, int]:
@@ -201,12 +174,9 @@ def _counts(free: Sequence[str], n_modes: int, n_damper_modes: int | Mapping[str
 
 
 def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
-    for body in bodies.values():
-        body.check_repeated()
-    for name in list(bodies)[1:] if check_units else ():
-        check_one_scale(bodies["blade"], bodies[name])
     check_radial(bodies["blade"], n_blades)
     for body in bodies.values():
+        body.check_repeated()
         if body.has_matrices:
             check_not_swapped(body)
             if body.name == "blade":  # a free body: check_rigid_motion
@@ -219,21 +189,19 @@ def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units
 def _known_frequencies(
     given: Mapping[int, Sequence[float]] | None, diameters: tuple[int, ...]
 ) -> Mapping[int, Sequence[float]]:
-    if given is None:
-        return {}
-    for d, values in validate.instance("expected_frequencies", given, Mapping, "a mapping").items():
+    known = validate.instance("expected_frequencies", {} if given is None else given, Mapping, "a mapping")
+    for d, values in known.items():
         require(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
         validate.numbers(f"expected_frequencies at nodal diameter {d}", values, above=0.0, unit="Hz")
-    return given
+    return known
 
 
 def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     several = isinstance(given, Iterable) and not isinstance(given, str)
     contacts = tuple(validate.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
     validate.that(contacts, "contacts", "a sequence of one or more ContactFaces", given)
-    repeated = [c.name for k, c in enumerate(contacts) if c.name in [other.name for other in contacts[:k]]]
-    if repeated:
-        raise SettingError(f"contacts: expected each name once, found '{repeated[0]}' twice")
+    names = [contact.name for contact in contacts]
+    validate.that(len(set(names)) == len(names), "contacts", "each name once", names)
     return contacts
 
 
@@ -261,8 +229,7 @@ def _diameters(
             of_each[order].append(distinct if distinct <= MARCHED else 1)
     wanted = {d for order, counts in of_each.items() for d in needed_nodal_diameters(n_blades, order, max(counts))}
     if harmonics is None:
-        few = {d for order in orders for d in needed_nodal_diameters(n_blades, order, 3)}
-        reason += f" and a march in time, at {len(wanted) / len(few):.2g} times the work and size of harmonics=3"
+        reason += " and a march in time"
         wanted &= held or wanted
     return tuple(sorted({0, *wanted})), excited, reason
 
@@ -278,8 +245,7 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
         if faces is None:
             expected = "the two faces of the sector" + ("" if n_blades else ", and n_blades (1 if nothing repeats)")
             raise SettingError(f"sector_faces: expected {expected}, as no rotation carries faces of elements onto others")
-        how = f"found from the geometry, {faces.n_sectors} sectors"
-        body.checks.append(f"sector faces: {how}; {len(faces.dependent)} pairs of nodes match within {tolerance:.2g} m")
+        body.checks.append(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
     if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
         raise validate.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
@@ -290,24 +256,19 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
     for left, right, words in ((first, second, "the first set lies toward -X"), (second, first, "the sets came swapped")):
         try:
             matched = match_faces(body.nodes, left, right, n_blades, tolerance)
+            body.checks.append(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
+            return matched
         except ValueError as error:
             problems.append(str(error))
-            continue
-        # Nodes on the axis of rotation would be their own image; nothing in a disk stands there.
-        body.checks.append(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
-        return matched
     expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
-    if not body.elements:
-        raise body.error("sector_faces", expected, f"{problems[0]}; the other way: {problems[1]}")
+    body.require(body.elements, "sector_faces", expected, "; the other way: ".join(problems))
     with body.refusing("sector_faces", expected):
         tied = [tie_faces(body.nodes, body.boundary, *pair, n_blades) for pair in ((first, second), (second, first))]
     best = min(tied, key=lambda faces: faces.distance)
-    found = f"{problems[0]}; the other way: {problems[1]}; meshes that differ are at best {best.distance:.3g} m apart"
+    found = f"{'; the other way: '.join(problems)}; meshes that differ are at best {best.distance:.3g} m apart"
     body.require(best.distance <= BOUNDS.tied_faces * body.size, "sector_faces", expected, found)
-    body.checks.append(
-        f"sector faces: meshes that differ, {len(best.dependent)} nodes tied by interpolation to {len(best.independent)}, "
-        f"at most {best.distance:.2g} m apart"
-    )
+    tied_nodes = f"{len(best.dependent)} nodes tied by interpolation to {len(best.independent)}"
+    body.checks.append(f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart")
     return best
 
 
@@ -374,12 +335,12 @@ def _reduced(
         if name == "blade" and body.has_matrices:
             mask = held_components(body, wanted, fixed, ring)
             part = None if wheel is None else blade_part(body, wanted, ring, mask, wheel, laid.interfaces)
-            kept = {0} if body.given.other_speeds else set()  # for the displacement by rotation
+            kept = {0} if body.given.faster else set()  # for the displacement by rotation
             sector = cyclic_sectors(body, ring, mask, kept if part is None else kept.union(sampled_waves(ring.n_blades)))
             made[name] = constrained_from_matrices(body, wanted, ring, sector, mask, rows)
             if part is not None:
-                local = body, wanted, sector, laid.interfaces, part, shapes or LocalSizes()
-                made[name] = with_local_basis(made[name], *local)
+                sizes = shapes or LocalSizes()
+                made[name] = with_local_basis(made[name], body, wanted, sector, laid.interfaces, part, sizes)
         elif name == "blade":
             validate.require(wheel is None, "wheel", "a sector of a cyclic structure with its matrices", "modes alone")
             made[name] = constrained_from_modes(body, wanted, ring)
@@ -398,7 +359,6 @@ def _assembled(
     if check_units:
         for name, body in bodies.items():
             check_lowest(body, made[name])
-    checks = [check for body in bodies.values() for check in body.checks]
     model = Model(
         n_blades=n_blades,
         bodies=made,
@@ -411,19 +371,12 @@ def _assembled(
         },
     )
     check_model(model, where="built model")
-    checks.append("the model passes the checks of the model file")
-    report = ImportReport(
-        sources={name: str(body.given) for name, body in bodies.items()},
-        faces=laid.faces,
-        checks=tuple(checks),
-        failed=tuple(text for body in bodies.values() for text in body.failed),
-        missing=tuple(text for body in bodies.values() for text in body.missing),
-        model=model,
-    )
+    told = {part: tuple(text for body in bodies.values() for text in getattr(body, part)) for part in TOLD}
+    built = BuiltModel(model, {name: str(body.given) for name, body in bodies.items()}, laid.faces, **told)
     provenance = {
         "source": "; ".join(f"{name}: {body.given.source}" for name, body in bodies.items()),
         "made by": "bdamper.io.build_model",
         "date": datetime.date.today().isoformat(),
-        "report": str(report)[:20000],
+        "report": str(built)[:20000],
     }
-    return BuiltModel(replace(model, provenance=provenance), report)
+    return replace(built, model=replace(model, provenance=provenance))

@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
-from bdamper.io.matrices import as_integers, triangle_to_full
+from bdamper.io.matrices import as_integers, read_dofs, triangle_to_full
 from bdamper.io.reading import LARGEST_COUNT, Lines, parsing, read_body, reader
 from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import N_CORNER, oriented_facet
@@ -109,8 +109,8 @@ class _Deck:
                 self.node_surfaces[name] = [text.split(",")[0].strip() for _, text in lines]
             else:
                 pairs = [tuple(w.strip() for w in text.split(",")[:2]) for _, text in lines]
-                if any(len(p) != 2 for p in pairs):
-                    raise mismatch(item, "an element or set and the label of a face in every line", "another line")
+                good = all(len(pair) == 2 for pair in pairs)
+                require(good, item, "an element or set and the label of a face in every line", "another line")
                 self.surfaces[name] = pairs  # type: ignore[assignment]
         elif keyword == "*MATERIAL":
             self.material = parameters.get("NAME", "").upper()
@@ -218,21 +218,19 @@ class _Deck:
             item = f"{self.source}: *SURFACE, NAME={name}"
             facets: dict[int, list[NDArray]] = {}
             for who, label in pairs:
-                members = [int(who)] if who.isdigit() else self.element_sets.get(who.upper())
-                if members is None:
-                    raise mismatch(item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
+                known = who.isdigit() or who.upper() in self.element_sets
+                require(known, item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
+                members = [int(who)] if who.isdigit() else self.element_sets[who.upper()]
                 for element in members:
                     require(element in self.element_of, item, "solid elements of this deck", f"element {element}")
                     own = self.element_of[element]
                     faces = _SURFACE_FACES[N_CORNER[len(own)]]
-                    face = label.upper().removeprefix("S")
-                    if not face.isdigit() or not 1 <= int(face) <= len(faces):
-                        raise mismatch(item, f"faces S1 to S{len(faces)}", f"'{label[:30]}'")
+                    labels = [f"S{k}" for k in range(1, len(faces) + 1)]
+                    require(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
                     missing = [n for n in own if n not in index]
-                    if missing:
-                        raise mismatch(item, "elements with existing nodes", f"node {missing[0]}")
+                    require(not missing, item, "elements with existing nodes", f"nodes {missing}")
                     rows = np.array([index[n] for n in own])
-                    facet = oriented_facet(rows[list(faces[int(face) - 1])], rows, nodes)
+                    facet = oriented_facet(rows[list(faces[labels.index(label.upper())])], rows, nodes)
                     facets.setdefault(len(facet), []).append(numbers[facet])
             if facets:
                 out[name] = tuple(np.array(f) for f in facets.values())
@@ -264,25 +262,11 @@ def _triplets(path: Path, n: int) -> sp.csr_matrix:
     table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
     require(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
     row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
-    if len(row) == 0 or min(row.min(), column.min()) < 0 or max(row.max(), column.max()) >= n:
-        found = f"{max(row.max(initial=0), column.max(initial=0)) + 1} and down to {min(row.min(initial=0), 0) + 1}"
-        raise mismatch(str(path), f"rows and columns 1 to {n}, as many as lines of the .dof file", found)
+    low, high = table[:, :2].min(initial=n), table[:, :2].max(initial=0)
+    good, expected = low >= 1 and high <= n, f"rows and columns 1 to {n}, as many as lines of the .dof file"
+    require(good and len(table), str(path), expected, f"{low:g} to {high:g}")
     check_all(np.isfinite(table[:, 2]), table[:, 2], "finite numbers", str(path))
     return triangle_to_full(row, column, table[:, 2], n)
-
-
-@reader("lines like 12.3, node and component")
-def _dof_table(path: Path) -> NDArray:
-    rows = []
-    for k, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
-        if not line.strip():
-            continue
-        node, _, component = line.strip().partition(".")
-        good = node.isdigit() and component.isdigit()
-        require(good, f"{path}: line {k}", "node and component like 12.3", f"'{line.strip()[:30]}'")
-        rows.append((int(node), int(component)))
-    require(bool(rows), str(path), "at least one line", "none")
-    return np.array(rows, dtype=np.int64)
 
 
 def _condensed(
@@ -324,7 +308,7 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     deck, results, table, *matrices = (base.with_name(base.name + end) for end in (".inp", ".frd", ".dof", ".sti", ".mas"))
     mesh = mesh or (results if results.is_file() and not deck.is_file() else deck)
     body = read_inp(mesh) if Path(mesh).suffix == "" else read_body(mesh)
-    dofs = _dof_table(table)
+    dofs = read_dofs(table)
     stiffness, mass = (_triplets(path, len(dofs)) for path in matrices)
     internal = ~np.isin(dofs[:, 0], body.numbers)
     if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
@@ -395,11 +379,9 @@ class _Frd:
         start = 8 if head.rstrip().endswith("0") else 13
         while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
             self.lines.require(line.startswith(" -1"), "a line of values (-1)", f"'{line[:40]}'")
-            try:
+            with parsing(self.lines.item, f"a node number and {n_values} values", line):
                 numbers.append(int(line[3:start]))
                 values.append([float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)])
-            except ValueError:
-                raise self.lines.error(f"a node number and {n_values} values", f"'{line[:60]}'") from None
         out = np.array(values, float).reshape(-1, n_values)
         self.lines.require(np.isfinite(out).all(), "finite values in the block above", out[~np.isfinite(out)][:1])
         return np.array(numbers, np.int64), out

@@ -9,21 +9,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.bounds import BOUNDS
-from bdamper.io.import_report import FaceSummary
 from bdamper.io.prepare import FaceSet, PreparedBody
 from bdamper.model.checks import require
 from bdamper.model.model import ContactStiffness, Interface, Port, turn
 from bdamper.reduction.facets import Facets, area_vectors
 from bdamper.reduction.patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
 from bdamper.util import validate
-from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.repr import brief
 from bdamper.util.warn import implausible
 
@@ -49,11 +47,9 @@ class ContactFaces:
         Sector in which body b is met, -1, 0 or 1; found from the positions by default.
     gap : float (in the units of the files) or "measured"
         Initial normal distance; "measured" takes that of the two meshes.
-    frame : (3, 3) float, optional
-        Rows t1, t2, n in the axes of the model; by default n is the mean outward normal of face a, and t2 points
-        against the axis of rotation.
     patches : Patches, optional
-        Rectangles in the axes of the model, in place of a grid.
+        Rectangles in one plane, in the axes of the model, in place of a grid.  The normal of a grid is the mean outward
+        normal of face a, and t2 points against the axis of rotation.
     stiffness : (3,) or (n_points, 3) float, N/m, optional
         Contact stiffness of the user along t1, t2, n.
 
@@ -72,7 +68,6 @@ class ContactFaces:
     kind: Literal["friction", "constraint"] = "friction"
     sector_b: Annotated[int, partial(validate.whole, least=-1, most=1)] | None = None
     gap: Annotated[float | Literal["measured"], _gap] = 0.0
-    frame: Annotated[NDArray, _frame] | None = None
     patches: Patches | None = None
     stiffness: NDArray | tuple[float, float, float] | None = None
 
@@ -108,15 +103,6 @@ def _gap(name: str, gap: float | str) -> float | str:
     return gap
 
 
-def _frame(name: str, frame: NDArray) -> NDArray:
-    rows = frame if isinstance(frame, np.ndarray | Sequence) and np.shape(frame) == (3, 3) else None
-    axes = np.array([validate.numbers(name, row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
-    if not np.allclose(axes @ axes.T, np.eye(3), atol=BOUNDS.axes) or np.linalg.det(axes) < 0.0:
-        expected = "three rows t1, t2, n of length 1 at right angles, right-handed"
-        raise validate.unfit(name, expected, np.asarray(frame).tolist())
-    return frame
-
-
 @dataclass(frozen=True)
 class LaidContacts:
     """All interfaces of a model and the rows of its bodies at their contact points.
@@ -126,7 +112,8 @@ class LaidContacts:
     interfaces : dict of interface name to Interface
     stiffness : dict of interface name to ContactStiffness
         Of the user.
-    faces : tuple of FaceSummary
+    faces : tuple of str
+        Figures of each interface, for the report.
     ports : dict of body name to tuple of Port
     rows : dict of body name to (3 n_points, 3 n_nodes) sparse
         From the nodal displacements of a body, in the axes of its own sector, to the contact points of its ports.
@@ -134,7 +121,7 @@ class LaidContacts:
 
     interfaces: dict[str, Interface]
     stiffness: dict[str, ContactStiffness]
-    faces: tuple[FaceSummary, ...]
+    faces: tuple[str, ...]
     ports: dict[str, tuple[Port, ...]]
     rows: dict[str, sp.csr_matrix]
 
@@ -146,53 +133,45 @@ def from_first_sector(
 
     A damper beside another blade, or at the other flank, is turned about the axis by whole pitches.
     """
-    bodies = dict(bodies)
+    contacts, moved = tuple(map(_from_free, contacts)), dict(bodies)
     for name in [name for name in bodies if name != "blade"]:
-        contacts = tuple(_from_free(contact, name) for contact in contacts)
-        contacts = _one_from_first_sector(contacts, bodies, name, n_blades)
-    return tuple(contacts), bodies
+        sector = _sector_drawn(name, contacts, bodies, n_blades)
+        if sector:
+            back, damper = turn(-2.0 * np.pi / n_blades * sector), bodies[name]
+            moved[name] = replace(damper, place=replace(damper.place, radial=(back @ damper.place.rotation)[1]))
+            damper.checks.append(f"{name}: drawn {sector:+d} sectors on, moved between the blades of sectors 0 and 1")
+            contacts = tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
+    return contacts, moved
 
 
-def _one_from_first_sector(
-    contacts: tuple[ContactFaces, ...], bodies: dict[str, PreparedBody], name: str, n_blades: int
-) -> tuple[ContactFaces, ...]:
-    """Contacts with one free body in sector 0, where it is moved to among the bodies."""
-    touching = [c for c in contacts if (c.body_a, c.body_b) == (name, "blade")]
-    if n_blades == 1 or not touching:
-        return contacts
-    damper, blade = bodies[name], bodies["blade"]
-    sectors = set()
-    for contact in touching:
-        if contact.faces_b is None:
-            return contacts  # refused where it is laid
-        face_a, face_b = damper.faces(contact.faces_a, contact.item), blade.faces(contact.faces_b, contact.item)
-        sectors.add(_nearest(range(n_blades), damper, face_a, blade, face_b, n_blades)[2])
+def _sector_drawn(
+    name: str, contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
+) -> int:
+    """Sector of the first of the blades that a free body touches, counted from that of the blade."""
+    damper, blade, sectors = bodies[name], bodies["blade"], set()
+    for contact in contacts:
+        if (contact.body_a, contact.body_b) == (name, "blade") and contact.faces_b is not None:
+            face_a, face_b = damper.faces(contact.faces_a, contact.item), blade.faces(contact.faces_b, contact.item)
+            sectors.add(_nearest(range(n_blades), damper, face_a, blade, face_b, n_blades)[2])
     first = next((s for s in sectors if (s - 1) % n_blades not in sectors), 0)
-    if not first:
-        return contacts
-    sector = first if 2 * first <= n_blades else first - n_blades
-    back = turn(-2.0 * np.pi / n_blades * sector)
-    place = replace(damper.place, radial=(back @ damper.place.rotation)[1])
-    bodies[name] = replace(damper, place=place)
-    damper.checks.append(f"{name}: drawn {sector:+d} sectors on, moved between the blades of sectors 0 and 1")
-    return tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
+    return first if 2 * first <= n_blades else first - n_blades
 
 
-def _from_free(contact: ContactFaces, name: str) -> ContactFaces:
+def _from_free(contact: ContactFaces) -> ContactFaces:
     """The same contact with a free body as body a."""
-    if (contact.body_a, contact.body_b) != ("blade", name) or contact.frame is not None or contact.patches is not None:
+    plain = contact.patches is None and contact.faces_b is not None
+    if not plain or contact.body_a != "blade" or contact.body_b == "blade":
         return contact
-    assert contact.faces_b is not None
     sector = None if contact.sector_b is None else -contact.sector_b
-    return replace(contact, body_a=name, body_b="blade", faces_a=contact.faces_b, faces_b=contact.faces_a, sector_b=sector)
+    faces: dict[str, Any] = {"faces_a": contact.faces_b, "faces_b": contact.faces_a}
+    return replace(contact, body_a=contact.body_b, body_b="blade", **faces, sector_b=sector)
 
 
 def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
     """A contact of a damper that is turned by ``back`` (3, 3), so many sectors."""
-    frame = None if contact.frame is None else np.asarray(contact.frame) @ back.T
     patches = None if contact.patches is None else contact.patches.turned(back)
     sector_b = None if contact.sector_b is None or contact.body_b == "ground" else contact.sector_b - sector
-    return replace(contact, frame=frame, patches=patches, sector_b=sector_b)
+    return replace(contact, patches=patches, sector_b=sector_b)
 
 
 def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int) -> LaidContacts:
@@ -209,9 +188,9 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
     unit = bodies["blade"].place.units.length
     for given in contacts:
         contact = given if isinstance(given.gap, str) else replace(given, gap=unit * given.gap)
-        interface, means, summary = _laid(contact, bodies, n_blades)
+        interface, means, figures = _laid(contact, bodies, n_blades)
         interfaces[contact.name] = interface
-        faces.append(summary)
+        faces.append(figures)
         ports[contact.body_a].append((contact.name, "a"))
         ports[contact.body_b].append((contact.name, "b"))
         rows[contact.body_a].append(means.matrix_a)
@@ -231,39 +210,44 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
 
 def _user_stiffness(contact: ContactFaces, n: int) -> ContactStiffness:
     values = np.asarray(contact.stiffness, float)
-    if values.shape not in ((3,), (n, 3)) or not (np.isfinite(values).all() and np.all(values >= 0.0)):
-        raise SettingError(f"{contact.item}: expected stiffness (3,) or ({n}, 3) >= 0 N/m, found {values.shape}")
+    good = values.shape in ((3,), (n, 3)) and np.isfinite(values).all() and (values >= 0.0).all()
+    validate.require(good, contact.item, f"stiffness (3,) or ({n}, 3) >= 0 N/m", values.shape)
     return ContactStiffness(np.broadcast_to(values, (n, 3)).copy(), "user")
 
 
 def _laid(
     contact: ContactFaces, bodies: Mapping[str, PreparedBody], n_blades: int
-) -> tuple[Interface, PatchMeans, FaceSummary]:
-    """Interface, means and summary of one pair of faces."""
-    item = contact.item
-    validate.require(contact.body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{contact.body_a}'")
-    if contact.body_b not in (*bodies, "ground"):
-        raise SettingError(f"{item}: expected body_b out of {[*sorted(bodies), 'ground']}, found '{contact.body_b}'")
-    if (contact.faces_b is None) != (contact.body_b == "ground"):
-        raise SettingError(f"{item}: expected faces_b on '{contact.body_b}' (none on the ground)")
-    a = bodies[contact.body_a]
+) -> tuple[Interface, PatchMeans, str]:
+    """Interface, means and figures of one pair of faces."""
+    item, body_a, body_b = contact.item, contact.body_a, contact.body_b
+    validate.require(body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{body_a}'")
+    known = [*sorted(bodies), "ground"]
+    validate.require(body_b in known, item, f"body_b out of {known}", f"'{body_b}'")
+    given, found = contact.faces_b is not None, "none" if contact.faces_b is None else "some"
+    validate.require(given == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found)
+    a = bodies[body_a]
     face_a = a.faces(contact.faces_a, item)
-    area_a, area_b, sector = _area(face_a, a.nodes), None, 0
-    face_b = placed = None
+    areas, sector, face_b, placed = [_area(face_a, a.nodes)], 0, None, None
     with a.refusing(item, "faces on which contact points can be laid"):
         if contact.faces_b is not None:
-            b = bodies[contact.body_b]
+            b = bodies[body_b]
             face_b = b.faces(contact.faces_b, item)
             sector = _sector_of(contact, a, face_a, b, face_b, n_blades)
             placed = b.nodes @ turn(2.0 * np.pi / n_blades * sector).T
-            area_b = _area(face_b, placed)
+            areas.append(_area(face_b, placed))
         means = _means(contact, a.nodes, face_a, placed, face_b)
-    _check_touching(contact, means, area_a, area_b)
+    _check_touching(contact, means, areas)
     distance = means.distance
     gap = distance.copy() if isinstance(contact.gap, str) else np.full(len(means.area), float(contact.gap))
-    sides, places = (contact.body_a, 0, contact.body_b, sector), (means.points_a, means.area, means.frame)
-    interface = Interface(contact.name, contact.kind, *sides, *places, gap)
-    return interface, means, FaceSummary(interface, area_a, area_b, np.array([distance.min(), distance.max()]))
+    places = (means.points_a, means.area, means.frame)
+    interface = Interface(contact.name, contact.kind, body_a, 0, body_b, sector, *places, gap)
+    area = float(means.area.sum())
+    shares = ", ".join(f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas))
+    normal = ", ".join(f"{c:.4f}" for c in means.frame[:, 2].mean(axis=0))
+    return interface, means, (
+        f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({shares}), side b in sector {sector:+d}\n"
+        f"    mean outward normal of side a ({normal}), meshes {distance.min():.2g} to {distance.max():.2g} m apart"
+    )
 
 
 def _means(
@@ -272,7 +256,7 @@ def _means(
     """Means over the patches of the user, or over a grid on what the faces have in common."""
     what = (f"{contact.item}, faces of the {contact.body_a}", f"{contact.item}, faces of the {contact.body_b}")
     if contact.patches is None:
-        return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, frame=contact.frame, what=what)
+        return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, what=what)
     a = patches_on_rectangles(contact.patches, nodes_a, face_a, what[0])
     if nodes_b is None or face_b is None:
         return a
@@ -284,36 +268,30 @@ def _area(face: Facets, nodes: NDArray) -> float:
     return float(np.linalg.norm(area_vectors(face, nodes), axis=1).sum())
 
 
-def _check_touching(contact: ContactFaces, means: PatchMeans, area_a: float, area_b: float | None) -> None:
-    """Refuse faces that hardly overlap, lie apart, or have a gap of the size of the face."""
-    pair, area = contact.pair, float(means.area.sum())
-    if area_b is not None and contact.patches is None and area < BOUNDS.overlap * min(area_a, area_b):
-        expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
-        raise mismatch(pair, expected, f"{area:.4g} m2 of {area_a:.4g} and {area_b:.4g} m2")
-    width, distance = np.sqrt(area), means.distance
+def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[float]) -> None:
+    """Refuse faces that hardly overlap, lie apart, or have a gap of the size of the face; warn of a lesser misfit.
+
+    Faces that touch, but not as they would in one assembly, may belong to a body that stands beside its place.
+    """
+    pair, distance, area = contact.pair, means.distance, float(means.area.sum())
+    width, share = np.sqrt(area), area / min(areas)
+    measured = contact.patches is None and len(areas) == 2
+    expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
+    found = f"{area:.4g} m2 of {' and '.join(f'{a:.4g}' for a in areas)} m2"
+    require(not measured or share >= BOUNDS.overlap, pair, expected, found)
     farthest = distance[np.abs(distance).argmax()]
     found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
     require(abs(farthest) <= BOUNDS.distance * width, pair, "faces that lie on each other", found)
-    if not isinstance(contact.gap, str) and abs(contact.gap) > BOUNDS.distance * width:
-        found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
-        raise mismatch(f"{contact.item}: gap", "much less than the width of the face, in the units of the files", found)
-    _warn_of_misfit(contact, means, area_a, area_b)
-
-
-def _warn_of_misfit(contact: ContactFaces, means: PatchMeans, area_a: float, area_b: float | None) -> None:
-    """Warn of faces that touch, but not as they would in one assembly: one of the bodies may stand beside its place."""
-    area = float(means.area.sum())
-    pair, width = contact.pair, np.sqrt(area)
     if not isinstance(contact.gap, str):
-        off = means.distance - contact.gap
+        expected = "much less than the width of the face, in the units of the files"
+        found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
+        require(abs(contact.gap) <= BOUNDS.distance * width, f"{contact.item}: gap", expected, found)
+        off = distance - contact.gap
         worst = float(off[np.abs(off).argmax()])
-        if area_b is not None and abs(worst) > BOUNDS.misfit * width:
+        if len(areas) == 2 and abs(worst) > BOUNDS.misfit * width:
             expected = f"meshes within {BOUNDS.misfit * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
             implausible(pair, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
-    if area_b is None or contact.patches is not None or abs(area_a / area_b - 1.0) > BOUNDS.agreement:
-        return
-    share = area / min(area_a, area_b)
-    if share < 1.0 - BOUNDS.misfit:
+    if measured and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas) and share < 1.0 - BOUNDS.misfit:
         found = f"{100.0 * share:.3g} % in common, as of a shift by some {(1.0 - share) * width:.2g} m"
         implausible(pair, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
 
@@ -330,14 +308,12 @@ def _sector_of(
     contact: ContactFaces, a: PreparedBody, face_a: Facets, b: PreparedBody, face_b: Facets, n_blades: int
 ) -> int:
     """Sector in which face b lies on face a: the one in which it is nearest; there it must look the other way."""
-    allowed: tuple[int, ...] = (0,) if n_blades == 1 else (-1, 0, 1)
-    candidates = allowed if contact.sector_b is None else (contact.sector_b,)
-    if contact.sector_b is not None and contact.sector_b not in allowed:
-        raise SettingError(f"{contact.item}: expected sector_b in {list(allowed)}, found {contact.sector_b!r}")
-    if contact.body_a == contact.body_b:
-        candidates = tuple(s for s in candidates if s != 0)
-        if not candidates:
-            raise SettingError(f"{contact.item}: a body touches itself in a neighbouring sector only")
+    own = contact.body_a == contact.body_b
+    allowed = [s for s in (-1, 0, 1) if (s == 0 or n_blades > 1) and not (own and s == 0)]
+    validate.require(allowed, contact.item, "another body, or a neighbouring sector of the same one", "neither")
+    wrong = contact.sector_b is not None and contact.sector_b not in allowed
+    validate.require(not wrong, contact.item, f"sector_b in {allowed}", contact.sector_b)
+    candidates = allowed if contact.sector_b is None else [contact.sector_b]
     distance, product, sector = _nearest(candidates, a, face_a, b, face_b, n_blades)
     expected = "outward normals that point at each other (faces seen from outside counter-clockwise)"
     found = f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart"

@@ -112,25 +112,6 @@ def modes_by_diameter(given: Iterable[tuple[int, float, float, NDArray, NDArray]
 
 @brief
 @dataclass(frozen=True)
-class Receptance:
-    """Static unit-load columns: displacements of a set of nodes under unit forces on them, at one nodal diameter.
-
-    Parameters
-    ----------
-    nodal_diameter : int
-    numbers : (k,) int
-        All nodes of the contact faces of the body (more are allowed).
-    matrix : (3 k, 3 k) float or complex
-        Column ``3 j + c``: displacements under a unit force at node ``j`` along ``c``; rows alike.
-    """
-
-    nodal_diameter: int
-    numbers: NDArray
-    matrix: NDArray
-
-
-@brief
-@dataclass(frozen=True)
 class MassProperties:
     """Mass, centre and inertia of a rigid body, for a free body without a mass matrix.
 
@@ -204,7 +185,6 @@ class FEBody:
         Rows: the axes of displacements at nodes with axes of their own.
     modes : tuple of Modes
         Compared with those of the matrices, or used in their place if there are none.
-    receptances : tuple of Receptance
     rigid : MassProperties, optional
     source : str
         File or program, for messages and the report.
@@ -212,8 +192,8 @@ class FEBody:
         Parts that a reader left out or changed.
     rotor_speed : float, rad/s
         Of the stiffness or the modes.
-    other_speeds : tuple of FEBody
-        The same body at higher rotor speeds, as :func:`bdamper.io.over_speed` puts them together.
+    faster : FEBody, optional
+        The same body at a higher rotor speed, as :func:`bdamper.io.over_speed` puts them together.
     """
 
     numbers: NDArray
@@ -226,12 +206,11 @@ class FEBody:
     face_sets: Mapping[str, tuple[NDArray, ...]] = field(default_factory=dict)
     node_axes: Mapping[int, NDArray] = field(default_factory=dict)
     modes: tuple[Modes, ...] = ()
-    receptances: tuple[Receptance, ...] = ()
     rigid: MassProperties | None = None
     source: str = "the given arrays"
     notes: tuple[str, ...] = ()
     rotor_speed: float = 0.0
-    other_speeds: tuple[FEBody, ...] = ()
+    faster: FEBody | None = None
     element_kinds: tuple[ElementKind, ...] = ()
 
     def __str__(self) -> str:
@@ -239,11 +218,11 @@ class FEBody:
         lines = [f"{self.source}: {len(self.nodes)} nodes, {n_elements} solid elements"]
         if self.stiffness is not None:
             lines.append(f"  {self.stiffness.shape[0]} equations, {self.stiffness.nnz} entries in the stiffness matrix")
-        if self.modes:
-            lines += [f"  {len(m.frequency)} modes of nodal diameter {m.nodal_diameter}" for m in self.modes]
+        lines += [f"  {len(m.frequency)} modes of nodal diameter {m.nodal_diameter}" for m in self.modes]
         if self.node_sets:
             lines.append("  node sets " + ", ".join(f"{k} ({len(v)})" for k, v in self.node_sets.items()))
         if self.face_sets:
             lines.append("  face sets " + ", ".join(f"{k} ({sum(map(len, v))})" for k, v in self.face_sets.items()))
-        lines += [f"  at {other.rotor_speed:g} rad/s: {other.source}" for other in self.other_speeds]
+        if self.faster:
+            lines.append(f"  at {self.faster.rotor_speed:g} rad/s: {self.faster.source}")
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])

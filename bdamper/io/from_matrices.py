@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.io.from_modes import compare_known
+from bdamper.io.from_modes import check_reached, compare_known
 from bdamper.io.over_speed import rotation_of
 from bdamper.io.plausible import check_rigid_motion
 from bdamper.io.prepare import NodeSet, PreparedBody, Ring
 from bdamper.model.model import Body
-from bdamper.reduction.bodies import Wanted, constrained_body, free_body, nodes_of
+from bdamper.reduction.bodies import Wanted, constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 
@@ -35,7 +35,8 @@ def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, r
         If a contact face or location has no rows in the matrices.
     """
     held = None if fixed is None else body.node_set(fixed, "fixed")
-    _check_reached(body, wanted, held)
+    without = np.flatnonzero(body.fixed(None).all(axis=1))
+    check_reached(body, wanted, without if held is None else np.setdiff1d(without, held), "rows in the matrices")
     mask = body.fixed(held)
     out = np.stack([ring.faces.images(component) for component in mask.T], axis=1)
     if added := int((out & ~mask).any(axis=1).sum()):
@@ -46,15 +47,7 @@ def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, r
 def cyclic_sectors(
     body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int] = ()
 ) -> Callable[[int], CyclicSector]:
-    """The sector from matrices as a function of the nodal diameter; modes of those in ``kept`` are kept.
-
-    Raises
-    ------
-    ModelError
-        If hardly anything of the sector can move.
-    """
-    free = int((~mask).sum())
-    body.require(free >= 12, "matrices", "more than a dozen free components", free)
+    """The sector from matrices as a function of the nodal diameter; modes of those in ``kept`` are kept."""
     made: dict[int, CyclicSector] = {}
 
     def sector(d: int) -> CyclicSector:
@@ -88,8 +81,6 @@ def constrained_from_matrices(
     free = int((~mask).sum())
     n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.faces.dependent)) // 2))
     fewer, compared = replace(wanted, n_modes=n_modes), set[int]()
-    known = {*body.expected, *(modes.nodal_diameter for modes in body.given.modes)}
-    known_first = sorted(ring.diameters, key=lambda d: d not in known)
 
     def checked(d: int) -> CyclicSector:
         made = sector(d)
@@ -103,26 +94,15 @@ def constrained_from_matrices(
         return made
 
     with body.refusing("matrices", POSITIVE):
-        built = constrained_body(body.name, fewer, checked, known_first, ring.diameters, rotation_of(body))
-    built = replace(built, bases=dict(sorted(built.bases.items())))
-    for d, basis in built.bases.items():
-        _check_positive(body, d, basis.omega2)
+        built = constrained_body(body.name, fewer, checked, ring.diameters, ring.diameters, rotation_of(body))
+    for d, basis in built.bases.items():  # a body that is not held has six squared frequencies that are rounding
+        low, high = basis.omega2[[0, -1]]
+        expected, found = "a sector that is held (fixed nodes)", f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
+        body.require(low > max(1e-10 * high, 0.0), f"nodal diameter {d}", expected, found)
     body.checks.append("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     if n_modes < wanted.n_modes:
         body.checks.append(f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more")
     return built
-
-
-def _check_reached(body: PreparedBody, wanted: Wanted, held: NDArray | None) -> None:
-    """Contact faces and locations have rows in the matrices, or are held by name."""
-    empty = np.setdiff1d(np.flatnonzero(body.fixed(None).all(axis=1)), [] if held is None else held)
-    wrong = np.intersect1d(np.unique(wanted.contact.indices // 3), empty)
-    if len(wrong):
-        found = f"node {body.given.numbers[wrong[0]]} and {len(wrong)} such in all without any"
-        raise body.error("contact faces", "nodes with rows in the matrices", found)
-    for name, place in wanted.locations.items():
-        for node in np.intersect1d(nodes_of(place), empty)[:1]:
-            raise body.error(f"location '{name}'", "a node with rows in the matrices", f"node {body.given.numbers[node]}")
 
 
 def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
@@ -130,25 +110,12 @@ def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
     item = f"stiffness matrix, nodal diameter {sector.nodal_diameter}"
     factor = sector.solver
     pivots = factor.U.diagonal().real
-    smallest = np.abs(pivots).min()
+    least = 1e-13 * np.median(np.abs(sector.stiffness.diagonal())) if held else 1e-9 * np.median(np.abs(pivots))
     expected = "a body that is held: fixed=(a set of nodes), or components without rows in the matrices"
-    found = "neither, and some motion costs no force: nothing holds the sector"
-    body.require(held or smallest >= 1e-9 * np.median(np.abs(pivots)), item, expected, found)
-    if np.array_equal(factor.perm_r, factor.perm_c) and np.any(pivots <= 0.0):
-        raise body.error(item, "a positive definite matrix", f"{int((pivots <= 0.0).sum())} negative eigenvalues")
-    scale = np.median(np.abs(sector.stiffness.diagonal()))
-    found = f"a pivot {smallest / scale:.2g} times the stiffness of a node: some motion costs no force"
-    expected = "a body that is held (fixed nodes, or rows left out of the matrices)"
-    body.require(smallest >= 1e-13 * scale, item, expected, found)
-
-
-def _check_positive(body: PreparedBody, d: int, omega2: NDArray) -> None:
-    item = f"nodal diameter {d}"
-    body.require(np.isfinite(omega2).all() and omega2[0] > 0.0, item, "squared frequencies > 0", f"{omega2[0]:.6g}")
-    # A body that is not held has six squared frequencies that are rounding.
-    if len(omega2) > 1 and omega2[0] < 1e-10 * omega2[-1]:
-        low, high = np.sqrt(omega2[[0, -1]]) / (2 * np.pi)
-        raise body.error(item, "a sector that is held (fixed nodes)", f"a frequency of {low:.3g} Hz beside {high:.3g} Hz")
+    found = f"{'some' if held else 'neither'}, and some motion costs no force: nothing holds the sector"
+    body.require(np.abs(pivots).min() >= least, item, expected, found)
+    negative = int((pivots <= 0.0).sum()) if np.array_equal(factor.perm_r, factor.perm_c) else 0
+    body.require(not negative, item, "a positive definite matrix", f"{negative} negative eigenvalues")
 
 
 def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
@@ -159,15 +126,12 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     ModelError
         If the matrices hold the body somewhere, or it has other motions without force than the six rigid ones.
     """
-    mask = body.fixed(None)
-    if mask.any():
-        wrong = body.used[mask[body.used].any(axis=1)]
-        body.require(len(wrong) > 0, "matrices", "no nodes without rows on a free body", int(mask.any(axis=1).sum()))
-        found = f"some missing at node {body.given.numbers[wrong[0]]} and {len(wrong)} such in all"
-        raise body.error("matrices", "rows for all three components of every node of a free body", found)
+    wrong = body.given.numbers[body.fixed(None).any(axis=1)]
+    found = f"some missing at node {', '.join(map(str, wrong[:1]))} and {len(wrong)} such in all"
+    body.require(not len(wrong), "matrices", "rows for all three components of every node of a free body", found)
     body.step(body.name)
     structure = body.structure
-    check_rigid_motion(body, structure)
+    check_rigid_motion(body)
     with body.refusing("mass matrix", "a positive definite matrix"):
         free = FreeBody(structure, np.eye(3))
     axes = body.damper_axes(free.centre)
@@ -176,8 +140,8 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     with body.refusing("matrices", "a stiffness matrix with six rigid-body motions and no others"):
         built = free_body(body.name, wanted, free, axes[1])
     omega2 = built.bases[0].omega2
-    if len(omega2) > 6 and not omega2[6] > 0.0:
-        raise body.error("stiffness matrix", "six rigid-body motions and no others", f"omega2 = {omega2[6]:.3g}")
+    found = f"omega2 = {omega2[6:].min(initial=np.inf):.3g}"
+    body.require((omega2[6:] > 0.0).all(), "stiffness matrix", "six rigid-body motions and no others", found)
     moments = f"principal moments {', '.join(f'{m:.4g}' for m in np.linalg.eigvalsh(free.inertia))} kg m2"
     body.checks.append(f"{body.name}: six rigid-body motions without force; mass {free.total_mass:.6g} kg, {moments}")
     return built

@@ -64,7 +64,7 @@ def stress_rows(
         solids = _solids(body, nodes, elasticity, item)
         near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, laid.rows[body.name].indices // 3)
         with body.refusing(item, "elements with volume and all nodes between corners"):
-            out.append(StressRows(name, solids, body.nodes, nodes, near, np.float32))
+            out.append(StressRows(name, solids, body.nodes, nodes, near))
         body.checks.append(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
     return out
 

@@ -101,9 +101,9 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     row, pointer, value = rest[0].astype(np.int64), rest[1].astype(np.int64), rest[2].astype(float)
     count = int(pointer[-1])
     steps = np.diff(pointer)
-    if pointer[0] != 0 or np.any(steps < 0) or not 0 <= count <= min(len(row), len(value), LARGEST_COUNT):
-        raise mismatch(item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
+    good = pointer[0] == 0 and np.all(steps >= 0) and 0 <= count <= min(len(row), len(value), LARGEST_COUNT)
+    require(good, item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
     row, value = row[:count], value[:count]
-    if count and (row.min() < 0 or row.max() >= rows):
-        raise mismatch(item, f"rows 0 to {rows - 1}", f"{row.min()} to {row.max()}")
+    low, high = row.min(initial=0), row.max(initial=0)
+    require(low >= 0 and high < max(rows, 1), item, f"rows 0 to {rows - 1}", f"{low} to {high}")
     out[name] = sp.coo_matrix((value, (row, np.repeat(np.arange(columns), steps))), shape=(rows, columns))

@@ -101,9 +101,6 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     if hasattr(matrix, "check_format"):
         matrix.check_format(full_check=True)
     out = sp.coo_matrix(matrix)
-    n = out.shape[0]
-    if out.nnz and (out.row.min() < 0 or out.col.min() < 0 or out.row.max() >= n or out.col.max() >= n):
-        raise mismatch(item, f"indices 0 to {n - 1}", f"{max(out.row.max(), out.col.max())}")
     wrong = np.flatnonzero(~np.isfinite(out.data))
     if len(wrong):
         k = wrong[0]
@@ -213,11 +210,10 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
     elements = []
     for k, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
         words = line.replace(",", " ").replace(";", " ").split()
-        if not words or words[0].startswith(COMMENTS):
-            continue
-        if len(words) not in N_CORNER or not all(w.lstrip("-").isdigit() and len(w) < 19 for w in words):
-            raise mismatch(f"{path}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
-        elements.append([int(w) for w in words])
+        if words and not words[0].startswith(COMMENTS):
+            good = len(words) in N_CORNER and all(w.lstrip("-").isdigit() and len(w) < 19 for w in words)
+            require(good, f"{path}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
+            elements.append([int(w) for w in words])
     require(bool(elements), str(path), "at least one element", "none")
     return tuple(by_kind(elements)["elements"])
 
@@ -225,10 +221,10 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
 def read_arrays(
     stiffness: FilePath | sp.spmatrix,
     mass: FilePath | sp.spmatrix,
-    nodes: FilePath | tuple[NDArray, NDArray] | FEBody,
+    nodes: FilePath | NDArray | tuple[NDArray, NDArray] | FEBody,
     dofs: FilePath | NDArray | None = None,
     sets: dict[str, FilePath | NDArray] | None = None,
-    elements: FilePath | tuple[NDArray, ...] = (),
+    elements: FilePath | NDArray | tuple[NDArray, ...] = (),
     source: str = "",
 ) -> FEBody:
     """A body from matrices, a node table, a dof table and sets, each given as arrays or as a file.
@@ -237,13 +233,14 @@ def read_arrays(
     ----------
     stiffness, mass : path-like or sparse matrix
         See :func:`read_matrix`.
-    nodes : path-like, (numbers, positions) or FEBody
-        See :func:`read_nodes`; or a mesh, as a body or a file that :func:`read_body` reads, with its elements and sets.
+    nodes : path-like, (n, 3) array, (numbers, positions) or FEBody
+        See :func:`read_nodes`; positions alone are numbered from 0; or a mesh, as a body or a file that :func:`read_body`
+        reads, with its elements and sets.
     dofs : path-like or (n_eq, 2) int, optional
         See :func:`read_dofs`; by default three rows a node, or the table in Abaqus text with nodes.
     sets : mapping of name to path-like or array, optional
         One-dimensional: node numbers; two-dimensional: faces of elements.
-    elements : path-like or tuple of int arrays
+    elements : path-like, int array or tuple of these
         See :func:`read_elements` and :class:`FEBody`.
     source : str
         What messages call the body; the file of the stiffness by default.
@@ -259,7 +256,8 @@ def read_arrays(
     if isinstance(nodes, FEBody):
         mesh = nodes
     else:
-        numbers, positions = _loaded(nodes, read_nodes)
+        table = (np.arange(len(nodes)), nodes) if isinstance(nodes, np.ndarray) else nodes
+        numbers, positions = _loaded(table, read_nodes)
         mesh = FEBody(np.asarray(numbers), np.asarray(positions, float))
     node_sets: dict[str, NDArray] = {}
     face_sets: dict[str, tuple[NDArray, ...]] = {}
@@ -269,8 +267,7 @@ def read_arrays(
             node_sets[name] = values
         else:
             face_sets[name] = (values,)
-    own = _loaded(elements, read_elements)
-    require(not isinstance(own, np.ndarray), f"{what}: elements", "a tuple of arrays, one for each kind", "one array")
+    own = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
     source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
     return replace(
         mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=own or mesh.elements,
@@ -296,10 +293,9 @@ def _with_table(given: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matrix
 
 def _reordered(matrix: sp.csr_matrix, own: NDArray, wanted: NDArray, item: str) -> sp.csr_matrix:
     """The matrix with rows in the order of another table of nodes and components."""
-    index = {pair: k for k, pair in enumerate(map(tuple, wanted.tolist()))}
-    pairs = list(map(tuple, own.tolist()))
-    unknown = set(pairs) - set(index)
-    if unknown:
-        raise mismatch(item, "nodes and components of the stiffness matrix", f"also {min(unknown)}")
+    index = {tuple(pair): k for k, pair in enumerate(wanted.tolist())}
+    pairs = [tuple(pair) for pair in own.tolist()]
+    unknown = sorted(set(pairs) - set(index))
+    require(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
     place, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
     return sp.csr_matrix((entries.data, (place[entries.row], place[entries.col])), shape=(len(wanted), len(wanted)))

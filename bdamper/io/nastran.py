@@ -23,21 +23,11 @@ from bdamper.io.fe_body import ElementKind, FEBody, Modes, by_kind
 from bdamper.io.matrices import square_matrix, triangle_to_full
 from bdamper.io.reading import check_count, reader
 from bdamper.model.checks import check_all, require
-from bdamper.util.errors import BdamperError, mismatch
+from bdamper.util.errors import mismatch, needed
 from bdamper.util.hdf5 import FilePath
 
+_EXTRA = "reading a file of Nastran", "nastran"
 _SOLIDS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
-
-
-def _library(module: str, name: str) -> Any:
-    try:
-        import importlib
-
-        return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise BdamperError(
-            f"Nastran files need pyNastran with a NumPy that it supports: install the extra bdamper[nastran] ({error})"
-        ) from error
 
 
 @reader("an OP4 file", library=True)
@@ -48,7 +38,7 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
     ------
     FileNotFoundError, ModelError
     """
-    op4 = _library("pyNastran.op4.op4", "OP4")
+    op4 = needed("pyNastran.op4.op4", *_EXTRA).OP4
     _check_op4_sizes(path)
     content = op4(debug=False).read_op4(str(path))
     out = {}
@@ -64,14 +54,11 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
 
 def _check_op4_sizes(source: Any) -> None:
     """Sizes in the heads of a text file, before a library makes room for them."""
-    size = os.stat(source).st_size
     with open(source, "rb") as file:
-        head = file.read(64)
-    text = head.decode("ascii", errors="replace")
-    if text[:16].replace("-", " ").replace(" ", "").isdigit():
-        columns, rows = abs(int(text[:8])), abs(int(text[8:16]))
-        for count in (columns, rows):
-            check_count(count, f"{source}: head", "a size of a matrix", 1, max(1000, size))
+        text = file.read(16).decode("ascii", errors="replace")
+    if text.replace("-", " ").replace(" ", "").isdigit():
+        for count in (text[:8], text[8:]):
+            check_count(abs(int(count)), f"{source}: head", "a size of a matrix", 1, max(1000, os.stat(source).st_size))
 
 
 @reader("a bulk data file of Nastran", ".bdf", ".dat", ".nas", library=True)
@@ -82,7 +69,7 @@ def read_bdf(path: Path) -> FEBody:
     ------
     FileNotFoundError, ModelError
     """
-    bdf = _library("pyNastran.bdf.bdf", "BDF")
+    bdf = needed("pyNastran.bdf.bdf", *_EXTRA).BDF
     model = bdf(debug=None)
     text = path.read_text(encoding="latin-1")
     if re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE):
@@ -233,7 +220,7 @@ def read_op2(
     ------
     FileNotFoundError, ModelError
     """
-    op2 = _library("pyNastran.op2.op2", "OP2")
+    op2 = needed("pyNastran.op2.op2", *_EXTRA).OP2
     model = op2(debug=None)
     model.read_op2(str(path), build_dataframe=False, skip_undefined_matrices=True)
     require(bool(model.eigenvectors), str(path), "eigenvectors", "none")

@@ -1,4 +1,4 @@
-r"""A sector at two or more rotor speeds: its matrices or its modes, as the data over speed of a model.
+r"""A sector at two rotor speeds: its matrices or its modes, as the data over speed of a model.
 
 Matrices at two speeds give the stiffness per squared speed by a difference.  Where a program gives only modes, those of the
 second speed are combinations of those of the first: with the polar factor A of their overlap, unitary,
@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse.linalg
 from numpy.typing import NDArray
+from scipy.linalg import polar, svdvals
 
 from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import FEBody
@@ -27,13 +28,13 @@ from bdamper.util.errors import ModelError, SettingError
 
 
 def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
-    """One body from the same body at two or more rotor speeds (rad/s), with matrices or with modes of each.
+    """One body from the same body at two rotor speeds (rad/s), with matrices or with modes of each.
 
     Parameters
     ----------
     bodies : mapping of rotor speed (rad/s) to FEBody
         ``{0.0: read_calculix("standstill"), 600.0: read_calculix("running")}``.  The modes of the model are those of the
-        lowest speed, and the highest one gives the change; those between are compared with it.
+        lower speed.
 
     Returns
     -------
@@ -43,23 +44,22 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
     Raises
     ------
     SettingError, ModelError
-        If there are fewer than two speeds, or the bodies are not the same nodes with the same kind of data.
+        If there are not two speeds, or the bodies are not the same nodes with the same kind of data.
     """
-    if not isinstance(bodies, Mapping) or len(bodies) < 2:
-        raise validate.unfit("over_speed", "a mapping of two or more rotor speeds to FEBody", bodies)
+    if not isinstance(bodies, Mapping) or len(bodies) != 2:
+        raise validate.unfit("over_speed", "a mapping of two rotor speeds to FEBody", bodies)
     made = []
     for key, value in bodies.items():
         omega = validate.number("rotor speed", key, least=0.0, unit="rad/s")
         body = validate.instance(f"body at {omega:g} rad/s", value, FEBody)
-        made.append(replace(body, rotor_speed=omega, other_speeds=()))
-    first, *others = sorted(made, key=lambda body: body.rotor_speed)
-    for other in others:
-        item = f"{other.source} at {other.rotor_speed:g} rad/s"
-        if not np.array_equal(first.numbers, other.numbers):
-            raise ModelError(f"{item}: expected the nodes of {first.source}, found other numbers")
-        if (first.stiffness is None) != (other.stiffness is None):
-            raise SettingError("over_speed: expected matrices at every speed, or modes at every speed, found both")
-    return replace(first, other_speeds=tuple(others))
+        made.append(replace(body, rotor_speed=omega, faster=None))
+    slower, faster = sorted(made, key=lambda body: body.rotor_speed)
+    if not np.array_equal(slower.numbers, faster.numbers):
+        expected = f"expected the nodes of {slower.source}, found other numbers"
+        raise ModelError(f"{faster.source} at {faster.rotor_speed:g} rad/s: {expected}")
+    if (slower.stiffness is None) != (faster.stiffness is None):
+        raise SettingError("over_speed: expected matrices at both speeds, or modes at both speeds, found one of each")
+    return replace(slower, faster=faster)
 
 
 def rotation_of(body: PreparedBody) -> Rotation | None:
@@ -68,25 +68,15 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
     Raises
     ------
     ModelError
-        If the mass changes with speed, or the stiffness at a third speed is not on the line.
+        If the mass changes with speed.
     """
-    others = [PreparedBody(body.name, other, body.place) for other in body.given.other_speeds]
-    if not others:
+    if (other := body.faster) is None:
         return None
-    low, first = body.structure, body.given.rotor_speed
-    high, last = others[-1].structure, others[-1].given.rotor_speed
-    change = (high.stiffness - low.stiffness).tocsr()
-    per_squared_speed = (change / (last**2 - first**2)).tocsr()
-    norm = scipy.sparse.linalg.norm
-    for other in others:
-        omega, structure = other.given.rotor_speed, other.structure
-        if norm(structure.mass - low.mass) > 1e-6 * norm(low.mass):
-            raise body.error(f"mass matrix at {omega:g} rad/s", "that of the other speed", "another")
-        share = (omega**2 - first**2) / (last**2 - first**2)
-        apart = norm(structure.stiffness - low.stiffness - share * change) / norm(change)
-        if not apart <= BOUNDS.on_line:
-            expected = f"a stiffness on the line between {first:g} and {last:g} rad/s in the squared speed"
-            raise body.error(f"matrices at {omega:g} rad/s", expected, f"{100 * apart:.3g} % of the change beside it")
+    first, last = body.given.rotor_speed, other.given.rotor_speed
+    norm, mass = scipy.sparse.linalg.norm, body.structure.mass
+    same = norm(other.structure.mass - mass) <= 1e-6 * norm(mass)
+    body.require(same, f"mass matrix at {last:g} rad/s", "that of the other speed", "another")
+    per_squared_speed = ((other.structure.stiffness - body.structure.stiffness) / (last**2 - first**2)).tocsr()
     softening = _spin_softening(body, per_squared_speed)
     if softening < 0.5:
         body.missing.append(
@@ -94,7 +84,7 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
             "in the plane of rotation from the stiffness; frequencies of bending in this plane come out too high"
         )
     body.checks.append(f"{body.name}: stiffness at {first:g} and {last:g} rad/s, spin softening {100 * softening:.4g} %")
-    return Rotation(per_squared_speed, first, last, None, body.given.source)
+    return Rotation(per_squared_speed, first, last, body.given.source)
 
 
 def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
@@ -103,21 +93,18 @@ def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
     A translation takes no force from elastic and geometric stiffness.
     """
     structure = body.structure
-    held = body.fixed(None).any(axis=1)
-    touched = np.repeat(held, 3) | (np.abs(structure.stiffness) @ np.repeat(held, 3).astype(float) > 0.0)
-    pushed = mass = 0.0
-    for axis in IN_PLANE[:2]:
-        translation = np.tile(axis, len(structure.nodes))
-        inertia = np.where(touched, 0.0, structure.mass @ translation)
-        pushed -= float(inertia @ (per_squared_speed @ translation))
-        mass += float(inertia @ inertia)
-    return pushed / mass if mass else 1.0
+    held = np.repeat(body.fixed(None).any(axis=1), 3)
+    inner = ~held & (np.abs(structure.stiffness) @ held.astype(float) == 0.0)
+    translations = np.tile(IN_PLANE[:, :2], (len(structure.nodes), 1))
+    inertia = inner[:, None] * (structure.mass @ translations)
+    mass = float(np.square(inertia).sum())
+    return -float((inertia * (per_squared_speed @ translations)).sum()) / mass if mass else 1.0
 
 
 def basis_from_modes(
-    body: PreparedBody, d: int, basis: ModalBasis, shapes: NDArray, others: list[tuple[float, NDArray, NDArray]]
+    body: PreparedBody, d: int, basis: ModalBasis, shapes: NDArray, omega2: NDArray, moved: NDArray
 ) -> ModalBasis:
-    """A basis with its data over speed from modes at other speeds.
+    """A basis with its data over speed from modes at a higher speed.
 
     Parameters
     ----------
@@ -127,33 +114,25 @@ def basis_from_modes(
     basis : ModalBasis
     shapes : (3 n_nodes, n_modes)
         Mass-normalised modes of the basis, NaN in unknown rows.
-    others : list of (speed in rad/s, omega2 (n_modes,), shapes (3 n_nodes, n_modes)), ascending
+    omega2, moved : (n_modes,), (3 n_nodes, n_modes)
+        Squared frequencies and mass-normalised modes at the higher speed.
 
     Raises
     ------
     ModelError
-        If the modes of the highest speed are not combinations of those of the basis.
+        If the modes of the higher speed are not combinations of those of the basis.
     """
-    first = body.given.rotor_speed
-    omega, omega2, moved = others[-1]
+    assert body.given.faster is not None
+    first, omega = body.given.rotor_speed, body.given.faster.rotor_speed
     item = f"modes of nodal diameter {d} at {omega:g} rad/s"
     body.require(moved.shape[1] == basis.n_modes, item, f"{basis.n_modes} modes as at {first:g} rad/s", moved.shape[1])
     known = ~(np.isnan(shapes).any(axis=1) | np.isnan(moved).any(axis=1))
     overlap = np.linalg.lstsq(shapes[known], moved[known], rcond=None)[0]
-    left, sizes, right = np.linalg.svd(overlap)
+    sizes = svdvals(overlap)
     expected = f"combinations of the modes at {first:g} rad/s (singular values of the overlap within 1 % of 1)"
     overlaps = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together"
     body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, overlaps)
-    turning = left @ right
+    turning = polar(overlap)[0]
     stiffness2 = ((turning * omega2) @ turning.conj().T - np.diag(basis.omega2)) / (omega**2 - first**2)
-    stiffness2 = 0.5 * (stiffness2 + stiffness2.conj().T)
-    residual2 = None if basis.flexibility is None else np.zeros_like(basis.flexibility)
-    out = basis.with_speed(stiffness2, residual2, first, source=body.given.source)
     body.checks.append(f"{body.name}, nodal diameter {d}: overlap of modes over speed at least {sizes[-1]:.5g}")
-    for middle, found, _ in others[:-1]:
-        assert out.speed is not None
-        reduced = np.linalg.eigvalsh(out.speed.stiffness(middle))
-        n = max(1, min(len(reduced), len(found)) // 2)
-        error = float(np.abs(np.sqrt(reduced[:n] / np.sort(found)[:n]) - 1.0).max())
-        out = replace(out, speed=replace(out.speed, checked_at=middle, error=error))
-    return out
+    return basis.with_speed(0.5 * (stiffness2 + stiffness2.conj().T), omega_ref=first, source=body.given.source)

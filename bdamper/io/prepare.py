@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Annotated, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,15 +22,23 @@ from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import UNITS, FEBody, Units
 from bdamper.io.matrices import square_matrix
 from bdamper.model.checks import require
-from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
+from bdamper.reduction.facets import Facets, boundary_facets, facets_on_nodes
 from bdamper.reduction.sector_faces import SectorFaces
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
+from bdamper.util.errors import BdamperError, ModelError, mismatch
 from bdamper.util.warn import say
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 NodeSet = str | NDArray | list[int]
+
+
+def _units(name: str, given: object) -> Units:
+    """Units, or a system of them by its name."""
+    return given if isinstance(given, Units) else UNITS[validate.choice(f"{name} (or Units(...))", given, sorted(UNITS))]
+
+
+Direction = Annotated[Any, partial(validate.numbers, n=3)]
 
 
 @dataclass(frozen=True)
@@ -45,33 +54,30 @@ class Placement:
     origin : (3,) float
         A point on the axis.
     units : str or Units
-    """
-
-    axis: NDArray
-    radial: NDArray
-    origin: NDArray
-    units: Units
-
-    @property
-    def rotation(self) -> NDArray:
-        """(3, 3) rows X, Y, Z."""
-        return np.array([np.cross(self.radial, self.axis), self.radial, self.axis])
-
-
-def placement(axis: object, radial: object, origin: object, units: str | Units) -> Placement:
-    """Check and normalise axes and units.
 
     Raises
     ------
     SettingError
+        If axis and radial are no directions at right angles, or the units are not known.
     """
-    given = {"axis": axis, "radial": radial, "origin": origin}
-    z, y, start = (validate.numbers(name, value, 3) for name, value in given.items())
-    if not np.linalg.norm(z) or abs(z @ y) > BOUNDS.axes * np.linalg.norm(z) * np.linalg.norm(y) or not np.linalg.norm(y):
-        raise SettingError(f"axis and radial: expected two directions at right angles, found {axis!r} and {radial!r}")
-    if not isinstance(units, Units):
-        units = UNITS[validate.choice("units (or Units(...))", units, sorted(UNITS))]
-    return Placement(z / np.linalg.norm(z), y / np.linalg.norm(y), start, units)
+
+    axis: Direction
+    radial: Direction
+    origin: Direction
+    units: Annotated[Any, _units]
+
+    def __post_init__(self) -> None:
+        validate.checked(self)
+        lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
+        good = lengths > 0.0 and abs(self.axis @ self.radial) <= BOUNDS.axes * lengths
+        found = f"{self.axis.tolist()} and {self.radial.tolist()}"
+        validate.require(good, "axis and radial", "two directions at right angles", found)
+
+    @cached_property
+    def rotation(self) -> NDArray:
+        """(3, 3) rows X, Y, Z."""
+        z, y = (direction / np.linalg.norm(direction) for direction in (self.axis, self.radial))
+        return np.array([np.cross(y, z), y, z])
 
 
 @dataclass(frozen=True)
@@ -137,16 +143,13 @@ class PreparedBody:
         g = self.given
         self.where = f"{self.name} ({g.source})"
         numbers, nodes = np.asarray(g.numbers), np.asarray(g.nodes, float)
-        if numbers.ndim != 1 or nodes.shape != (len(numbers), 3) or len(numbers) == 0:
-            raise self.error("nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
+        good = numbers.ndim == 1 and nodes.shape == (len(numbers), 3) and len(numbers) > 0
+        self.require(good, "nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
         self.require(numbers.dtype.kind in "iu", "nodes", "whole node numbers", numbers.dtype)
         self.require(np.isfinite(nodes).all(), "nodes", "finite positions", nodes[~np.isfinite(nodes)][:1])
         unique, count = np.unique(numbers, return_counts=True)
-        if len(unique) < len(numbers):
-            raise self.error("nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
+        self.require(count.max() == 1, "nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
         self.nodes: NDArray = self.place.units.length * (nodes - self.place.origin) @ self.place.rotation.T
-        if np.abs(self.nodes).max() > BOUNDS.position:
-            raise self.error("nodes", "positions of some metres", f"{np.abs(self.nodes).max():.3g} m")
         self._sorted = np.argsort(numbers, kind="stable")
         self._ascending = numbers[self._sorted]
 
@@ -204,9 +207,8 @@ class PreparedBody:
         numbers = np.asarray(numbers)
         self.require(numbers.dtype.kind in "iu", item, "whole node numbers", f"numbers of type {numbers.dtype}")
         place = np.minimum(np.searchsorted(self._ascending, numbers), len(self._ascending) - 1)
-        missing = self._ascending[place] != numbers
-        if missing.any():
-            raise self.error(item, "numbers of existing nodes", f"{numbers[missing][0]}")
+        for missing in numbers[self._ascending[place] != numbers][:1]:
+            raise self.error(item, "numbers of existing nodes", missing)
         return self._sorted[place]
 
     def node_set(self, given: NodeSet, item: str) -> NDArray:
@@ -256,21 +258,16 @@ class PreparedBody:
             self.require(len(found) > 0, item, "nodes that hold at least one whole face of an element", "none")
             return found
         for group in groups:
-            if group.ndim != 2 or group.shape[1] not in (3, 4, 6, 8) or len(group) == 0:
-                raise self.error(item, "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
+            good = group.ndim == 2 and group.shape[1] in (3, 4, 6, 8) and len(group) > 0
+            self.require(good, item, "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
         return Facets(tuple(self.index(g, item) for g in groups))
 
     def node(self, given: object, item: str) -> int:
         """Index of one node by its number, or the one nearest to a position in the axes and units of the file."""
         if isinstance(given, int | np.integer) and not isinstance(given, bool):
             return int(self.index(np.array([given]), item)[0])
-        try:
-            position = np.asarray(given, float)
-        except (TypeError, ValueError):
-            position = np.empty(0)
-        if position.shape != (3,) or not np.isfinite(position).all():
-            raise self.error(item, "a node number or a position (3,)", repr(given))
-        position = self.place.units.length * self.place.rotation @ (position - self.place.origin)
+        position = validate.numbers(f"{item}, a node number or a position", given, 3) - self.place.origin
+        position = self.place.units.length * self.place.rotation @ position
         distance = np.linalg.norm(self.nodes - position, axis=1)
         found = f"{distance.min():.4g} m from the nearest node"
         self.require(distance.min() <= 0.1 * self.size, item, "a position on the body", found)
@@ -288,8 +285,8 @@ class PreparedBody:
         """
         outward = centre * [1.0, 1.0, 0.0]
         distance = np.linalg.norm(outward)
-        if not distance >= 1e-6 * max(self.size, 1e-300):
-            raise self.error("centre of mass", "a place off the axis of rotation", f"{centre} m")
+        good = distance >= 1e-6 * max(self.size, 1e-300)
+        self.require(good, "centre of mass", "a place off the axis of rotation", f"{centre} m")
         radial = outward / distance
         return np.array([np.cross(radial, [0.0, 0.0, 1.0]), radial, [0.0, 0.0, 1.0]])
 
@@ -297,8 +294,7 @@ class PreparedBody:
         """Refuse nodes at the same place: they are usually a mesh that was not merged."""
         used = self.used
         pairs = cKDTree(self.nodes[used]).query_pairs(BOUNDS.same_place * max(self.size, 1e-30), output_type="ndarray")
-        if len(pairs):
-            a, b = self.given.numbers[used[pairs[0]]]
+        for a, b in self.given.numbers[used[pairs[:1]]]:
             found = f"nodes {a} and {b} at one place and {len(pairs)} such pairs in all"
             raise self.error("nodes", "each place once", found)
 
@@ -307,6 +303,11 @@ class PreparedBody:
     @property
     def has_matrices(self) -> bool:
         return self.given.stiffness is not None and self.given.mass is not None
+
+    @property
+    def faster(self) -> PreparedBody | None:
+        """The same body at a higher rotor speed, if there is one."""
+        return None if self.given.faster is None else PreparedBody(self.name, self.given.faster, self.place)
 
     @cached_property
     def _table(self) -> tuple[NDArray, NDArray]:
@@ -321,10 +322,8 @@ class PreparedBody:
         item, dofs = "table of nodes and components", np.asarray(self.given.dofs)
         good = dofs.shape == (n_eq, 2) and dofs.dtype.kind in "iu"
         self.require(good, item, f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
-        wrong = dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)]
-        if len(wrong):
-            found = f"component {wrong[0, 1]} of node {wrong[0, 0]}"
-            raise self.error(item, "displacements only (components 1, 2, 3)", found)
+        for node, component in dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)][:1]:
+            raise self.error(item, "displacements only (components 1, 2, 3)", f"component {component} of node {node}")
         rows = 3 * self.index(dofs[:, 0], item) + dofs[:, 1] - 1
         values, count = np.unique(rows, return_counts=True)
         node, component = divmod(int(values[count.argmax()]), 3)
@@ -337,17 +336,11 @@ class PreparedBody:
     @cached_property
     def structure(self) -> Structure:
         """Nodes and full matrices; components without a row have empty rows."""
-        if self.given.stiffness is None:
-            raise ModelError(f"{self.where}: expected a stiffness and a mass matrix, found none")
         return Structure(self.nodes, self._expanded("stiffness"), self._expanded("mass"))
 
     def _expanded(self, key: str) -> sp.csr_matrix:
-        given = getattr(self.given, key)
-        item = f"{self.where}: {key} matrix"
-        require(given is not None, item, "a matrix", "none")
-        rows, _ = self._table
-        matrix = sp.csr_matrix(given)
-        n_eq = len(rows)
+        item, (rows, _) = f"{self.where}: {key} matrix", self._table
+        matrix, n_eq = sp.csr_matrix(getattr(self.given, key)), len(rows)
         require(matrix.shape == (n_eq, n_eq), item, f"shape ({n_eq}, {n_eq})", matrix.shape)
         matrix = square_matrix(matrix, item)
         scale = float(abs(matrix).max())
@@ -378,26 +371,23 @@ class PreparedBody:
         blocks = np.broadcast_to(q, (len(self.nodes), 3, 3)).copy()
         for number, axes in self.given.node_axes.items():
             axes = np.asarray(axes, float)
-            if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > BOUNDS.axes:
-                expected = "three rows at right angles, of length 1"
-                raise self.error(f"axes of node {number}", expected, axes.tolist())
-            k = int(self.index(np.array([number]), "axes of nodes")[0])
-            blocks[k] = q @ axes.T
+            good = axes.shape == (3, 3) and np.abs(axes @ axes.T - np.eye(3)).max() <= BOUNDS.axes
+            self.require(good, f"axes of node {number}", "three rows at right angles, of length 1", axes.tolist())
+            blocks[self.index(np.array([number]), "axes of nodes")] = q @ axes.T
         n = len(blocks)
         return sp.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
 
     def fixed(self, held: NDArray | None) -> NDArray:
         """Mask (n_nodes, 3) of the fixed components, in the axes of the model; ``held`` are node indices."""
-        absent = self._table[1].copy() if self.given.stiffness is not None else np.zeros((len(self.nodes), 3), bool)
+        absent = self._table[1].copy()
         # Nodes without any row (of another body, of a plane of reference) count as fixed.
         partly = absent.any(axis=1) & ~absent.all(axis=1)
         q = np.abs(self.place.rotation)
         plain = bool(np.all((q < 1e-9) | (q > 1 - 1e-9)))
         own = np.isin(self.given.numbers, np.array(list(self.given.node_axes), int))
-        wrong = self.given.numbers[partly & (own | (not plain))]
-        if len(wrong):
+        for number in self.given.numbers[partly & (own | (not plain))][:1]:
             expected = "all three components or none fixed, or axes of the file along those of the model"
-            raise self.error(f"node {wrong[0]}", expected, "some fixed in axes that are turned")
+            raise self.error(f"node {number}", expected, "some fixed in axes that are turned")
         out = absent @ (q > 0.5).T if partly.any() else absent
         if held is not None:
             out[held] = True
@@ -409,11 +399,5 @@ class PreparedBody:
         known = np.isin(numbers, self.given.numbers)
         self.require(known.any(), item, "nodes of this body", "none of them")
         rows = self.index(numbers[known], item)
-        turned = np.broadcast_to(self.place.rotation, (len(rows), 3, 3))
-        out[rows] = np.einsum("nij,njm->nim", turned, shapes[known])
+        out[rows] = np.einsum("ij,njm->nim", self.place.rotation, shapes[known])
         return out.reshape(-1, shapes.shape[2])
-
-    @cached_property
-    def volume(self) -> float | None:
-        """Volume of the solid elements, m3; None without elements."""
-        return enclosed_volume(self.boundary, self.nodes) if self.elements else None

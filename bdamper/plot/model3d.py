@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from bdamper.io.import_report import ImportReport
+from bdamper.io.built_model import BuiltModel
 from bdamper.model.model import Model, turn
 from bdamper.plot.axes import MARKERS, PAPER, colours, legend_beside, looks, save_figure
 from bdamper.plot.motion import VIEW, sectors_shown
@@ -165,13 +165,13 @@ def plot_mode(
     return plot_surfaces(surfaces, None, path, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 
 
-@draws(ImportReport)
-def plot_import_report(report: ImportReport) -> Figure:
+@draws(BuiltModel)
+def plot_import_report(report: BuiltModel) -> Figure:
     """Frequencies over nodal diameter beside the bodies with their contact points.
 
     Parameters
     ----------
-    report : ImportReport
+    report : BuiltModel
 
     Returns
     -------

@@ -340,6 +340,7 @@ def patches_on_rectangles(
     Parameters
     ----------
     patches : Patches
+        In one plane, with one frame.
     nodes : (n_nodes, 3) float, m
     facets : Facets
         Any part of the surface that contains the patches; facets out of the plane of a patch are left out.
@@ -351,11 +352,6 @@ def patches_on_rectangles(
     ValueError
         If the surface does not cover a patch.
     """
-    return _joined([_rectangles_in_plane(part, nodes, facets, what) for part in _by_plane(patches)])
-
-
-def _rectangles_in_plane(patches: Patches, nodes: NDArray, facets: Facets, what: str) -> PatchMeans:
-    """The same for patches in one plane with one frame: the facets are projected once."""
     origin, frame = patches.centre[0], patches.frame[0]
     height = np.abs((nodes - origin) @ frame[2])
     flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
@@ -375,24 +371,6 @@ def _rectangles_in_plane(patches: Patches, nodes: NDArray, facets: Facets, what:
         check(abs(total - size.prod()) <= 1e-6 * size.prod(), wrong)
         cells.append(found)
     return _means(cells, np.array(patches.frame), (flat, None), (nodes, None))
-
-
-def _by_plane(patches: Patches) -> list[Patches]:
-    """Runs of consecutive patches that share a plane."""
-    start, out = 0, []
-    for i in range(1, len(patches.size) + 1):
-        if i < len(patches.size):
-            same = abs((patches.centre[i] - patches.centre[start]) @ patches.frame[start, 2]) <= 1e-9
-            if same and np.allclose(patches.frame[i], patches.frame[start]):
-                continue
-        out.append(Patches(patches.centre[start:i], patches.frame[start:i], patches.size[start:i]))
-        start = i
-    return out
-
-
-def _joined(parts: list[PatchMeans]) -> PatchMeans:
-    area, frame, points = (np.concatenate([getattr(p, name) for p in parts]) for name in ("area", "frame", "points_a"))
-    return PatchMeans(area, frame, points, None, sp.vstack([p.matrix_a for p in parts], format="csr"), None)
 
 
 def patches_on_faces(

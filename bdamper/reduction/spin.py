@@ -84,15 +84,12 @@ class Rotation:
         Speed to which the stiffness of the body belongs.
     check_at : float, rad/s, optional
         Speed at which frequencies are compared with those of the full matrices, which costs another factorisation.
-    check_diameters : tuple of int, optional
-        Nodal diameters where they are; all by default.
     source : str
     """
 
     per_squared_speed: sp.csr_matrix
     omega_ref: float = 0.0
     check_at: float | None = None
-    check_diameters: tuple[int, ...] | None = None
     source: str = ""
 
     def at_speed(self, sector: CyclicSector, omega: float) -> CyclicSector:
@@ -128,7 +125,7 @@ class Rotation:
         out = basis.with_speed(stiffness2, residual2, self.omega_ref, source=self.source)
         assert out.speed is not None
         speed = replace(out.speed, coriolis=0.5 * (turning - turning.conj().T))
-        if self.check_at is not None and (self.check_diameters is None or sector.nodal_diameter in self.check_diameters):
+        if self.check_at is not None:
             speed = self._checked(speed, sector, self.check_at)
         return replace(out, speed=speed)
 

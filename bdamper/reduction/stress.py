@@ -7,7 +7,6 @@ r"""Stress sets of a sector: rows of its modes, contact forces and centrifugal l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,7 +31,7 @@ def near_patches(points: NDArray, *faces: Patches) -> NDArray:
 
 
 class StressRows:
-    """Collects the stress of all vectors that a body carries, one nodal diameter after the other.
+    """Collects the stress of all vectors that a body carries, one nodal diameter after the other, in single precision.
 
     Parameters
     ----------
@@ -42,8 +41,6 @@ class StressRows:
     nodes : (n,) int
         Away from the cut faces of the sector, where the neighbour's elements would belong to the average.
     near_contact : (n,) bool, optional
-    precision : {float, numpy.float32}
-        Of the rows; single precision halves the file.
 
     Raises
     ------
@@ -52,11 +49,10 @@ class StressRows:
     """
 
     def __init__(
-        self, name: str, solids: Sequence[Solids], positions: NDArray, nodes: NDArray, near_contact: NDArray | None = None,
-        precision: Any = float,
-    ) -> None:  # fmt: skip
+        self, name: str, solids: Sequence[Solids], positions: NDArray, nodes: NDArray, near_contact: NDArray | None = None
+    ) -> None:
         self.name, self.nodes, self.points = name, nodes, positions[nodes]
-        self._near, self._precision = near_contact, precision
+        self._near = near_contact
         self._pairs, self._owner = element_rows(solids, positions, nodes)
         self._rows = node_average(self._owner, len(nodes)) @ self._pairs
         self._modes: dict[int, NDArray] = {}
@@ -91,10 +87,11 @@ class StressRows:
             np.maximum.at(spread, self._owner, apart)
             self._spread = spread / von_mises_size(mean)
 
-    def _kept(self, rows: NDArray) -> NDArray:
+    @staticmethod
+    def _kept(rows: NDArray) -> NDArray:
         out = rows.reshape(-1, 6, rows.shape[1])
         single = np.complex64 if np.iscomplexobj(out) else np.float32
-        return out.astype(single).astype(out.dtype) if self._precision is np.float32 else out
+        return out.astype(single).astype(out.dtype)
 
     def set(self, body: str, source: str) -> StressSet:
         """The stress set of a body of that name."""

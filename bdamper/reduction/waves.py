@@ -134,10 +134,3 @@ def _refuse(error: NDArray, frequency: NDArray, d: int, what: str) -> None:
         why = "does not repeat from one sector face to the other with the phase of a wave of this nodal diameter"
         off = f"in either direction (off by {100.0 * error[k]:.3g} %)"
         raise ValueError(f"nodal diameter {d}: {what}{frequency[k]:.6g} Hz {why}, {off}")
-
-
-def farthest_pair(shapes: NDArray, faces: SectorFaces, nodal_diameter: int) -> int:
-    """Node of the dependent face with the largest violation of the phase condition, in the better wave direction."""
-    off = [_difference(wave, faces, nodal_diameter) for wave in (shapes, shapes.conj())]
-    worst = min(off, key=np.linalg.norm)
-    return int(np.linalg.norm(worst.reshape(len(faces.dependent), -1), axis=1).argmax())

@@ -81,7 +81,7 @@ def test_page(tmp_path, monkeypatch, capsys):
     assert "Import report" in capsys.readouterr().out
     assert len(space["axes"].lines) > 1
 
-    assert space["built"].report.failed == ()
+    assert space["built"].failed == ()
     best, peak = space["best"], space["peak"]
     assert peak.amplitude == pytest.approx(best.amplitude, rel=1e-2)
     assert space["study"].margin(peak, space["steel"], speed=300.0).factor.min() > 1.0

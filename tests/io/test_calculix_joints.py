@@ -65,8 +65,8 @@ def study_of(model, place):
 def test_decks_give_the_model_of_the_arrays(strips):
     """CalculiX integrates the same elements by itself and rounds what it writes."""
     own = shrouded()
-    for d, frequencies in strips.report.frequencies.items():
-        np.testing.assert_allclose(frequencies, own.report.frequencies[d], rtol=1e-7)
+    for d, frequencies in strips.frequencies.items():
+        np.testing.assert_allclose(frequencies, own.frequencies[d], rtol=1e-7)
     for name in ("front", "rear"):
         a, b = strips.model.bodies[name], own.model.bodies[name]
         assert a.mass == pytest.approx(b.mass, rel=1e-6)
@@ -167,7 +167,7 @@ def at_speed(built, **settings):
 
 def test_disk_and_blade_alone_are_those_of_calculix(rooted):
     built, theirs = rooted
-    np.testing.assert_allclose(built.report.frequencies[D][:4], theirs["cyclic_disk"][::2], rtol=1e-4)
+    np.testing.assert_allclose(built.frequencies[D][:4], theirs["cyclic_disk"][::2], rtol=1e-4)
     own = np.sqrt(built.model.bodies["airfoil"].bases[0].omega2[6:9]) / (2.0 * np.pi)
     np.testing.assert_allclose(own, theirs["free"][6:], rtol=1e-5)
 

@@ -1,4 +1,4 @@
-"""from_fe: the model that build_model makes, from plain arrays in one call; the order of the corners of elements."""
+"""Plain arrays of nodes and elements, and the order of the corners of elements."""
 
 import itertools
 import re
@@ -8,7 +8,6 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-import bdamper as bd
 from bdamper.fe.assemble import discretise, local_order
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh
@@ -29,14 +28,12 @@ def block():
     return body.stiffness, body.mass, body.nodes, body.elements[:, local_order()], sets
 
 
-def test_one_call_is_the_two_steps(block):
+def test_plain_arrays_are_numbered_from_0(block):
     K, M, nodes, elements, sets = block
-    given = {"elements": elements, "sets": sets, "locations": {"tip": nodes[np.argmin(nodes[:, 2])]}}
-    built = bd.from_fe(K.toarray(), M.toarray(), nodes, **given, **SETTINGS)
-    body = read_arrays(K, M, (np.arange(len(nodes)), nodes), sets=sets, elements=(elements,))
-    two = build_model(body, n_blades=1, locations=given["locations"], **SETTINGS)
-    assert two.model.hash == built.model.hash
-    assert f"blade: corners of {len(elements)} hexahedra and wedges stand in the agreed order" in str(built)
+    given = {"n_blades": 1, "locations": {"tip": nodes[np.argmin(nodes[:, 2])]}, **SETTINGS}
+    plain = read_arrays(K.toarray(), M.toarray(), nodes, elements=elements, sets=sets)
+    numbered = read_arrays(K, M, (np.arange(len(nodes)), nodes), sets=sets, elements=(elements,))
+    assert build_model(plain, **given).model.hash == build_model(numbered, **given).model.hash
 
 
 @pytest.mark.parametrize("n", [8, 20])
@@ -45,7 +42,7 @@ def test_another_order_of_the_corners_is_named(block, n):
     wrong = np.hstack([elements[:, ROWS], elements[:, 8:]])[:, :n]
     message = "blade (the given arrays): elements, that of nodes [" + ", ".join(map(str, wrong[0, :8]))
     with pytest.raises(ModelError, match="^" + re.escape(message)) as caught:
-        bd.from_fe(K, M, nodes, elements=wrong, sets=sets, **SETTINGS)
+        build_model(read_arrays(K, M, nodes, elements=wrong, sets=sets), n_blades=1, **SETTINGS)
     assert "4 corners in turn around one face, then the 4 opposite ones in the same turn" in str(caught.value)
     assert f"another order in {len(wrong)} of {len(wrong)}" in str(caught.value)
 
@@ -67,9 +64,3 @@ def test_only_the_symmetries_of_a_cube_are_in_order():
     cube = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
     orders = np.array([order for order in itertools.permutations(range(8)) if order[0] == 0])
     assert (~twisted(orders, cube)).sum() == 48 / 8
-
-
-def test_a_damper_needs_its_parts(block):
-    K, M, nodes, elements, sets = block
-    with pytest.raises(bd.SettingError, match=r"^damper: expected stiffness, mass and nodes, found no mass$"):
-        bd.from_fe(K, M, nodes, elements=elements, sets=sets, damper={"stiffness": K, "nodes": nodes}, **SETTINGS)

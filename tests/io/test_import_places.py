@@ -11,7 +11,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 import bdamper as bd
 from bdamper.fe.contact_points import wedge_patches
 from bdamper.io import ContactFaces, build_model
-from bdamper.io.prepare import placement
+from bdamper.io.prepare import Placement
 from bdamper.model.model import turn
 from tests.annulus import small_sector
 from tests.fe_bodies import blade_and_damper, contacts
@@ -88,7 +88,7 @@ def test_contacts_may_be_given_from_the_blade(bodies):
 
 def in_axes(body, axis, radial):
     """The body as a program has it whose rotor stands along ``axis``."""
-    return turned(body, placement(axis, radial, (0.0, 0.0, 0.0), "m-kg-s").rotation.T)
+    return turned(body, Placement(axis, radial, (0.0, 0.0, 0.0), "m-kg-s").rotation.T)
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,10 @@ from bdamper.fe import SectorFE
 from bdamper.fe.contact_points import wedge_patches
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.stress import blade_points
-from bdamper.io import build_model
+from bdamper.io import build_model, read_arrays
 from bdamper.io.calculix import read_inp
 from bdamper.io.contact_faces import lay_contacts
-from bdamper.io.prepare import PreparedBody, placement
+from bdamper.io.prepare import Placement, PreparedBody
 from bdamper.reduction.element_stress import von_mises_size
 from bdamper.util.errors import BdamperError
 from examples.calculix.decks import run_job
@@ -46,7 +46,7 @@ def same(found, expected, tolerance):
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("as_arrays", [False, True], ids=["build_model", "from_fe"])
+@pytest.mark.parametrize("as_arrays", [False, True], ids=["bodies", "read_arrays"])
 def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     """Rows of modes, contact forces and rotation to 1e-6, from bare matrices."""
     blade, damper = bodies
@@ -55,12 +55,11 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     patches = (wedge_patches(fe.geometry, side, 4) for side in ("left", "right"))
     settings["contacts"] = [*(replace(c, patches=p) for c, p in zip(contacts(4), patches)), *contacts(4)[2:]]
     if as_arrays:
-        parts = {name: getattr(damper, name) for name in ("stiffness", "mass", "elements")}
-        other = parts | {"nodes": (damper.numbers, damper.nodes), "sets": damper.node_sets}
-        given = (blade.stiffness, blade.mass, (blade.numbers, blade.nodes))
-        built = bd.from_fe(*given, elements=blade.elements, sets=blade.node_sets, damper=other, **settings)
-    else:
-        built = build_model(blade, damper, **settings)
+        blade, damper = (
+            read_arrays(b.stiffness, b.mass, (b.numbers, b.nodes), elements=b.elements, sets=b.node_sets)
+            for b in (blade, damper)
+        )
+    built = build_model(blade, damper, **settings)
     ours, own = built.model.stress["blade"], built.model.bodies["blade"]
     model = bladed_disk(4, n_modes=8, n_damper_modes=8, nodal_diameters=(5,), fe=fe, stress=True)
     theirs, reference = model.stress["blade"], model.bodies["blade"]
@@ -171,7 +170,7 @@ def test_a_unit_contact_force_and_rotation_have_the_stress_of_calculix(imported)
     """Of nodal diameter 0: what modes and the contact vectors carry together, and the centrifugal load."""
     own, folder, bodies, model = imported
     basis, rows = model.bodies["blade"].bases[0], model.stress["root"]
-    place = placement(own.axis, own.radial, (0.0, 0.0, 0.0), own.units)
+    place = Placement(own.axis, own.radial, (0.0, 0.0, 0.0), own.units)
     prepared = {name: PreparedBody(name, body, place) for name, body in zip(("blade", "damper"), bodies)}
     laid = lay_contacts(own.settings["contacts"], prepared, own.geometry.n_blades)
     force = np.random.default_rng(0).standard_normal(3 * 12)

@@ -23,7 +23,7 @@ from bdamper.fe.sector import SectorFE
 from bdamper.io import ContactFaces, FEBody, build_model, load_model, read_arrays
 from bdamper.io.contact_faces import lay_contacts
 from bdamper.io.plausible import check_table, wave_speed
-from bdamper.io.prepare import PreparedBody, placement
+from bdamper.io.prepare import Placement, PreparedBody
 from bdamper.reduction.facets import boundary_facets, facets_on_nodes
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 from bdamper.util.warn import BdamperWarning, PlausibilityWarning
@@ -248,9 +248,9 @@ def test_sector_faces_are_found_from_the_geometry(bodies, built, tip):
     settings = {key: value for key, value in SETTINGS.items() if key not in ("n_blades", "sector_faces")}
     found = build_model(*bodies, contacts=contacts(), locations={"tip": tip}, **settings)
     assert found.model.hash == built.model.hash
-    assert any("sector faces: found from the geometry, 65 sectors" in line for line in found.report.checks)
+    assert any("sector faces: found from the geometry, 65 sectors" in line for line in found.checks)
     named = build_model(*bodies, contacts=contacts(), locations={"tip": tip}, **settings, sector_faces=("HIGH", "LOW"))
-    assert named.model.n_blades == 65 and "65 sectors, from the 5.538 degrees between" in "".join(named.report.checks)
+    assert named.model.n_blades == 65 and "65 sectors, from the 5.538 degrees between" in "".join(named.checks)
 
 
 def test_blade_alone_against_the_ground(bodies, tip):
@@ -284,7 +284,7 @@ blade, damper = pickle.load(open("bodies.pickle", "rb"))
 pair = ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=4)
 built = build_model(blade, damper, contacts=[pair], n_blades=65, sector_faces=("LOW", "HIGH"), fixed="BORE",
                     nodal_diameters=(0,), n_modes=3, locations=dict(tip={list(map(float, tip))}))
-print(built.report.frequencies[0][0])
+print(built.frequencies[0][0])
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -389,7 +389,7 @@ BAD_BLADES = [
     (lambda b: replace(b, mass=None), "expected a stiffness and a mass|modes of nodal diameter 0"),
     (lambda b: replace(b, elements=(b.elements[0][:, :19],)), "elements: expected solid elements, found .*not 19"),
     (lambda b: replace(b, elements=()), "contact 'left': expected faces, or elements besides the set of nodes"),
-    (lambda b: replace(b, nodes=b.nodes * 1e3), "the same unit of length, found extents of 319.* m and 0.036 m"),
+    (lambda b: replace(b, nodes=b.nodes * 1e3), "an extent of 0.001 to 30 m, found 319.* millimetres suspected"),
 ]
 
 
@@ -421,7 +421,7 @@ def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
     """Node by node and component by component alike, if the table says so; another order is refused."""
     body = bodies[which == "damper"] if elements else replace(bodies[which == "damper"], elements=())
     body = without_clamped(body) if which == "held blade" else body
-    place = placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")
+    place = Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")
     by_node = PreparedBody("blade", body, place)
     check_table(by_node)
     assert "rigid motions cost" in by_node.checks[0]
@@ -439,7 +439,7 @@ def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
 def test_positions_of_other_nodes_are_noticed(bodies):
     moved = replace(bodies[0], nodes=np.roll(bodies[0].nodes, 3, axis=0))
     with pytest.raises(ModelError, match=r"forces on [91].* % of the nodes .*positions of other nodes"):
-        check_table(PreparedBody("blade", moved, placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")))
+        check_table(PreparedBody("blade", moved, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")))
 
 
 def grounded(body):
@@ -535,10 +535,6 @@ def test_bad_settings(bodies, tip, change, message):
         ({"points": "9"}, "contact 'left': points: expected a whole number .*, found '9'"),
         ({"kind": "glue"}, "contact 'left': kind: expected one of"),
         ({"sector_b": 2}, "contact 'left': sector_b: expected a whole number from -1 to 1, found 2"),
-        ({"frame": np.eye(2)}, "contact 'left': frame: expected three rows t1, t2, n"),
-        ({"frame": np.eye(3) + 0.01}, "contact 'left': frame: expected three rows t1, t2, n"),
-        ({"frame": np.diag([1.0, 1.0, -1.0])}, "contact 'left': frame: expected three rows .* right-handed"),
-        ({"frame": "xyz"}, "contact 'left': frame: expected three rows t1, t2, n"),
     ],
 )
 def test_bad_contact_faces_are_refused_at_once(setting, message):
@@ -557,11 +553,11 @@ def softer(body, factor):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda b: (softer(b[0], 1e-6), b[1]), "blade .*: expected a material .*, found 6 m/s"),
+        (lambda b: (softer(b[0], 1e-6), b[1]), "blade .*: expected a material .*, found 6.001 m/s"),
         (lambda b: (b[0], softer(b[1], 1e-4)), r"damper .*: expected a material .*, found \d\d\.?\d* m/s"),
         (lambda b: (b[0], softer(b[1], 1e3)), r"damper .*: expected a material .*, found 1\.\d+e\+05 m/s"),
-        (lambda b: (scaled(b[0], 1e-3, 1.0), b[1]), "the same unit of length, found extents of 319.* m and .*millimetres"),
-        (lambda b: (b[0], scaled(b[1], 1e-3, 1.0)), r"the same unit of length, found extents of 0\.319.* m and .*millim"),
+        (lambda b: (scaled(b[0], 1e-3, 1.0), b[1]), "blade .*: expected an extent of .*, found 319.*millimetres"),
+        (lambda b: (b[0], scaled(b[1], 1e-3, 1.0)), r"damper .*: expected an extent of .*, found 3\d.* m .*millim"),
     ],
 )
 def test_materials_and_sizes_that_no_machine_has_are_named(bodies, tip, change, message):
@@ -575,7 +571,7 @@ def test_waves_travel_as_in_the_material(bodies, fe, built):
     e, nu, rho = steel.youngs_modulus, steel.poisson_ratio, steel.density
     exact = np.sqrt(e * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) / rho)
     for body in bodies:
-        prepared = PreparedBody("body", body, placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+        prepared = PreparedBody("body", body, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
         assert wave_speed(prepared) == pytest.approx(exact, rel=1e-6)
     assert re.search(r"damper: longitudinal waves travel at \d{4} m/s", str(built))
 
@@ -611,26 +607,25 @@ def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies, tip):
     ],
 )
 def test_frequencies_off_by_a_factor_are_named(bodies, built, tip, factor, words):
-    expected = {ND: built.report.frequencies[ND][:4] / factor}
+    expected = {ND: built.frequencies[ND][:4] / factor}
     given = {"contacts": contacts(), "locations": {"tip": tip}, "expected_frequencies": expected, **SETTINGS}
     with pytest.raises(ModelError, match=f"blade, nodal diameter {ND}: expected the frequencies of expected_f.*{words}"):
         build_model(*bodies, **given, strict=True)
 
 
 def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built, tip):
-    """Before most of the work is done where it may end it: with the first of the nodal diameters that are compared."""
-    expected = {ND: built.report.frequencies[ND][:4] / 1.31}
+    expected = {ND: built.frequencies[ND][:4] / 1.31}
     given = {"contacts": contacts(), "locations": {"tip": tip}, "expected_frequencies": expected, **SETTINGS}
     with pytest.warns(BdamperWarning, match=r"blade, nodal diameter 5: .* ratios 1.31 to 1.31 \(strict=True refuses\)"):
         other = build_model(*bodies, **given)
     assert other.model.hash == built.model.hash
-    assert len(other.report.failed) == 1 and other.report.failed[0] in str(other).split("Read")[0]
+    assert len(other.failed) == 1 and other.failed[0] in str(other).split("Read")[0]
     with pytest.raises(ModelError, match=r"expected_frequencies: expected nodal diameters out of .* found 7"):
         build_model(*bodies, **{**given, "expected_frequencies": {7: [1.0]}})
 
 
 def test_expected_frequencies_that_agree(bodies, built, tip):
-    expected = {ND: built.report.frequencies[ND][:4] * 1.002}
+    expected = {ND: built.frequencies[ND][:4] * 1.002}
     other = build_model(*bodies, contacts=contacts(), locations={"tip": tip}, expected_frequencies=expected, **SETTINGS)
     assert "frequencies agree with expected_frequencies to 0.2 %" in str(other)
 
@@ -666,7 +661,7 @@ def test_messages_are_of_one_line_and_name_the_body(bodies, tip):
     ids=["outward", "inward", "in place"],
 )
 def test_a_damper_off_its_place_by_a_millimetre_is_noticed(bodies, shift, text):
-    place = placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")
+    place = Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")
     moved = bodies[1] if shift is None else replace(bodies[1], nodes=bodies[1].nodes + np.array(shift))
     prepared = {"blade": PreparedBody("blade", bodies[0], place), "damper": PreparedBody("damper", moved, place)}
     with warnings.catch_warnings(record=True) as caught:

@@ -10,7 +10,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper import Excitation, Study
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
-from bdamper.io import MassProperties, Modes, Receptance, build_model
+from bdamper.io import MassProperties, Modes, build_model
 from bdamper.model.model import turn
 from bdamper.reduction.sector_faces import match_faces
 from bdamper.reduction.waves import travelling_waves
@@ -100,7 +100,7 @@ def test_modes_beside_matrices_are_compared(fe, bodies, built):
     low = np.flatnonzero(np.isin(given.modes[1].numbers, blade.node_sets["LOW"]))[3]
     bent[low] += 0.1 * np.abs(bent).max()
     wrong = replace(given, modes=(replace(given.modes[1], shapes=bent),))
-    with pytest.warns(BdamperWarning, match=rf"off by .* %\); most at nodes {given.modes[1].numbers[low]} and"):
+    with pytest.warns(BdamperWarning, match=r"does not repeat .* in either direction \(off by .* %\)"):
         found = build_model(wrong, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
     assert found.model.hash == built.model.hash
 
@@ -123,33 +123,10 @@ def test_frequencies_that_no_machine_has_are_said(fe, bodies, factor, found):
     said = rf"blade .*nodal diameter [05]: expected a lowest frequency of 0\.1 to 5e\+06 Hz, found {found} Hz"
     with pytest.warns(BdamperWarning, match=said):
         built = build_model(*given, contacts=contacts(), **SETTINGS)
-    assert sum("a lowest frequency" in text for text in built.report.failed) == 2, "at both nodal diameters"
+    assert sum("a lowest frequency" in text for text in built.failed) == 2, "at both nodal diameters"
     with pytest.raises(ModelError, match=said):
         build_model(*given, contacts=contacts(), strict=True, **SETTINGS)
-    assert not build_model(*given, contacts=contacts(), check_units=False, **SETTINGS).report.failed
-
-
-def test_unit_loads_give_the_receptances(fe, bodies, built):
-    blade, damper = bodies
-    nodes = np.union1d(blade.node_sets["RIGHT_UNDERSIDE"], blade.node_sets["LEFT_UNDERSIDE"]) - blade.numbers[0]
-    columns = (3 * nodes[:, None] + np.arange(3)).ravel()
-    receptances = []
-    for d in (0, ND):
-        sector = fe.cyclic(d)
-        rows = sector.transformation[columns]
-        full = rows @ sector.solver.solve(np.ascontiguousarray(rows.conj().T.toarray()))
-        receptances.append(Receptance(d, blade.numbers[nodes], full))
-    given = replace(
-        blade, stiffness=None, mass=None, modes=file_modes(fe, blade.numbers, "plain"), receptances=tuple(receptances)
-    )
-    other = build_model(given, damper, contacts=contacts(), locations={"tip": 300}, **SETTINGS)
-    assert "static receptances of the blade" not in str(other)
-    for d in (0, ND):
-        a, b = (m.model.bodies["blade"].bases[d].flexibility for m in (other, built))
-        np.testing.assert_allclose(a, b, atol=1e-9 * np.abs(b).max())
-    short = replace(given, receptances=(replace(receptances[0], numbers=receptances[0].numbers[:-1]),))
-    with pytest.raises(ModelError, match=r"receptance of nodal diameter 0: expected finite numbers"):
-        build_model(short, damper, contacts=contacts(), **SETTINGS)
+    assert not build_model(*given, contacts=contacts(), check_units=False, **SETTINGS).failed
 
 
 def test_damper_from_mass_properties(fe, bodies, built):
@@ -167,14 +144,7 @@ def test_damper_from_mass_properties(fe, bodies, built):
     np.testing.assert_allclose(u @ u.T, v @ v.T, atol=1e-8 * (v @ v.T).max())
     np.testing.assert_allclose(body.load.generalised[:6], theirs.load.generalised[:6], atol=1e-9)
     np.testing.assert_array_equal(other.model.contact["left"].stiffness, np.tile([1e8, 2e8, 3e8], (9, 1)))
-    assert "elastic deformation of the damper by its own load" in str(other)
-    elastic = fe.damper.modes(8)
-    modes = Modes(0, np.sqrt(elastic[0]) / (2 * np.pi), damper.numbers, 3.0 * elastic[1].reshape(-1, 3, 8), np.full(8, 9.0))
-    other = build_model(
-        blade, replace(given, modes=(modes,)), contacts=pairs, locations={"tip": 300}, fixed="BORE", **SETTINGS
-    )
-    u, v = (b.bases[0].contact_modes[..., 6:].reshape(-1, 2) for b in (other.model.bodies["damper"], theirs))
-    np.testing.assert_allclose(np.abs(u), np.abs(v), atol=1e-7 * np.abs(v).max())
+    assert "elastic deformation of the damper (no matrices)" in str(other)
 
 
 def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):

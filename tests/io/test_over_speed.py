@@ -1,4 +1,4 @@
-"""A sector from another program at two or more rotor speeds: matrices, and modes alone."""
+"""A sector from another program at two rotor speeds: matrices, and modes alone."""
 
 from dataclasses import replace
 
@@ -70,12 +70,8 @@ def test_matrices_of_a_speed_above_standstill_give_the_same_model(bodies, rotati
     assert high.model.bodies["blade"].spin.theory == "stiffened"
 
 
-def test_a_stiffness_off_the_line_or_without_spin_softening_is_noticed(fe, bodies, rotation):
+def test_a_stiffness_without_spin_softening_is_noticed(fe, bodies, rotation):
     blade, damper = bodies
-    bent = at(blade, rotation, 0.5 * BETWEEN)
-    three = over_speed({0.0: blade, BETWEEN: bent, TOP: at(blade, rotation, TOP)})
-    with pytest.raises(ModelError, match=r"matrices at 450 rad/s.*on the line"):
-        build_model(three, damper, fixed="BORE", **SETTINGS)
     stiff = Rotation(rotation.per_squared_speed + spin_softening(fe.blade))
     built = build_model(over_speed({0.0: blade, TOP: at(blade, stiff, TOP)}), damper, fixed="BORE", **SETTINGS)
     assert "spin softening of the blade: the matrices at 600 rad/s take" in str(built)
@@ -98,7 +94,6 @@ def test_modes_alone_at_two_speeds(fe, bodies, rotation):
     blade, damper = bodies
     given = over_speed({
         0.0: modal_body(fe, rotation, blade, 0.0),
-        BETWEEN: modal_body(fe, rotation, blade, BETWEEN, turned=0.4),
         TOP: modal_body(fe, rotation, blade, TOP, turned=1.1),
     })  # fmt: skip
     built = build_model(given, damper, **SETTINGS)
@@ -106,7 +101,6 @@ def test_modes_alone_at_two_speeds(fe, bodies, rotation):
     found = np.sqrt(np.sort(built.model.at_speed(BETWEEN).bodies["blade"].bases[ND].omega2)[:6])
     exact = frequencies(fe, rotation, BETWEEN, ND, 6)
     assert found == pytest.approx(exact, rel=1e-4)
-    assert basis.speed.checked_at == BETWEEN and 0.0 < basis.speed.error < 1e-4
     straight = np.sqrt(basis.omega2[:6])
     assert np.abs(straight / exact - 1.0).max() > 0.02
     assert "overlap of modes over speed at least 0.99" in str(built)
@@ -122,11 +116,11 @@ def test_modes_that_are_no_combinations_of_the_first_are_refused(fe, bodies, rot
 
 def test_speeds_that_do_not_fit_together_are_refused(fe, bodies, rotation):
     blade, _ = bodies
-    with pytest.raises(SettingError, match="two or more rotor speeds"):
+    with pytest.raises(SettingError, match="two rotor speeds"):
         over_speed({0.0: blade})
     with pytest.raises(SettingError, match=r"rotor speed: .*rad/s"):
         over_speed({0.0: blade, -1.0: blade})
-    with pytest.raises(SettingError, match="matrices at every speed, or modes at every speed"):
+    with pytest.raises(SettingError, match="matrices at both speeds, or modes at both speeds"):
         over_speed({0.0: blade, TOP: modal_body(fe, rotation, blade, TOP)})
     with pytest.raises(ModelError, match="expected the nodes of"):
         over_speed({0.0: blade, TOP: replace(blade, numbers=blade.numbers + 1)})

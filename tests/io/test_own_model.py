@@ -64,8 +64,8 @@ def theirs(folder, job):
 
 
 def test_free_frequencies_are_those_of_calculix(built, folder):
-    np.testing.assert_allclose(built.report.frequencies[D][:4], theirs(folder, "free"), rtol=1e-3)
-    assert sorted(built.report.frequencies) == [0, 4, 8, 12, 16]
+    np.testing.assert_allclose(built.frequencies[D][:4], theirs(folder, "free"), rtol=1e-3)
+    assert sorted(built.frequencies) == [0, 4, 8, 12, 16]
 
 
 def test_stuck_frequencies_are_those_of_a_bonded_run(study, folder):

@@ -17,8 +17,7 @@ from PIL import Image
 import bdamper as bd
 from bdamper.accuracy.ladders import AccuracyCost, Run
 from bdamper.effects.advice import Advice, EffectAdvice
-from bdamper.io import Measurement
-from bdamper.io.import_report import ImportReport
+from bdamper.io import BuiltModel, Measurement
 from bdamper.plot import (
     draw_table,
     model3d,
@@ -230,7 +229,7 @@ class TestSurfaces:
 
     def test_import_report(self):
         model = bd.reference_model(contact_points=9)
-        figure = plot_import_report(ImportReport({}, (), (), (), model))
+        figure = plot_import_report(BuiltModel(model))
         names = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
         assert names == list(model.interfaces) and len(figure.axes[1].collections) == 1
 
