@@ -137,7 +137,6 @@ class Study(Comparable):
     with_effects = asked(Problem.with_effects)
     static = analysis(Problem.static)
     response_at = analysis(results.response_at)
-    contact_map = analysis(Problem.contact_map)
     wedge_friction = analysis(Problem.wedge_friction)
 
     # what is shown of it

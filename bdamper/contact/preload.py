@@ -21,19 +21,21 @@ such a slider to the edge of the admissible disk (``csrc/bd_coulomb.c``).
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.contact.own_law import OwnLaws
 from bdamper.util.cost import Cost
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Storable, enter_former
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Kinds, Metres, Quantity, Tabular
+from bdamper.util.tables import Kinds, Metres, Pascals, Places, Quantity, SquareMetres, Tabular
 from bdamper.util.text import amount
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
@@ -101,7 +103,7 @@ class StaticSystem:
 class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="contact_point"):
     """Static state under a load.
 
-    ``plot`` draws the normal force of every contact point (:func:`bdamper.plot.plot_static`).
+    ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_static`).
 
     Parameters
     ----------
@@ -126,6 +128,8 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
         Name of the interface of each contact point, where it is known.
     memory : (n_points, width) float, optional
         Latest motion and state of points with laws of their own.
+    points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float
+        Of the surfaces, and friction coefficients; None in states of files of version 0.6 and before.
     """
 
     load: float
@@ -142,6 +146,11 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     cost: Cost = field(default_factory=Cost)
     interface: Annotated[tuple[str, ...], Quantity()] = ()
     memory: NDArray | None = None
+    points: Places | None = None
+    frame: NDArray | None = None
+    area: SquareMetres | None = None
+    friction: NDArray | None = None
+    _told = ("contact_area",)
 
     @property
     def state(self) -> Kinds:
@@ -163,6 +172,38 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
         """Total normal force (N) on each interface, on all of them together where their names are not known."""
         names = np.array(self.interface or ["in all"] * len(self.force))
         return {str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)}
+
+    @property
+    def pressure(self) -> Pascals | None:
+        """(n_points,) float, Pa."""
+        return None if self.area is None else self.force[:, 2] / self.area
+
+    @property
+    def contact_area(self) -> dict[str, float]:
+        """Area in contact on each interface, m2; empty where areas are not known."""
+        if self.area is None:
+            return {}
+        names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
+        return {str(name): float(self.area[closed & (names == name)].sum()) for name in dict.fromkeys(names)}
+
+
+def _of_map(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the static state that a contact map in a file of version 0.6 or before is."""
+    names = group["interfaces"][()] if "interfaces" in group else group.attrs["interfaces"]
+    names, owner = json.loads(names) if isinstance(names, bytes | str) else names, group["owner"][()]
+    return {
+        "interface": tuple(str(names[i]) for i in owner),
+        "closing": -group["distance"][()],
+        "q": np.zeros(0),
+        "slider": np.full((len(owner), 2), np.nan),
+        "residual": np.nan,
+        "steps": 0,
+        "iterations": 0,
+        "converged": True,
+    }
+
+
+enter_former("bdamper-contact-map", "owner", PreloadState, _of_map)
 
 
 EQUILIBRIUM = 1e-10

@@ -38,7 +38,6 @@ def test_the_equations_are_not_those_of_another_load(study):
     assert study.problem.system(LAST).n_unknowns == study.problem.n_unknowns
     for ask in (
         study.problem.system,
-        study.contact_map,
         study.problem.major_directions,
         lambda load: study.stuck(INTERVAL, load),
         study.with_(friction_axes="major").problem.system,

@@ -227,7 +227,7 @@ F = (270.0, 380.0)
         lambda s: s.track(9.0, F, options=bd.PeakOptions()), lambda s: s.track(9.0, F, search_branches=0.9),
         lambda s: s.track(9.0, F, search_branches="x"), lambda s: s.track(9.0, F, search_branches=(0.9, "x")),
         lambda s: s.free("low"), lambda s: s.stuck(F, "1"), lambda s: s.static("a"), lambda s: s.static(5.0, history="up"),
-        lambda s: s.static(5.0, history=()), lambda s: s.contact_map("a"), lambda s: s.wedge_friction(None),
+        lambda s: s.static(5.0, history=()), lambda s: s.wedge_friction(None),
         lambda s: s.peak("a", F), lambda s: s.peak(9.0, "F"), lambda s: s.peak(9.0, mode="1"),
         lambda s: s.peak(9.0, F, options=bd.ContinuationOptions()),
         lambda s: s.optimal_curve((20.0, 25e3), F), lambda s: s.optimal_curve((20.0, 25e3), 5, mode=0),
