@@ -78,14 +78,10 @@ class StaticSystem:
     force: NDArray
     shift: NDArray
     constant_force: NDArray
-    bonded: NDArray | None = None
-    cubic: NDArray | None = None
+    bonded: NDArray | bool = False
+    cubic: NDArray | float = 0.0
     constant_shift: NDArray | float = 0.0
     own: OwnLaws | None = None
-
-    def __post_init__(self) -> None:
-        if not np.any(self.cubic):
-            object.__setattr__(self, "cubic", None)
 
     def shift_at(self, load: float) -> NDArray:
         """(n_points, 3) part of (u1, u2, v) under a load (N) that the modes do not carry."""
@@ -258,10 +254,9 @@ def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDAr
     level = system.n0 + system.kn * x[..., 2]
     trial = system.kt * (x[..., :2] - w[:, :2])
     force, status = limited_forces(level, trial, system.mu)
-    if system.bonded is not None:
-        b = system.bonded
-        force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
-    if system.cubic is not None:
+    b = np.broadcast_to(system.bonded, len(system.kn))
+    force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
+    if np.any(system.cubic):
         force[..., :2] += system.cubic * x[..., :2] ** 3
     if system.own is not None:
         for at in np.ndindex(x.shape[:-2]):
@@ -279,8 +274,7 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
     force, status = _forces(system, x, w)
     safe = np.where(system.kt > 0.0, system.kt, 1.0)
     slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / safe, x[:, :2])
-    if system.bonded is not None:
-        slider[system.bonded] = w[system.bonded, :2]
+    slider = np.where(np.broadcast_to(system.bonded, len(slider))[:, None], w[:, :2], slider)
     if system.own is not None:
         slider = np.hstack([slider, system.own.step(x, w[:, 2:])[2]])
     level = system.n0 + system.kn * x[:, 2]
@@ -297,9 +291,8 @@ def _jacobian(
     springs of a stuck point without it.
     """
     B = law_tangent(system.kt, system.kn, system.mu, status)
-    if system.cubic is not None and x is not None:
-        for d in range(2):
-            B[:, d, d] += 3.0 * system.cubic[:, d] * x[:, d] ** 2
+    if x is not None:
+        B[:, [0, 1], [0, 1]] += 3.0 * system.cubic * x[:, :2] ** 2
     if system.own is not None and x is not None and w is not None:
         B[system.own.held] = system.own.step(x, w[:, 2:])[1][system.own.held]
     return np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
@@ -423,9 +416,7 @@ def _remembered(system: StaticSystem, state: PreloadState) -> NDArray:
 def _before_loading(system: StaticSystem) -> PreloadState:
     """Without load and motion; what touches sticks."""
     n, m = system.G.shape[0], system.G.shape[2]
-    apart = system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0
-    if system.bonded is not None:
-        apart &= ~system.bonded
+    apart = (system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0) & np.logical_not(system.bonded)
     status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
     if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
         status[:] = STICK
@@ -521,7 +512,7 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     """
     if not (state.converged and state.load > 0.0 and load > 0.0):
         return None
-    if not system.scales or system.cubic is not None or system.own:
+    if not system.scales or np.any(system.cubic) or system.own:
         return None
     ratio = load / state.load
     x = ratio * ((system.G @ state.q) + state.load * system.shift)

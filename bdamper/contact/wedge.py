@@ -15,11 +15,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from bdamper.contact.preload_forces import force_bounds, friction_limits
+from bdamper.contact.preload_forces import forces_in_balance
 from bdamper.model.coupling import Coupling
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -107,18 +106,13 @@ def wedge_friction(
     kept = [_corners(coupling, name, friction) for name in names]
     rows = np.concatenate(kept)
     G = basis.G.real[rows][..., rigid]
-    mu, n = friction[rows], len(rows)
-    unit = np.abs(G).max(axis=(0, 1))
-    # unknowns T1, T2, N of each point, per newton of load
-    equal = G.reshape(3 * n, -1).T / unit[:, None]
-    limit = friction_limits(mu)
+    mu = friction[rows]
     lowest, highest = np.empty(len(names)), np.empty(len(names))
     owner = np.repeat(np.arange(len(names)), [len(k) for k in kept])
     for i, name in enumerate(names):
         cost = np.kron(owner == i, [0.0, 0.0, 1.0])
         for sign, out in ((1.0, lowest), (-1.0, highest)):
-            rows_and_bounds = (limit, np.zeros(4 * n), equal, f[rigid] / unit, force_bounds(n))
-            found = scipy.optimize.linprog(sign * cost, *rows_and_bounds)
+            found = forces_in_balance(sign * cost, mu, G.reshape(3 * len(rows), -1), f[rigid])
             if found.status == 2:
                 none = f"found none at '{name}' and the other faces"
                 raise SettingError(f"wedge friction: expected contact forces in equilibrium with the load, {none}")

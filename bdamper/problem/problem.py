@@ -21,7 +21,7 @@ from bdamper.contact.own_law import OwnLaws
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, assembly_offsets, scaled_state, static_state
 from bdamper.contact.residual_modes import ResidualModes
-from bdamper.contact.stiffness import Contact, StiffnessReport, check_method, report
+from bdamper.contact.stiffness import Contact, check_method, report
 from bdamper.contact.wedge import WedgeFriction, wedge_friction
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.system import Sector
@@ -277,9 +277,10 @@ class Problem:
         return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps) if own else None
 
     @property
-    def stiffness_report(self) -> tuple[StiffnessReport, ...]:
+    def stiffness_report(self) -> str:
         """Range of the contact stiffness and use of fallback rules, for each interface."""
-        return tuple(report(name, contact, self.contact.note) for name, contact in self.stiffness.items())
+        lines = [report(name, contact) for name, contact in self.stiffness.items()]
+        return "\n".join([*lines, self.contact.note] if self.contact.note else lines)
 
     @part
     def point_stiffness(self) -> NDArray:

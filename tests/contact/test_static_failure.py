@@ -55,7 +55,7 @@ def test_a_curve_has_no_start(study, options):
 
 
 def test_branches_are_looked_for_from_other_loads_that_have_a_state(study):
-    assert study.track(LAST, INTERVAL, search_branches=(0.9, 1.2)).complete
+    assert study.track(LAST, INTERVAL, search_branches=True).complete
 
 
 def test_a_peak_is_not_that_of_another_load(study):

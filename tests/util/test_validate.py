@@ -225,7 +225,7 @@ F = (270.0, 380.0)
         lambda s: s.track(9.0, F, stability="no"),
         lambda s: s.track(9.0, F, progress="yes"), lambda s: s.track(9.0, F, options={"step": 0.1}),
         lambda s: s.track(9.0, F, options=bd.PeakOptions()), lambda s: s.track(9.0, F, search_branches=0.9),
-        lambda s: s.track(9.0, F, search_branches="x"), lambda s: s.track(9.0, F, search_branches=(0.9, "x")),
+        lambda s: s.track(9.0, F, search_branches="x"), lambda s: s.track(9.0, F, search_branches=(0.9, 1.2)),
         lambda s: s.free("low"), lambda s: s.stuck(F, "1"), lambda s: s.static("a"), lambda s: s.static(5.0, history="up"),
         lambda s: s.static(5.0, history=()), lambda s: s.wedge_friction(None),
         lambda s: s.peak("a", F), lambda s: s.peak(9.0, "F"), lambda s: s.peak(9.0, mode="1"),
