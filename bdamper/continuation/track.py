@@ -252,8 +252,7 @@ def check_curve(problem: Problem, curve: Curve) -> None:
     if not len(curve):
         return
     i = curve.peak.index
-    r, _, _ = system.evaluate(curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i]))
-    error = float(np.abs(r * system.row_scale).max())
+    error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
     found = f"one with other settings (residual {error:.2g} at its peak)"
     validate.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), "curve", "one of this study", found)
 

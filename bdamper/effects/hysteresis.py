@@ -354,8 +354,7 @@ def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_So
             system, preload = problem.system(s.preload), s.preload
             error = np.inf
             if len(s.unknowns) == system.n_unknowns:
-                r = system.residual(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
-                error = float(np.abs(r * system.row_scale).max())
+                error = system.error(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
             found = f"those of other settings (residual {error:.2g})"
             validate.require(error < largest_residual, "result", "solutions of this study", found)
         yield s, system

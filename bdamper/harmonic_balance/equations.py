@@ -301,9 +301,7 @@ class Equations(Generic[S]):
 
     def first_harmonic(self, y: NDArray) -> NDArray:
         """(...,) complex amplitude of the first harmonic of the response at points (..., n_unknowns + 1)."""
-        if self.rows.moving:
-            return self.rows.value(y)
-        return np.asarray(self.amplitudes(y[..., :-1], 1) @ self.response_rows[1])
+        return self.rows.value(y)
 
     def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
         """Gradient of half the squared amplitude of the first harmonic with respect to y, and the squared amplitude."""

@@ -20,7 +20,7 @@ from bdamper.contact.no_separation import without_separation
 from bdamper.contact.own_law import OwnLaws
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, assembly_offsets, scaled_state, static_state
-from bdamper.contact.residual_modes import ResidualModes
+from bdamper.contact.residual_modes import ResidualModes, joined
 from bdamper.contact.stiffness import Contact, check_method, report
 from bdamper.contact.wedge import WedgeFriction, wedge_friction
 from bdamper.harmonic_balance.equations import Equations, Layout
@@ -198,7 +198,8 @@ class Problem:
         residual = self.contact.residual
         if residual is None:
             return basis
-        return residual.basis(harmonic).stiffer(float(self.settings.contact_stiffness_factor)).join(basis)
+        own = residual.basis(harmonic)
+        return joined(basis, replace(own, omega2=float(self.settings.contact_stiffness_factor) * own.omega2))
 
     @part
     def modal_bases(self) -> list[HarmonicBasis]:
