@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from bdamper.accuracy import converge as more_harmonics
 from bdamper.accuracy import estimate
-from bdamper.contact.stiffness import StiffnessReport
 from bdamper.continuation import linear_curve
 from bdamper.continuation import track as tracking
 from bdamper.continuation.curve import Curve
@@ -129,7 +128,7 @@ class Study(Comparable):
         return self.settings.excitation
 
     @property
-    def stiffness_report(self) -> tuple[StiffnessReport, ...]:
+    def stiffness_report(self) -> str:
         """Range of the contact stiffness and use of fallback rules, for each interface."""
         return self.problem.stiffness_report
 
@@ -137,7 +136,6 @@ class Study(Comparable):
     with_effects = asked(Problem.with_effects)
     static = analysis(Problem.static)
     response_at = analysis(results.response_at)
-    contact_map = analysis(Problem.contact_map)
     wedge_friction = analysis(Problem.wedge_friction)
 
     # what is shown of it
@@ -200,7 +198,7 @@ class Study(Comparable):
         *,
         options: ContinuationOptions | None = None,
         progress: bool = False,
-        search_branches: bool | Sequence[float] = False,
+        search_branches: bool = False,
         stability: bool = False,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
@@ -214,8 +212,8 @@ class Study(Comparable):
             Steps and tolerances of the path.
         progress : bool
             Show a progress bar.
-        search_branches : bool or sequence of float
-            Look for branches apart, from solutions at other preloads: ratios to the preload, 0.9 and 1.2 by default.
+        search_branches : bool
+            Look for branches apart, from solutions at 0.9 and 1.2 times the preload.
         stability : bool
             Determine the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
 

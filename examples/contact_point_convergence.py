@@ -62,7 +62,7 @@ def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 
         model = bladed_disk(n, n_modes=20, nodal_diameters=(5,), fe=fe)
         study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraints=False, **SETTINGS)
         unit = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraints=False, **SETTINGS)
-        contact = study.contact_map(preload)
+        contact = study.static(preload)
         springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
         curve = study.track(preload, (345.0, 375.0))
         face = model.interfaces["left"]

@@ -21,19 +21,21 @@ such a slider to the edge of the admissible disk (``csrc/bd_coulomb.c``).
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.contact.own_law import OwnLaws
 from bdamper.util.cost import Cost
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Storable, enter_former
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Kinds, Metres, Quantity, Tabular
+from bdamper.util.tables import Kinds, Metres, Pascals, Places, Quantity, SquareMetres, Tabular
 from bdamper.util.text import amount
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
@@ -76,14 +78,10 @@ class StaticSystem:
     force: NDArray
     shift: NDArray
     constant_force: NDArray
-    bonded: NDArray | None = None
-    cubic: NDArray | None = None
+    bonded: NDArray | bool = False
+    cubic: NDArray | float = 0.0
     constant_shift: NDArray | float = 0.0
     own: OwnLaws | None = None
-
-    def __post_init__(self) -> None:
-        if not np.any(self.cubic):
-            object.__setattr__(self, "cubic", None)
 
     def shift_at(self, load: float) -> NDArray:
         """(n_points, 3) part of (u1, u2, v) under a load (N) that the modes do not carry."""
@@ -101,7 +99,7 @@ class StaticSystem:
 class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="contact_point"):
     """Static state under a load.
 
-    ``plot`` draws the normal force of every contact point (:func:`bdamper.plot.plot_static`).
+    ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_static`).
 
     Parameters
     ----------
@@ -126,6 +124,8 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
         Name of the interface of each contact point, where it is known.
     memory : (n_points, width) float, optional
         Latest motion and state of points with laws of their own.
+    points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float
+        Of the surfaces, and friction coefficients; None in states of files of version 0.6 and before.
     """
 
     load: float
@@ -142,6 +142,11 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     cost: Cost = field(default_factory=Cost)
     interface: Annotated[tuple[str, ...], Quantity()] = ()
     memory: NDArray | None = None
+    points: Places | None = None
+    frame: NDArray | None = None
+    area: SquareMetres | None = None
+    friction: NDArray | None = None
+    _told = ("contact_area",)
 
     @property
     def state(self) -> Kinds:
@@ -163,6 +168,38 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
         """Total normal force (N) on each interface, on all of them together where their names are not known."""
         names = np.array(self.interface or ["in all"] * len(self.force))
         return {str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)}
+
+    @property
+    def pressure(self) -> Pascals | None:
+        """(n_points,) float, Pa."""
+        return None if self.area is None else self.force[:, 2] / self.area
+
+    @property
+    def contact_area(self) -> dict[str, float]:
+        """Area in contact on each interface, m2; empty where areas are not known."""
+        if self.area is None:
+            return {}
+        names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
+        return {str(name): float(self.area[closed & (names == name)].sum()) for name in dict.fromkeys(names)}
+
+
+def _of_map(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the static state that a contact map in a file of version 0.6 or before is."""
+    names = group["interfaces"][()] if "interfaces" in group else group.attrs["interfaces"]
+    names, owner = json.loads(names) if isinstance(names, bytes | str) else names, group["owner"][()]
+    return {
+        "interface": tuple(str(names[i]) for i in owner),
+        "closing": -group["distance"][()],
+        "q": np.zeros(0),
+        "slider": np.full((len(owner), 2), np.nan),
+        "residual": np.nan,
+        "steps": 0,
+        "iterations": 0,
+        "converged": True,
+    }
+
+
+enter_former("bdamper-contact-map", "owner", PreloadState, _of_map)
 
 
 EQUILIBRIUM = 1e-10
@@ -217,10 +254,9 @@ def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDAr
     level = system.n0 + system.kn * x[..., 2]
     trial = system.kt * (x[..., :2] - w[:, :2])
     force, status = limited_forces(level, trial, system.mu)
-    if system.bonded is not None:
-        b = system.bonded
-        force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
-    if system.cubic is not None:
+    b = np.broadcast_to(system.bonded, len(system.kn))
+    force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
+    if np.any(system.cubic):
         force[..., :2] += system.cubic * x[..., :2] ** 3
     if system.own is not None:
         for at in np.ndindex(x.shape[:-2]):
@@ -238,8 +274,7 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
     force, status = _forces(system, x, w)
     safe = np.where(system.kt > 0.0, system.kt, 1.0)
     slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / safe, x[:, :2])
-    if system.bonded is not None:
-        slider[system.bonded] = w[system.bonded, :2]
+    slider = np.where(np.broadcast_to(system.bonded, len(slider))[:, None], w[:, :2], slider)
     if system.own is not None:
         slider = np.hstack([slider, system.own.step(x, w[:, 2:])[2]])
     level = system.n0 + system.kn * x[:, 2]
@@ -256,9 +291,8 @@ def _jacobian(
     springs of a stuck point without it.
     """
     B = law_tangent(system.kt, system.kn, system.mu, status)
-    if system.cubic is not None and x is not None:
-        for d in range(2):
-            B[:, d, d] += 3.0 * system.cubic[:, d] * x[:, d] ** 2
+    if x is not None:
+        B[:, [0, 1], [0, 1]] += 3.0 * system.cubic * x[:, :2] ** 2
     if system.own is not None and x is not None and w is not None:
         B[system.own.held] = system.own.step(x, w[:, 2:])[1][system.own.held]
     return np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
@@ -382,9 +416,7 @@ def _remembered(system: StaticSystem, state: PreloadState) -> NDArray:
 def _before_loading(system: StaticSystem) -> PreloadState:
     """Without load and motion; what touches sticks."""
     n, m = system.G.shape[0], system.G.shape[2]
-    apart = system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0
-    if system.bonded is not None:
-        apart &= ~system.bonded
+    apart = (system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0) & np.logical_not(system.bonded)
     status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
     if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
         status[:] = STICK
@@ -480,7 +512,7 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     """
     if not (state.converged and state.load > 0.0 and load > 0.0):
         return None
-    if not system.scales or system.cubic is not None or system.own:
+    if not system.scales or np.any(system.cubic) or system.own:
         return None
     ratio = load / state.load
     x = ratio * ((system.G @ state.q) + state.load * system.shift)

@@ -73,40 +73,17 @@ class ResidualModes(validate.Checked):
     inertia: bool = True
 
 
-@brief
-@dataclass(frozen=True)
-class ResidualBasis:
-    """Residual coordinates of one harmonic.
-
-    Parameters
-    ----------
-    G : (n_points, 3, n) complex
-        Relative motion (u1, u2, v) at the contact points.
-    stiffness, mass : (n,) float
-    damping_ratio : (n,) float
-    """
-
-    G: NDArray
-    stiffness: NDArray
-    mass: NDArray
-    damping_ratio: NDArray
-
-    def stiffer(self, factor: float) -> ResidualBasis:
-        """The coordinates where everything at the contact is stiffer by a factor: same patterns, same mass."""
-        return self if factor == 1.0 else replace(self, stiffness=factor * self.stiffness)
-
-    def join(self, basis: HarmonicBasis) -> HarmonicBasis:
-        """The basis with these coordinates at its end."""
-        n = len(self.stiffness)
-        return replace(
-            basis,
-            coordinates=(*basis.coordinates, *(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n))),
-            omega2=np.concatenate([basis.omega2, self.stiffness]),
-            damping_ratio=np.concatenate([basis.damping_ratio, self.damping_ratio]),
-            G=np.concatenate([basis.G, self.G], axis=2),
-            mass=np.concatenate([basis.mass, self.mass]),
-            drag=np.concatenate([np.broadcast_to(basis.drag, basis.omega2.shape), np.zeros(n)]),
-        )
+def joined(basis: HarmonicBasis, residual: HarmonicBasis) -> HarmonicBasis:
+    """A basis with residual coordinates at its end."""
+    return replace(
+        basis,
+        coordinates=(*basis.coordinates, *residual.coordinates),
+        omega2=np.concatenate([basis.omega2, residual.omega2]),
+        damping_ratio=np.concatenate([basis.damping_ratio, residual.damping_ratio]),
+        G=np.concatenate([basis.G, residual.G], axis=2),
+        mass=np.concatenate([basis.mass, residual.mass]),
+        drag=np.concatenate([np.broadcast_to(b.drag, b.omega2.shape) for b in (basis, residual)]),
+    )
 
 
 def active_components(coupling: Coupling, friction: NDArray) -> NDArray:
@@ -195,7 +172,7 @@ class ResidualSet:
     flexibility: NDArray
     share: float
     static: NDArray | None = None
-    _bases: dict[int, ResidualBasis] = field(default_factory=dict, repr=False, compare=False)
+    _bases: dict[int, HarmonicBasis] = field(default_factory=dict, repr=False, compare=False)
     _parts: dict[int, tuple[NDArray, NDArray, NDArray]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -280,7 +257,7 @@ class ResidualSet:
         D = self.flexibility.ravel()[self.active.ravel()]
         return float(scipy.linalg.eigh(W.conj().T @ (D[:, None] * W), whole, eigvals_only=True)[-1])
 
-    def basis(self, harmonic: int) -> ResidualBasis:
+    def basis(self, harmonic: int) -> HarmonicBasis:
         """Residual coordinates of one harmonic."""
         if harmonic in self._bases:
             return self._bases[harmonic]
@@ -292,8 +269,8 @@ class ResidualSet:
         rest, V = scipy.linalg.eigh(0.5 * (S + S.conj().T), whole)
         # at higher harmonics the diagonal may leave nothing of a pattern
         V = V[:, rest > 0.5 * MARGIN] / np.sqrt(rest[rest > 0.5 * MARGIN])
-        reference = float(self.coupling.basis(harmonic).omega2.max())
-        n = V.shape[1]
+        bodies, n = self.coupling.basis(harmonic), V.shape[1]
+        reference = float(bodies.omega2.max())
         mass = damping = np.zeros(n)
         if self.options.inertia and harmonic > 0:
             left_out, pole, ratio = self.coupling.left_out_modes(harmonic)
@@ -303,5 +280,8 @@ class ResidualSet:
             damping = np.full(n, float(np.mean(ratio)) if len(ratio) else 0.0)
         # one stiffness for all coordinates, so that they are of the size of the others
         G = (columns @ V * np.sqrt(reference)).reshape(-1, 3, n).astype(complex)
-        self._bases[harmonic] = ResidualBasis(G, np.full(n, reference), mass * reference, damping)
-        return self._bases[harmonic]
+        names = tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n))
+        stiffness = np.full(n, reference)
+        made = HarmonicBasis(names, stiffness, damping, G, bodies.nodal_diameter, mass * reference)
+        self._bases[harmonic] = made
+        return made

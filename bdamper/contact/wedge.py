@@ -1,4 +1,4 @@
-r"""Statics of a wedge: maps of pressure, gap and state over its faces, and the range of its normal forces.
+r"""Statics of a wedge: the range of its normal forces.
 
 A wedge between two rigid faces is statically indeterminate with friction: every set of contact forces with
 
@@ -13,23 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from bdamper.contact.preload import OPEN, PreloadState
-from bdamper.contact.preload_forces import force_bounds, friction_limits
+from bdamper.contact.preload_forces import forces_in_balance
 from bdamper.model.coupling import Coupling
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Pascals, Places, Quantity, SquareMetres, Tabular
-from bdamper.util.text import amount, percent
 
 
 @brief
@@ -113,18 +106,13 @@ def wedge_friction(
     kept = [_corners(coupling, name, friction) for name in names]
     rows = np.concatenate(kept)
     G = basis.G.real[rows][..., rigid]
-    mu, n = friction[rows], len(rows)
-    unit = np.abs(G).max(axis=(0, 1))
-    # unknowns T1, T2, N of each point, per newton of load
-    equal = G.reshape(3 * n, -1).T / unit[:, None]
-    limit = friction_limits(mu)
+    mu = friction[rows]
     lowest, highest = np.empty(len(names)), np.empty(len(names))
     owner = np.repeat(np.arange(len(names)), [len(k) for k in kept])
     for i, name in enumerate(names):
         cost = np.kron(owner == i, [0.0, 0.0, 1.0])
         for sign, out in ((1.0, lowest), (-1.0, highest)):
-            rows_and_bounds = (limit, np.zeros(4 * n), equal, f[rigid] / unit, force_bounds(n))
-            found = scipy.optimize.linprog(sign * cost, *rows_and_bounds)
+            found = forces_in_balance(sign * cost, mu, G.reshape(3 * len(rows), -1), f[rigid])
             if found.status == 2:
                 none = f"found none at '{name}' and the other faces"
                 raise SettingError(f"wedge friction: expected contact forces in equilibrium with the load, {none}")
@@ -135,93 +123,3 @@ def wedge_friction(
         angle[i] = np.arcsin(np.clip(normal @ by / np.linalg.norm(normal), -1.0, 1.0))
     mean_mu = np.array([mu[owner == i].mean() for i in range(len(names))])
     return WedgeFriction(names, float(load), lowest, highest, np.abs(angle), mean_mu)
-
-
-@brief
-@dataclass(frozen=True)
-class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="contact_point"):
-    """The static state of the contact points, in terms of the surfaces.
-
-    ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_contact_map`).
-
-    Parameters
-    ----------
-    load : float, N
-    history : tuple of float
-        Load factors on the way.
-    interfaces : tuple of str
-    owner : (n_points,) int
-        Number of the interface of each point.
-    points : (n_points, 3) float, m
-    frame : (n_points, 3, 3) float
-    area : (n_points,) float, m2
-    force : (n_points, 3) float, N
-        T1, T2, N.
-    distance : (n_points,) float, m
-        Between the surfaces where they are apart, 0 where they touch.
-    status : (n_points, 2) int
-        0 stick, 1 slip +, 2 slip -, 3 open.
-    friction : (n_points,) float
-    """
-
-    load: float
-    history: tuple[float, ...]
-    interfaces: tuple[str, ...]
-    owner: NDArray
-    points: Places
-    frame: NDArray
-    area: SquareMetres
-    force: Annotated[NDArray, Quantity("N", parts=("T1", "T2", "N"))]
-    distance: Annotated[NDArray, Quantity("m", name="gap")]
-    status: NDArray
-    friction: NDArray
-    _told = ("load", "normal_force")
-
-    @classmethod
-    def make(cls, coupling: Coupling, state: PreloadState, friction: NDArray, history: tuple[float, ...]) -> ContactMap:
-        """From a static state of the points of a coupling."""
-        faces = [coupling.model.interfaces[name] for name in coupling.interfaces]
-        owner = np.repeat(np.arange(len(faces)), [face.n_points for face in faces])
-        points, frame, area = (np.concatenate([getattr(f, name) for f in faces]) for name in ("points", "frame", "area"))
-        distance = np.where(state.status[:, 0] == OPEN, np.maximum(-state.closing, 0.0), 0.0)
-        places = (coupling.interfaces, owner, points, frame, area)
-        return cls(state.load, history, *places, state.force, distance, state.status, friction)
-
-    @property
-    def interface(self) -> Annotated[NDArray, Quantity()]:
-        """(n_points,) str: name of the interface of each point."""
-        return np.array(self.interfaces)[self.owner]
-
-    @property
-    def states(self) -> Annotated[NDArray, Quantity(parts=("state_t1", "state_t2"))]:
-        """(n_points, 2) str: the status in words."""
-        return np.array(["stick", "slip +", "slip -", "open"])[self.status]
-
-    @property
-    def pressure(self) -> Pascals:
-        """(n_points,) float, Pa."""
-        return self.force[:, 2] / self.area
-
-    @property
-    def contact_area(self) -> dict[str, float]:
-        """Area in contact on each interface, m2."""
-        closed = self.status[:, 0] != OPEN
-        return {name: float(self.area[closed & (self.owner == i)].sum()) for i, name in enumerate(self.interfaces)}
-
-    @property
-    def normal_force(self) -> dict[str, float]:
-        """Total normal force on each interface, N."""
-        return {name: float(self.force[self.owner == i, 2].sum()) for i, name in enumerate(self.interfaces)}
-
-    @property
-    def utilisation(self) -> NDArray:
-        """(n_points, 2) share of the friction limit in use, 0 where there is none."""
-        limit = (self.friction * self.force[:, 2])[:, None]
-        return np.divide(np.abs(self.force[:, :2]), limit, out=np.zeros_like(self.force[:, :2]), where=limit > 0.0)
-
-    def bottom_line(self) -> str:
-        area, force = self.contact_area, self.normal_force
-        whole = {name: float(self.area[self.owner == i].sum()) for i, name in enumerate(self.interfaces)}
-        parts = ", ".join(f"{name} on {percent(area[name] / whole[name])} of its area" for name in whole if area[name])
-        most = f"{amount(sum(force.values()), 'N')} in all, pressure up to {amount(self.pressure.max(), 'Pa')}"
-        return f"Under {amount(self.load, 'N')} the faces touch: {parts}; normal forces {most}."

@@ -339,12 +339,8 @@ class Coverage:
 
     def new_solutions(self, starts: Sequence[NDArray]) -> Iterator[NDArray]:
         """Solutions near the starts, at their frequencies, that lie on none of the pieces (which may grow meanwhile)."""
-        n = self.system.n_mean
         for start in starts:
-            vibration = max(float(np.linalg.norm(start[n:-1])), 1e-300)
-            scale = np.full(len(start), vibration)
-            scale[:n] = max(vibration, float(np.linalg.norm(start[:n])))
-            scale[-1] = start[-1]
+            scale = self.system.units(start, max(self.system.vibration(start), 1e-300), start[-1])
             c = self.system.correct_at(start[:-1], start[-1], scale, self.options.tolerance, 20)
             if c.status == OK and not self._known(c.y):
                 yield c.y

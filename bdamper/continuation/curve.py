@@ -169,12 +169,10 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     @property
     def folds(self) -> tuple[Fold, ...]:
         """Turning points in frequency, in the order of the path."""
-        amplitude = self.amplitude
-        return tuple(
-            Fold(float(self.frequency[i]), float(amplitude[i]), i)
-            for i, kind in enumerate(self.point_kind)
-            if kind == "fold"
-        )
+        return tuple(self._turn(i, kind) for i, kind in enumerate(self.point_kind) if kind == "fold")
+
+    def _turn(self, i: int, kind: str) -> Fold:
+        return Fold(float(self.frequency[i]), float(self.amplitude[i]), i, kind)
 
     @property
     def gap(self) -> tuple[float, float] | None:
@@ -200,15 +198,12 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     def detached(self) -> tuple[Fold, ...]:
         """The largest response of each closed branch, which does not count for the peak."""
         on = (np.flatnonzero(self.branch == number) for number in self.closed)
-        tops = [int(i[np.argmax(self.amplitude[i])]) for i in on]
-        return tuple(Fold(float(self.frequency[i]), float(self.amplitude[i]), i, "detached") for i in tops)
+        return tuple(self._turn(int(i[np.argmax(self.amplitude[i])]), "detached") for i in on)
 
     @property
     def peak(self) -> Fold:
         """The largest response of branches that do not close, also where it is no maximum (``peak_at_end``)."""
-        i = self._highest()
-        kind = "highest, no peak" if self.peak_at_end else "peak"
-        return Fold(float(self.frequency[i]), float(self.amplitude[i]), i, kind)
+        return self._turn(self._highest(), "highest, no peak" if self.peak_at_end else "peak")
 
     @property
     def peak_at_end(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,23 +28,16 @@ def notes(
 ) -> tuple[str, ...]:
     """Stretches on which the mean position drifts, and mean positions determined by least norm only."""
     out = []
-    n = system.n_mean
-    i = 0
-    while i < len(points):
-        if points[i].kind != "drift":
-            i += 1
-            continue
-        j = i
-        while j + 1 < len(points) and points[j + 1].kind == "drift":
-            j += 1
-        a, b = points[max(i - 1, 0)].y, points[j].y
-        k = int(np.argmax(np.abs((b - a)[:n])))
+    stretches = ((kind, list(pairs)) for kind, pairs in groupby(enumerate(points), key=lambda pair: pair[1].kind))
+    for stretch in (pairs for kind, pairs in stretches if kind == "drift"):
+        (first, point), (_, last) = stretch[0], stretch[-1]
+        a, b = points[max(first - 1, 0)].y, last.y
+        k = int(np.argmax(np.abs((b - a)[: system.n_mean])))
         c = coordinates[k]
         out.append(
-            f"{c.body} drifts along {c.name} at {points[i].y[-1] / TWO_PI:.6g} Hz, where its mean force vanishes: from "
+            f"{c.body} drifts along {c.name} at {point.y[-1] / TWO_PI:.6g} Hz, where its mean force vanishes: from "
             f"{_displacement(model, c, a[k])} to {_displacement(model, c, b[k])}"
         )
-        i = j + 1
     free = [p for p in points if p.rank_deficiency > 0]
     if free:
         some = free[:: max(1, len(free) // 20)]

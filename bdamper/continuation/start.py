@@ -66,12 +66,9 @@ def first_point(
     """
     log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
     mean, stuck = state.q[: system.n_mean], system.structure.linear.response(omega, springs)
-    vibration = max(float(np.linalg.norm(stuck)), 1e-300)
-    scale = np.full(system.n_unknowns + 1, vibration)
-    scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), vibration)
-    scale[-1] = omega
     start = system.pack(mean, stuck)
     last = np.append(start, omega)
+    scale = system.units(last, max(system.vibration(last), 1e-300), omega)
     for name, line_search, iterations in (("Newton", False, 20), ("Newton with line search", True, 60)):
         if system.spent:
             break

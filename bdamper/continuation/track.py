@@ -45,7 +45,7 @@ def track(
     *,
     options: ContinuationOptions | None = None,
     progress: bool = False,
-    search_branches: bool | Sequence[float] = False,
+    search_branches: bool = False,
 ) -> Curve:
     """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -58,9 +58,8 @@ def track(
     options : ContinuationOptions
     progress : bool
         Show a progress bar.
-    search_branches : bool or sequence of float
-        Look for branches apart from the one that is followed, with solutions at other preloads as starts: ratios to
-        the preload, 0.9 and 1.2 by default.
+    search_branches : bool
+        Look for branches apart from the one that is followed, with solutions at 0.9 and 1.2 times the preload as starts.
 
     Returns
     -------
@@ -71,9 +70,7 @@ def track(
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     validate.flag("progress", progress)
-    ratios: tuple[float, ...] = (0.9, 1.2) if search_branches is True else ()
-    if not isinstance(search_branches, bool):
-        ratios = tuple(validate.numbers("search_branches, ratios to the preload", search_branches, above=0.0).tolist())
+    ratios = (0.9, 1.2) if validate.flag("search_branches", search_branches) else ()
     if options is not None:
         validate.instance("options", options, ContinuationOptions)
     with single_thread():
@@ -255,8 +252,7 @@ def check_curve(problem: Problem, curve: Curve) -> None:
     if not len(curve):
         return
     i = curve.peak.index
-    r, _, _ = system.evaluate(curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i]))
-    error = float(np.abs(r * system.row_scale).max())
+    error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
     found = f"one with other settings (residual {error:.2g} at its peak)"
     validate.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), "curve", "one of this study", found)
 

@@ -47,9 +47,7 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     overlap = max(0.0, -float(problem.point_gaps[problem.friction_points].min()))
     unknowns = curve.unknowns.copy()
     unknowns[:, : len(away)] += (2.0 * swing + overlap) / opening.min() * away
-    residual = np.empty(len(curve))
-    for i, (u, f) in enumerate(zip(unknowns, curve.frequency)):
-        residual[i] = np.abs(system.evaluate(u, 2.0 * np.pi * float(f))[0] * system.row_scale).max()
+    residual = np.array([system.error(y) for y in np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])])
     if not len(curve) or residual.max() > options.tolerance:
         return None
     return replace(

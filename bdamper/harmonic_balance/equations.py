@@ -3,8 +3,7 @@ for a nonlinear mode, or for a whole wheel.
 
 A point is ``y = (u, p)``: the unknowns ``u``, which are the ``n_mode[0]`` coordinates of the mean and then for each
 harmonic its cosine and its sine amplitudes, and the free parameter ``p``, mostly the frequency.  The core evaluates and
-solves; small objects say what else differs: rows of the response (:class:`Rows`), units of a point (:class:`Measure`), and
-the budget of evaluations (:class:`Budget`).
+solves; small objects say what else differs: rows of the response (:class:`Rows`) and units of a point (:class:`Measure`).
 """
 
 from __future__ import annotations
@@ -219,26 +218,6 @@ class InFrequency:
         return f"{parameter / (2.0 * np.pi):.6g} Hz"
 
 
-@dataclass(frozen=True)
-class Budget:
-    """Evaluations of the core after which no correction is begun.
-
-    Parameters
-    ----------
-    core
-    most : int
-        In all, with those before the budget began.
-    """
-
-    core: Core
-    most: int
-
-    @property
-    def left(self) -> int:
-        """Evaluations left, none where it is not positive."""
-        return self.most - self.core.cost.evaluations
-
-
 @brief
 @dataclass(frozen=True, eq=False)
 class Equations(Generic[S]):
@@ -266,7 +245,8 @@ class Equations(Generic[S]):
         Whether the parameter fades a support out (:func:`bdamper.harmonic_balance.system.supported_by`).
     watched : sequence of (frequency, half-width, modal row), rad/s
         Linear resonances that a path must not step over.
-    budget : Budget, optional
+    last : float
+        Evaluations of the core, those before a budget began included, after which no correction is begun.
     forms_matrix : bool
         Whether the whole Jacobian can be formed where it is asked for.
     """
@@ -282,7 +262,7 @@ class Equations(Generic[S]):
     work: NDArray
     supported: bool = False
     watched: Sequence[tuple[float, float, NDArray]] = ()
-    budget: Budget | None = None
+    last: float = math.inf
     forms_matrix: bool = True
 
     # ---- sizes, and what is read from a point ----
@@ -321,9 +301,7 @@ class Equations(Generic[S]):
 
     def first_harmonic(self, y: NDArray) -> NDArray:
         """(...,) complex amplitude of the first harmonic of the response at points (..., n_unknowns + 1)."""
-        if self.rows.moving:
-            return self.rows.value(y)
-        return np.asarray(self.amplitudes(y[..., :-1], 1) @ self.response_rows[1])
+        return self.rows.value(y)
 
     def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
         """Gradient of half the squared amplitude of the first harmonic with respect to y, and the squared amplitude."""
@@ -345,16 +323,21 @@ class Equations(Generic[S]):
 
     def within(self, evaluations: int) -> Equations[S]:
         """The same equations with a budget: no correction is begun after so many evaluations from now on."""
-        return replace(self, budget=Budget(self.core, self.core.cost.evaluations + evaluations))
+        return replace(self, last=self.core.cost.evaluations + evaluations)
 
     def with_share(self, share: float) -> Equations[S]:
         """The same equations with a part of what is left of the budget."""
-        return self if self.budget is None else self.within(int(share * max(self.budget.left, 0)))
+        return self if self.last == math.inf else self.within(int(share * max(self.left, 0)))
+
+    @property
+    def left(self) -> float:
+        """Evaluations left of the budget; infinite without one."""
+        return self.last - self.core.cost.evaluations
 
     @property
     def spent(self) -> bool:
         """Whether the budget is used up."""
-        return self.budget is not None and self.budget.left <= 0
+        return self.left <= 0
 
     # ---- evaluation ----
 
@@ -439,10 +422,10 @@ class Equations(Generic[S]):
         tangent, arguments = for_core(condition, self.n_unknowns)
         if isinstance(condition, Peak):
             arguments["re"], arguments["im"] = self.rows.at(y[-1])
-        if self.budget is not None:
-            if self.spent:
-                return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
-            max_iterations = min(max_iterations, 1 + self.budget.left // (LINE_SEARCH_TRIALS if line_search else 1))
+        if self.spent:
+            return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
+        if self.last < math.inf:
+            max_iterations = min(max_iterations, 1 + int(self.left) // (LINE_SEARCH_TRIALS if line_search else 1))
         c = self.core.solve(
             y, tangent, scale, tolerance, max_iterations, int(line_search), reach, loose=loose, rough=rough, **arguments
         )

@@ -10,7 +10,6 @@ begin and end a picture of several results, `draw_table` draws any column of a r
 from bdamper.plot.axes import colours as colours
 from bdamper.plot.axes import new_axes as new_axes
 from bdamper.plot.axes import save_figure as save_figure
-from bdamper.plot.contact import plot_contact_map as plot_contact_map
 from bdamper.plot.contact import plot_peak as plot_peak
 from bdamper.plot.contact import plot_static as plot_static
 from bdamper.plot.contact import plot_status_bars as plot_status_bars

@@ -13,15 +13,14 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from bdamper.contact.preload import PreloadState
-from bdamper.contact.wedge import ContactMap
 from bdamper.model.model import Model
 from bdamper.peaks.newton import Peak
 from bdamper.plot.axes import NEW, PAPER, drawing, fit_units, legend_beside, picture
 from bdamper.plot.motion import STATES, ContactStatus
 from bdamper.util import validate
+from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
-from bdamper.util.text import amount
 
 STATUS_COLOURS = ("#262626", "#e6862a", "#cfe3ee")
 """Dark, middle and light: told apart in grey as well."""
@@ -147,15 +146,6 @@ def plot_faces(
     return axes.ravel()
 
 
-@picture(PreloadState, legend=None)
-def plot_static(state: PreloadState, ax: Axes = NEW) -> None:
-    """Normal force of every contact point in the static state, in the colour of what it does."""
-    shades = [STATUS_COLOURS[STATES.index(name)] for name in state.state]
-    ax.bar(np.arange(1, len(shades) + 1), state.force[:, 2], color=shades, **EDGE)
-    ax.set(xlabel="Contact point", ylabel="Normal force (N)", title=f"preload {amount(state.load, 'N')}")
-    _status_legend(ax)
-
-
 @picture(Peak, size=(5.6, 1.5), legend=None)
 def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
     """Shares of the cycle that contacts stick, slip and are open at the peak."""
@@ -165,24 +155,31 @@ def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
     _status_legend(ax)
 
 
-@draws(ContactMap)
-def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> NDArray:
-    """Pressure, gap or use of the friction limit over the friction faces; open points stay white.
+@draws(PreloadState)
+def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
+    """Pressure, gap or use of the friction limit over the friction faces at rest; open points stay white.
 
     Parameters
     ----------
-    contact : ContactMap
+    state : PreloadState
+        From a study; files of version 0.6 and before do not have the faces.
     quantity : {"pressure", "gap", "friction"}
     """
-    closed = contact.force[:, 2] > 0.0
+    pressure, points, frame, friction = state.pressure, state.points, state.frame, state.friction
+    if pressure is None or points is None or frame is None or friction is None:
+        raise BdamperError("plot: expected a static state with its faces, as study.static gives it, found none")
+    normal = state.force[:, 2]
+    closed, reach = normal > 0.0, (friction * normal)[:, None]
+    used = np.divide(np.abs(state.force[:, :2]), reach, out=np.zeros((len(normal), 2)), where=reach > 0.0).max(axis=1)
     choices = {
-        "pressure": (np.where(closed, contact.pressure, np.nan), label_of(ContactMap, "pressure")),
-        "gap": (contact.distance, label_of(ContactMap, "distance")),
-        "friction": (np.where(closed, contact.utilisation.max(axis=1), np.nan), "Friction force / limit"),
+        "pressure": (np.where(closed, pressure, np.nan), label_of(PreloadState, "pressure")),
+        "gap": (np.maximum(-state.closing, 0.0), "Gap (m)"),
+        "friction": (np.where(closed, used, np.nan), "Friction force / limit"),
     }
     value, label = choices[validate.choice("quantity", quantity, choices)]
     value = value if np.isfinite(value).any() else np.zeros(len(value))
-    own = [contact.owner == i for i in range(len(contact.interfaces))]
-    faces = [i for i, rows in enumerate(own) if contact.friction[rows].any()] or range(len(own))
-    places = [(contact.interfaces[i], contact.points[own[i]], contact.frame[own[i]]) for i in faces]
-    return plot_faces(places, [value[own[i]] for i in faces], label)
+    names = np.array(state.interface)
+    faces = dict.fromkeys(names[friction > 0.0] if friction.any() else names)
+    own = [names == name for name in faces]
+    places = [(str(name), points[rows], frame[rows]) for name, rows in zip(faces, own)]
+    return plot_faces(places, [value[rows] for rows in own], label)

@@ -112,7 +112,7 @@ def approach(system: StaticSystem, loads: NDArray, touching: NDArray, item: str)
     held = replace(
         system, own=None, kt=system.kt * ~apart[:, None], kn=np.where(pressed | apart, 1e-12 * kn, kn),
         n0=np.where(pressed, loads, np.where(apart, -1.0, system.n0)),
-        bonded=None if system.bonded is None else system.bonded & ~apart,
+        bonded=system.bonded & ~apart,
     )  # fmt: skip
     state = static_state(held, 0.0)
     validate.require(state.converged, item, "a structure that can carry them at rest", state.note)

@@ -20,9 +20,9 @@ from bdamper.contact.no_separation import without_separation
 from bdamper.contact.own_law import OwnLaws
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, assembly_offsets, scaled_state, static_state
-from bdamper.contact.residual_modes import ResidualModes
-from bdamper.contact.stiffness import Contact, StiffnessReport, check_method, report
-from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
+from bdamper.contact.residual_modes import ResidualModes, joined
+from bdamper.contact.stiffness import Contact, check_method, report
+from bdamper.contact.wedge import WedgeFriction, wedge_friction
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coarsening import unite_contact_points, united_mean
@@ -198,7 +198,8 @@ class Problem:
         residual = self.contact.residual
         if residual is None:
             return basis
-        return residual.basis(harmonic).stiffer(float(self.settings.contact_stiffness_factor)).join(basis)
+        own = residual.basis(harmonic)
+        return joined(basis, replace(own, omega2=float(self.settings.contact_stiffness_factor) * own.omega2))
 
     @part
     def modal_bases(self) -> list[HarmonicBasis]:
@@ -277,9 +278,10 @@ class Problem:
         return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps) if own else None
 
     @property
-    def stiffness_report(self) -> tuple[StiffnessReport, ...]:
+    def stiffness_report(self) -> str:
         """Range of the contact stiffness and use of fallback rules, for each interface."""
-        return tuple(report(name, contact, self.contact.note) for name, contact in self.stiffness.items())
+        lines = [report(name, contact) for name, contact in self.stiffness.items()]
+        return "\n".join([*lines, self.contact.note] if self.contact.note else lines)
 
     @part
     def point_stiffness(self) -> NDArray:
@@ -398,6 +400,13 @@ class Problem:
         (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
         return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
 
+    @part
+    def _surfaces(self) -> dict[str, Any]:
+        """What static states say of their contact points, whatever the load."""
+        faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
+        places = {name: np.concatenate([getattr(f, name) for f in faces]) for name in ("points", "frame", "area")}
+        return places | {"interface": self.coupling.interface_of, "friction": self.friction}
+
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
         """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
@@ -413,16 +422,16 @@ class Problem:
         factors = self.settings.load_history if history is None else check_history("history", history)
         key = (preload, *factors)
         if key not in self.static_states:
-            watch, system, names = Stopwatch(), self.static_system, self.coupling.interface_of
+            watch, system = Stopwatch(), self.static_system
             offset = assembly_offsets(self.settings.slip_offset, self.settings.slip_offset_seed, self.friction)
             state = None
             if len(factors) == 1 and preload > 0.0 and not (self.settings.slip_offset or self.settings.fixed_loads):
                 # always from one and the same load, so that results do not depend on what was asked before
-                unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), interface=names)
+                unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), **self._surfaces)
                 self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
-                    self.static_states[key] = replace(state, cost=Cost(**watch.read()), interface=names)
+                    self.static_states[key] = replace(state, cost=Cost(**watch.read()))
                     return self.static_states[key]
             for factor in (0.0, *factors) if self.settings.fixed_loads else factors:  # assembly comes first
                 state = static_state(system, factor * preload, start=state, offset=offset)
@@ -430,7 +439,7 @@ class Problem:
                     break
             assert state is not None
             cost = Cost(**watch.read(), iterations=state.iterations)
-            self.static_states[key] = replace(state, cost=cost, interface=names)
+            self.static_states[key] = replace(state, cost=cost, **self._surfaces)
         return self.static_states[key]
 
     def equilibrium(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
@@ -439,18 +448,6 @@ class Problem:
         if not state.converged:
             raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
         return state
-
-    def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
-        """Pressure, gap and state over the faces in the static state.
-
-        Parameters
-        ----------
-        preload : float, N
-        history : sequence of float, optional
-            Load factors through which the preload is reached; those of the settings by default.
-        """
-        factors = self.settings.load_history if history is None else check_history("history", history)
-        return ContactMap.make(self.coupling, self.equilibrium(preload, factors), self.friction, factors)
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
         """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""

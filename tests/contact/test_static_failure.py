@@ -38,7 +38,6 @@ def test_the_equations_are_not_those_of_another_load(study):
     assert study.problem.system(LAST).n_unknowns == study.problem.n_unknowns
     for ask in (
         study.problem.system,
-        study.contact_map,
         study.problem.major_directions,
         lambda load: study.stuck(INTERVAL, load),
         study.with_(friction_axes="major").problem.system,
@@ -56,7 +55,7 @@ def test_a_curve_has_no_start(study, options):
 
 
 def test_branches_are_looked_for_from_other_loads_that_have_a_state(study):
-    assert study.track(LAST, INTERVAL, search_branches=(0.9, 1.2)).complete
+    assert study.track(LAST, INTERVAL, search_branches=True).complete
 
 
 def test_a_peak_is_not_that_of_another_load(study):

@@ -69,7 +69,7 @@ def test_with_much_friction_it_is_the_stiffness_of_the_closed_points():
 def test_it_slides_when_all_friction_is_used():
     """Along the axis that is mu times the normal force of both faces, each direction having its own limit."""
     s = study("unit_traction")
-    limit = MU * sum(s.contact_map(LOAD).normal_force.values())
+    limit = MU * sum(s.static(LOAD).normal_force.values())
     curve = microslip(s, LOAD, limit * np.array([0.5, 0.9, 0.97, 1.03, 1.1]))
     last = max(p["force"] for p, status in zip(curve.points, curve.status) if status == "complete")
     assert not curve.complete and 0.96 * limit < last < 1.05 * limit

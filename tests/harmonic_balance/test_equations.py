@@ -131,14 +131,14 @@ def test_units_are_positive_and_a_place_is_words(equations):
 def test_a_budget_ends_corrections_and_belongs_to_a_copy(equations):
     system, y = equations
     poor = system.within(0)
-    assert poor.spent and not system.spent and system.budget is None
+    assert poor.spent and not system.spent and system.left == np.inf
     before = system.core.cost.evaluations
     found = poor.solve(y, Fixed(), np.ones(len(y)), 1e-9, 5)
     assert found.status == NOT_CONVERGED and found.iterations == 0 and system.core.cost.evaluations == before
     half = system.within(100).with_share(0.5)
-    assert half.budget.left == 50 and not half.spent
+    assert half.left == 50 and not half.spent
     system.residual(y)
-    assert half.budget.left == 49
+    assert half.left == 49
     with pytest.raises(FrozenInstanceError):
         system.watched = ()
 

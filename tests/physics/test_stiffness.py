@@ -121,9 +121,8 @@ def test_stiffness_of_a_study():
         assert np.isfinite(contact.stiffness).all()
         assert (contact.stiffness > 0).all()
         assert contact.source == "unit_traction"
-    for line, contact in zip(s.stiffness_report, s.problem.stiffness.values()):
-        np.testing.assert_array_equal(line.fallback, contact.fallback.sum(axis=0))
-        assert f"{line.fallback[0]} of 4 fell back" in str(line)
+    for line, contact in zip(s.stiffness_report.splitlines(), s.problem.stiffness.values()):
+        assert f"{contact.fallback[:, 0].sum()} of 4 fell back" in line
 
 
 def test_retaining_every_mode_leaves_less_flexibility():

@@ -36,7 +36,7 @@ def test_first_answer_has_residual_modes_and_three_harmonics(disk):
         curve = default.track(2000.0, (345.0, 375.0))
     # 40 blade modes: 0.335 mm with 24 points (docs/measured.md); unit tractions with one harmonic: 0.475 mm
     assert curve.peak.amplitude == pytest.approx(0.335e-3, rel=0.1)
-    assert all(not r.note and r.source == "residual_modes" for r in default.stiffness_report[:2])
+    assert default.stiffness_report.count("residual_modes, N/m") == 4 and "instead" not in default.stiffness_report
     assert default.problem.n_unknowns == 22 * 7
 
 
@@ -65,7 +65,7 @@ def test_a_model_without_the_flexibility_says_what_stands_in(disk):
         report = fallen.stiffness_report
     settings = fallen.problem.record()
     assert len(said) == 1
-    assert "instead of residual modes" in str(report[0]) and settings["contact_stiffness"] == "unit_traction"
+    assert "instead of residual modes" in report and settings["contact_stiffness"] == "unit_traction"
     plain = study(model, contact_stiffness="unit_traction")
     assert np.array_equal(fallen.problem.point_stiffness, plain.problem.point_stiffness)
     # two harmonics do not need that nodal diameter

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.contact.preload import PreloadState
 from bdamper.continuation.curve import Curve
 from bdamper.effects.comparison import Comparison
 from bdamper.util.hdf5 import Storable, opened
@@ -31,7 +32,7 @@ SINCE = {"Microslip": "SweepResult", "Dissipation": "Hysteresis"}
 """Names of results that are of another type since."""
 EXPECTED_0_5 = json.loads((OF_0_5 / "expected.json").read_text())
 """Sums over the absolute values of each column, or the texts in it, as version 0.5 had them."""
-GONE = ("advice_check", "crossings", "run_up")
+GONE = ("advice_check", "contact_map", "crossings", "run_up")
 """Kinds that have gone since."""
 
 
@@ -78,6 +79,7 @@ class TestReading:
             "bdamper-advice-check",
             "bdamper-microslip",
             "bdamper-dissipation",
+            "bdamper-contact-map",
             *FORMER,
         }
         assert len(kinds) == len(classes) >= 10
@@ -235,6 +237,17 @@ class TestVersions:
             0.059485338,
             0.054773680999998575,
         ]
+
+    def test_a_contact_map_is_read_as_a_static_state(self, files_0_5):
+        found, then = bd.load(files_0_5 / "contact_map.h5"), EXPECTED_0_5["contact_map"]["columns"]
+        assert isinstance(found, PreloadState) and found.converged
+        today = {"T1": "t1", "T2": "t2", "N": "n", "gap": "closing"}
+        for name, (unit, value) in then.items():
+            if name not in ("interface", "state_t1", "state_t2"):
+                column = found.columns()[today.get(name, name)]
+                assert column.unit == unit and float(np.abs(column.values).sum()) == pytest.approx(value, rel=1e-9), name
+        assert sorted(found.normal_force) == then["interface"][1] and set(found.state) == {"open", "slip"}
+        assert all(ax.has_data() for ax in found.plot("gap"))
 
     @pytest.mark.parametrize("name", [name for name in EXPECTED_0_5 if name not in GONE])
     def test_files_of_version_0_5_are_read(self, name, files_0_5):

@@ -112,7 +112,7 @@ class TestShortTexts:
     def test_of_objects_with_arrays(self, study):
         state = study.static(500.0)
         for item in (study.model, study, study.problem.coupling, state, study.model.bodies, study.model.interfaces,
-                     study.settings, study.problem.bases[0], study.contact_map(500.0), study.model.meshes,
+                     study.settings, study.problem.bases[0], study.static(500.0), study.model.meshes,
                      study.track(2000.0, (360.0, 380.0))):  # fmt: skip
             assert len(str(item)) < 1500, type(item)
             assert len(repr(item)) < 1500, type(item)

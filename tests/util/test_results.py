@@ -37,7 +37,6 @@ QUESTIONS = {
     "peak": lambda s, c: s.peak(2000.0, BAND),
     "optimal_curve": lambda s, c: s.optimal_curve((500.0, 4e3), 4, frequency=BAND, check=False),
     "static": lambda s, c: s.static(500.0),
-    "contact_map": lambda s, c: s.contact_map(500.0),
     "hysteresis": lambda s, c: s.hysteresis(c),
     "dissipation": lambda s, c: s.dissipation(c),
     "verify": lambda s, c: s.verify(c, periods=2, steps_per_period=512),

@@ -109,7 +109,7 @@ class TestTables:
         more = Convergence(1.0, 0.05, (HarmonicPeak(3, 2.0, 100.0), HarmonicPeak(5, 2.1, 101.0)))
         limits = study.optimal_curve((6e3, 8e3), 2, frequency=(270.0, 380.0), check=False)
         cycle, losses = study.hysteresis(curve), study.dissipation(curve)
-        for result in (more, swept, limits, cycle, losses, study.contact_map(500.0)):
+        for result in (more, swept, limits, cycle, losses, study.static(500.0)):
             flat = [column for column in result.columns().values() if not column.dims]
             assert len({len(column.values) for column in flat}) == 1, type(result)
         assert more.columns()["amplitude"].values.tolist() == [2.0, 2.1]
