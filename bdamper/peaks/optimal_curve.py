@@ -258,12 +258,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return ends[0], ends[1]
 
     @property
-    def maxima(self) -> tuple[tuple[float, float], ...]:
-        """Preload (N) and amplitude (m) of all maxima of the curves, the highest ones and those below them."""
-        kinds = [(c, np.array([kind == "maximum" for kind in c.point_kind], bool)) for c in self.curves]
-        return tuple((c.preload, float(a)) for c, marked in kinds for a in c.amplitude[marked])
-
-    @property
     def least_in_time(self) -> Marched | None:
         """The least amplitude in time among complete marches at several preloads; None of fewer than two."""
         return min(self._known, key=lambda k: k.mean) if len(self._known) > 1 else None

@@ -23,10 +23,10 @@ The sum over ``l`` is cut off at the harmonics of the motion, as harmonic balanc
 
 **Number of growing disturbances.**  ``det D`` is analytic, so by the argument principle the turn of its phase around a
 region counts the roots in it: those to the right of a line parallel to the imaginary axis, up to a highest frequency.  The
-phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots away from the region, which makes it
-smooth.  An estimate beside the path would hide a root on the other side of it, so these are left out.  Any root shows in the
-phase, the size or the bend of the determinant between places, and there the path is refined, so the count does not depend
-on the estimates.
+phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots away from the region, which makes
+it smooth.  An estimate beside the path would hide a root on the other side of it, so these are left out.  Any root shows
+in the phase, the size or the bend of the determinant between places, and there the path is refined, so the count does not
+depend on the estimates.
 """
 
 from __future__ import annotations
@@ -52,8 +52,6 @@ ACROSS = 16
 """Places on the part of the path that runs away from the line."""
 BESIDE = 0.25
 """Estimates within this distance (in omega) of the region are left out."""
-REAL = 1e-9
-"""Imaginary part (in omega) below which an exponent counts as real."""
 CHUNK = 8
 
 
@@ -91,7 +89,6 @@ class WaveDisturbances:
         self._rows = np.ascontiguousarray((kt / TWO_PI * g.conj() / turn).T)
         self._columns = (g + factor[:, None] * G[point, 2]) * turn
         self._distinct, self._place = np.unique(self.l, return_inverse=True)
-        self._turned = np.exp(-1j * self._distinct[:, None] * self._length)
 
     def matrix(self, exponent: NDArray) -> NDArray:
         """(k, n, n) complex D at the exponents (k,), rad/s."""
@@ -101,38 +98,24 @@ class WaveDisturbances:
         k = np.arange(len(self.l))
         out[:, k, k] += self.stiffness + s * self.damping + s**2 * self.mass
         if self._length.size:
-            weighted = (self._rows * self._held(exponent)[:, self._place]).reshape(-1, len(self._length))
+            weighted = (self._rows * self._held(exponent)).reshape(-1, len(self._length))
             out -= (weighted @ self._columns).reshape(out.shape)
         return out
 
     def _held(self, exponent: NDArray) -> NDArray:
-        """(k, orders, events) (1 - exp(-z L))/z by order l, z = lambda/omega + i l and L the length of each part."""
+        """(k, n, events) (1 - exp(-z L))/z by order l, z = lambda/omega + i l and L the length of each part."""
         x = (exponent[:, None, None] / self.omega + 1j * self._distinct[:, None]) * self._length
-        decay = np.exp(-exponent[:, None] / self.omega * self._length)
-        small = np.abs(x) < 1e-3
-        out = (1.0 - decay[:, None] * self._turned) / np.where(small, 1.0, x)
-        if small.any():
-            y = x[small]
-            out[small] = 1.0 - y / 2.0 * (1.0 - y / 3.0 * (1.0 - y / 4.0 * (1.0 - y / 5.0)))
-        return np.asarray(out * self._length)
+        zero = x == 0.0
+        held = np.where(zero, 1.0, -np.expm1(-x) / np.where(zero, 1.0, x)) * self._length
+        return np.asarray(held[:, self._place])
 
     def estimates(self) -> NDArray:
-        """Roots of the blocks of single harmonics without memory.
-
-        Exponents come with their conjugates: only those with an imaginary part of 0 or more.
-        """
+        """Roots of the blocks of single harmonics without memory, with their conjugates."""
         out = []
         for k in self._blocks:
-            l = self.l[k[0]] if len(k) else -1.0
-            if not len(k) or l < 0.0:
-                continue
-            block, s = np.ix_(k, k), 1j * l * self.omega
+            block, s = np.ix_(k, k), 1j * self.l[k[0]] * self.omega
             free = np.diag(self.stiffness[k] + s * self.damping[k] + s**2 * self.mass[k])
-            chosen = _pencil(self.steady[block] + free, self.damping[k] + 2.0 * s * self.mass[k], self.mass[k])
-            level = np.abs(chosen.imag) <= REAL * self.omega
-            upper = chosen[~level & (chosen.imag > 0.0)]
-            lower = chosen[~level & (chosen.imag < 0.0)].conj() if l > 0.0 else chosen[:0]  # those of -l
-            out.append(np.concatenate([chosen[level].real, upper, lower]))
+            out.append(_pencil(self.steady[block] + free, self.damping[k] + 2.0 * s * self.mass[k], self.mass[k]))
         return np.concatenate(out)
 
     def growing(self, rate: float, band: float) -> int:
@@ -183,14 +166,13 @@ class WaveDisturbances:
         return -round(turn)
 
     def _relative(self, exponent: NDArray, roots: NDArray) -> NDArray:
-        """(k,) complex logarithm of det D over the product of the distances to the roots and their conjugates.
+        """(k,) complex logarithm of det D over the product of the distances to the roots.
 
         Memory makes more roots than the masses do, but far to the right the determinant grows as these alone let it: what
         is too many or too few is made up for at ``-omega``.
         """
-        every = np.concatenate([roots, roots[roots.imag != 0.0].conj()])
-        rest = 2 * int((self.mass > 0.0).sum()) - len(every)
-        product = np.log(_nonzero(exponent[:, None] - every)).sum(axis=1) + rest * np.log(exponent + self.omega)
+        rest = 2 * np.count_nonzero(self.mass) - len(roots)
+        product = np.log(exponent[:, None] - roots).sum(axis=1) + rest * np.log(exponent + self.omega)
         return np.asarray(self._determinant(exponent) - product)
 
     def _determinant(self, exponent: NDArray) -> NDArray:
@@ -220,17 +202,9 @@ def _pencil(K: NDArray, damping: NDArray, mass: NDArray) -> NDArray:
     """Eigenvalues of mass s^2 + damping s + K, as many as the masses give."""
     n, C = len(mass), np.diag(damping)
     eye, zero = np.eye(n), np.zeros((n, n))
-    heavy = mass > 0.0
-    if heavy.all():
-        inverse = 1.0 / mass[:, None]
-        return np.asarray(np.linalg.eigvals(np.block([[zero, eye], [-inverse * K, -inverse * C]])))
     values = scipy.linalg.eigvals(np.block([[zero, eye], [-K, -C]]), scipy.linalg.block_diag(eye, np.diag(mass)))
     values = values[np.isfinite(values)]
-    return np.asarray(values[np.argsort(np.abs(values))][: 2 * int(heavy.sum())])
-
-
-def _nonzero(x: NDArray) -> NDArray:
-    return np.where(x == 0.0, 1e-300, x)
+    return np.asarray(values[np.argsort(np.abs(values))][: 2 * np.count_nonzero(mass)])
 
 
 def _wrapped(phase: NDArray) -> NDArray:

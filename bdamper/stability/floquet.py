@@ -23,7 +23,9 @@ harmonics have bases of their own: there no such state of one sector exists.  Th
 with the memory of the sliders in it (:mod:`bdamper.stability.disturbances`), and those that grow are counted, whether they
 oscillate or not: within the nodal diameters of the wave, up to one order above the harmonics of the motion.  Faster ones,
 such as chatter of a damper without damping of its own on its contacts, are beyond what so many harmonics describe.  Where
-no slider moves and no contact changes, the equations are linear with symmetric stiffness and nothing grows.  The sign of ``det J`` at fixed frequency is negative if an odd number of disturbances of the wave grows without
+no slider moves and no contact changes, the equations are linear with symmetric stiffness and nothing grows.
+
+The sign of ``det J`` at fixed frequency is negative if an odd number of disturbances of the wave grows without
 oscillating, as between two folds.  It is all that is known under coupled friction and of cubic springs, on any structure,
 as these have no event sequence of this kind.
 
@@ -172,7 +174,8 @@ def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDA
         moving = [not rests(system, u) for u in unknowns]
         grows = np.array([_growing(system, u, w) if moves else 0 for (u, w), moves in zip(solutions, moving)], int)
         stable = grows == 0
-        note += f", up to {system.n_harmonics + 1} times the frequency; {sum(moving)} of {n} points counted, the others rest"
+        note += f", up to {system.n_harmonics + 1} times the frequency"
+        note += f"; {sum(moving)} of {n} points counted, the others rest"
         unknown = np.flatnonzero(grows < 0)
         for i in unknown:
             stable[i] = _positive_determinant(system, *solutions[i])

@@ -212,27 +212,6 @@ class March:
             for _ in range(last - first):
                 count()
 
-    def judged(self, expected: float, tolerance: float = BOUNDS.tolerance) -> tuple[str, str]:
-        """Verdict and reason on whether the motion keeps to an amplitude (m); see :func:`judged`."""
-        return judged(self.amplitude, expected, tolerance, self.memory)
-
-    def until_judged(
-        self, expected: float, tolerance: float = BOUNDS.tolerance, periods: int = BOUNDS.most, fewest: int = 0,
-        progress: bool = False,
-    ) -> bool:  # fmt: skip
-        """March until it is clear whether the motion keeps to an amplitude (m), for at least ``fewest`` periods.
-
-        Returns
-        -------
-        bool
-            Whether Ctrl-C has ended it.
-        """
-
-        def decided() -> bool:
-            return len(self.harmonics) >= fewest and self.judged(expected, tolerance)[0] != UNDECIDED
-
-        return self.run(periods, progress, decided)
-
 
 def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float) -> tuple[str, str]:
     """Verdict and reason from the amplitudes (n_periods,) marched so far; "undecided" asks for more of them.

@@ -13,12 +13,13 @@ error: it differs by about as much, as the lag of a response behind its steady v
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
+from bdamper.continuation.slow_sweep import Jump
 from bdamper.continuation.track import check_curve, track
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
@@ -47,25 +48,6 @@ AFTER_JUMP = 4.0
 """Memories after a jump within which its transient has died out."""
 NEAR = 1e-4
 """Half the relative width of the interval in which the first solution is sought."""
-
-
-class Jump(NamedTuple):
-    """Where the amplitude changes faster than the frequency could make it.
-
-    Parameters
-    ----------
-    frequency : float, Hz
-        Where it begins.
-    before, after : float, m
-        Amplitudes where it begins, and when the transient has died out.
-    """
-
-    frequency: float
-    before: float
-    after: float
-
-    def __str__(self) -> str:
-        return f"jump at {self.frequency:.6g} Hz from {self.before:.4g} to {self.after:.4g} m"
 
 
 @brief

@@ -112,7 +112,7 @@ def test_the_turn_of_the_phase_counts_growing_exponents(curve):
         whole = d.steady + np.diag(d.stiffness + shift * d.damping + shift**2 * d.mass)
         exact = _pencil(whole, d.damping + 2.0 * shift * d.mass, d.mass)
         first = d.estimates
-        d.estimates = lambda first=first: first() + rng.normal(size=len(first())) * 0.02 * omega
+        d.estimates = lambda first=first: first() + 0.04 * omega * np.sin(7.0 * np.abs(first()) / omega)
         band = 2.5 * omega
         count = d.growing(NEUTRAL * omega, band)
         assert count == ((exact.real > NEUTRAL * omega) & (np.abs(exact.imag) < band)).sum()

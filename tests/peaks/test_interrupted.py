@@ -16,7 +16,8 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import without_points
-from bdamper.peaks.at_preload import AtPreload, at_preload
+from bdamper.peaks.at_preload import at_preload
+from bdamper.peaks.highest import AtPreload
 from bdamper.peaks.optimal import optimal_curve
 from bdamper.util.cost import Cost
 from bdamper.util.plotting import Fact
