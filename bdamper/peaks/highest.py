@@ -168,15 +168,10 @@ class _Refined:
         leaves = [j for j in on if omega[j] - omega.min() <= LEVEL * omega[j] or omega.max() - omega[j] <= LEVEL * omega[j]]
         return any(abs(omega[j] - omega[i]) <= LEVEL * omega[i] for j in leaves)
 
-    def _outermost(self, i: int) -> tuple[bool, bool]:
-        """Whether a point is the first, and the last of its branch."""
-        branch = self.curve.branch
-        return i == 0 or branch[i - 1] != branch[i], i == len(branch) - 1 or branch[i + 1] != branch[i]
-
     def at(self, i: int) -> Highest:
         """A top of the curve: the smooth maximum beside it, or the point itself."""
-        y, (first, last) = self.y[i], self._outermost(i)
-        tangent, scale = self._direction(i - (not first), i + (not last), y)
+        y, on = self.y[i], np.flatnonzero(self.curve.branch == self.curve.branch[i])
+        tangent, scale = self._direction(max(i - 1, on[0]), min(i + 1, on[-1]), y)
         low, high = self.y[:, -1].min(), self.y[:, -1].max()
         if self.at_end(i):
             return Highest(self._point(y, np.eye(len(y))[-1], scale), "end", i)

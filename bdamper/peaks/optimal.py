@@ -34,7 +34,7 @@ from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import CostMeter
+from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.results_file import ResultsFile
@@ -221,13 +221,9 @@ class Curves:
         if self.file is not None:
             self.file.append(there.record())
 
-    def cost(self, start: float) -> Any:
-        """Cost of all curves, on all threads."""
-        meter = CostMeter(start)
-        for there in self.known.values():
-            meter.add(there.cost)
-        cost = meter.read(time.perf_counter())
-        return replace(cost, processor=cost.processor + sum(there.cost.processor for there in self.known.values()))
+    def cost(self, start: float) -> Cost:
+        """Cost of all curves, on all threads, in the time since the start."""
+        return replace(sum((there.cost for there in self.known.values()), Cost()), seconds=time.perf_counter() - start)
 
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:

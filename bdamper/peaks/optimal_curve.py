@@ -210,15 +210,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return tuple(out)
 
     @property
-    def best(self) -> int | None:
-        """Number of the preload with the least value, None where one without a value could be lower or none has one."""
-        if not np.isfinite(self.amplitude).any():
-            return None
-        k = int(np.nanargmin(self.amplitude))
-        open_ = ~np.isfinite(self.amplitude) & (self.preload > self.no_steady_below)
-        return None if np.any(open_ & ~(self.lower_bound >= self.amplitude[k])) else k
-
-    @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:
         """(n,) float: frequency relative to that of the free resonance, in per cent."""
         return 100.0 * (self.frequency / self.free.frequency - 1.0)

@@ -39,7 +39,6 @@ asks the motion in time next to it (:mod:`bdamper.stability.in_time`).
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,13 +57,12 @@ from bdamper.stability.in_time import judged_in_time
 from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.repr import brief
+from bdamper.util.cost import Stopwatch
 
 NEUTRAL = 1e-6
 """Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
 
 
-@brief
 @dataclass(frozen=True)
 class Stability:
     """Verdict on one solution or several.
@@ -77,14 +75,12 @@ class Stability:
     method : {"multipliers", "exponents", "determinant"}
     note : str
         Which disturbances are covered.
-    seconds : float
     """
 
     stable: NDArray
     largest: NDArray
     method: str
     note: str
-    seconds: float
 
 
 def has_one_real_basis(system: Equations[Sector]) -> bool:
@@ -157,7 +153,6 @@ def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDA
     unknowns : (n, n_unknowns) float
     omega : (n,) float, rad/s
     """
-    started = time.perf_counter()
     refuse(system.structure.points.own, "stability")
     n, solutions, largest = len(omega), list(zip(unknowns, omega)), np.full(len(omega), np.nan)
     without_events = np.isin(system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
@@ -181,7 +176,7 @@ def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDA
             stable[i] = _positive_determinant(system, *solutions[i])
         if len(unknown):
             note += f"; {len(unknown)} could not be followed and were judged by the sign of det J"
-    return Stability(stable, largest, method, note, time.perf_counter() - started)
+    return Stability(stable, largest, method, note)
 
 
 def _growing(system: Equations[Sector], u: NDArray, omega: float) -> int:
@@ -225,7 +220,8 @@ def with_stability(
     check_curve(problem, curve)
     system, progress = problem.system(curve.preload), validate.flag("progress", progress)
     ring = ring_of(problem, curve.preload) if validate.flag("in_time", in_time) else None
+    watch = Stopwatch()
     result = stability_of_points(system, curve.unknowns, TWO_PI * curve.frequency)
-    note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
+    note = f"{result.note}; {watch.read()['seconds']:.2f} s, {curve.cost.seconds:.2f} s for the curve"
     judged = replace(curve, stable=result.stable, stability_note=note, in_time=None)
     return judged if ring is None else judged_in_time(ring, judged, progress)

@@ -103,8 +103,8 @@ class March:
 
     Attributes
     ----------
-    motion, before : Motion
-        Where it has come to, and where its last piece began.
+    motion : Motion
+        Where it has come to.
     harmonics : list of (n_blades, n_harmonics + 1) complex, m
         Response amplitudes of all blades in each turn; the first is the mean.
     energy : list of (4,) float, J
@@ -132,7 +132,7 @@ class March:
                     f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
                     f"{start.q.shape} and {start.w.shape}"
                 )
-        self.motion = self.before = start if isinstance(start, Motion) else ring.start(start, omega, self.steps)
+        self.motion = start if isinstance(start, Motion) else ring.start(start, omega, self.steps)
         self.harmonics: list[NDArray] = []
         self.energy: list[NDArray] = []
         self.memory = float(omega / (np.pi * max(ring.least_damping, 1e-9 * omega)))
@@ -176,7 +176,7 @@ class March:
         end_if_asked()
         begin, end = ends or (self.omega, None)
         marched = self.ring.march(self.motion, begin, self.steps, turns, omega_end=end)
-        self.before, self.motion = self.motion, marched.motion
+        self.motion = marched.motion
         self.harmonics.extend(marched.harmonics)
         self.energy.extend(marched.energy)
         for work, damping, _, rise in marched.energy:

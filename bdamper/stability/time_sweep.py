@@ -150,7 +150,6 @@ def sweep_in_time(
     up: bool = True,
     rate: float | None = None,
     start: Curve | None = None,
-    index: int | None = None,
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> TimeSweep:
@@ -169,11 +168,9 @@ def sweep_in_time(
     rate : float, Hz/s, optional
         By default a tenth of the half bandwidth of the least damped mode within the memory of its transients.
     start : Curve, optional
-        A tracking curve of this study at this preload, from one of whose solutions the march starts.  By default the
-        lowest solution between folds that is found at the first frequency, as by :meth:`Curve.sweep`.
-    index : int, optional
-        Of the point of that curve; by default the highest solution at the first frequency, or next to it in a gap,
-        branches that close on themselves aside.  The march settles at the first frequency before the sweep begins.
+        A tracking curve of this study at this preload, from whose highest solution at the first frequency, or next to it
+        in a gap, the march starts, branches that close on themselves aside.  By default the lowest solution between
+        folds that is found at the first frequency.  The march settles at the first frequency before the sweep begins.
     steps_per_period : int, optional
         256 by default.
     progress : bool
@@ -198,7 +195,7 @@ def sweep_in_time(
     rate = None if rate is None else validate.number("rate", rate, above=0.0, unit="Hz/s")
     watch = Stopwatch()
     ends = (low, high) if up else (high, low)
-    problem, u, begin = _start(problem, preload, ends[0], start, index)
+    u, begin = _start(problem, preload, ends[0], start)
     ring = ring_of(problem, preload)
     march = March(ring, TWO_PI * begin, u, steps_per_period)
     least = ring.least_damping
@@ -222,31 +219,23 @@ def sweep_in_time(
     )  # fmt: skip
 
 
-def _start(
-    problem: Problem, preload: float, first: float, start: Curve | None, index: int | None
-) -> tuple[Problem, NDArray, float]:
-    """Problem, solution and its frequency (Hz) from which the march starts."""
-    sought = start is None
+def _start(problem: Problem, preload: float, first: float, start: Curve | None) -> tuple[NDArray, float]:
+    """Solution and its frequency (Hz) from which the march starts."""
+    given = start is not None
     if start is None:
-        if index is not None:
-            raise validate.unfit("index", "a point of a curve that is given (start)", index)
         start = track(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
-    else:
-        validate.instance("start", start, Curve, "a tracking curve")
-        check_curve(problem, start)
-        if start.preload != preload:
-            raise validate.unfit("start", f"a curve at {preload:g} N", start.preload)
+    validate.instance("start", start, Curve, "a tracking curve")
+    check_curve(problem, start)
+    if start.preload != preload:
+        raise validate.unfit("start", f"a curve at {preload:g} N", start.preload)
     if not len(start):
         raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
-    if sought:
-        i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
-    elif index is None:
+    if given:
         levels = Levels(start)
         first = min(max(first, levels.end(-1.0)), levels.end(1.0))
-        return problem, levels.start(first), first
-    else:
-        i = validate.whole("index", index, -len(start), len(start) - 1)
-    return problem, start.unknowns[i], float(start.frequency[i])
+        return levels.start(first), first
+    i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
+    return start.unknowns[i], float(start.frequency[i])
 
 
 def _marched(march: March, ends: tuple[float, float], settling: int, turns: int, progress: bool) -> NDArray:
