@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.peaks.at_preload import AtPreload, at_preload
+from bdamper.peaks.at_preload import at_preload
+from bdamper.peaks.highest import AtPreload
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.optimal import BUDGET, IN_A_ROW, optimal_curve, rattling_below
 

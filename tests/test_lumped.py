@@ -9,7 +9,7 @@ import scipy.linalg
 import bdamper as bd
 from bdamper.harmonic_balance.cycle import energies, histories
 from bdamper.problem.problem import stuck_springs
-from bdamper.stability.floquet import shooting_monodromy
+from bdamper.stability.time_integration import Ring
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
 M = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 0.5]])
@@ -130,11 +130,12 @@ def test_a_cubic_spring_in_time():
     curve = study.track(0.0, (0.15, 0.35))
     back = np.flatnonzero(np.diff(curve.frequency) < 0.0)  # the curve runs back from fold to fold
     for i, stable in ((back[0] - 1, True), (back[len(back) // 2], False), (back[-1] + 2, True)):
-        monodromy, change = shooting_monodromy(
-            study.problem.system(0.0), curve.unknowns[i], 2.0 * np.pi * curve.frequency[i], n_steps=192
-        )
-        assert np.abs(change[:2]).max() < 2e-3 * curve.amplitude[i]
-        assert (np.abs(np.linalg.eigvals(monodromy)).max() < 1.0) == stable
+        omega, ring = 2.0 * np.pi * curve.frequency[i], Ring(study.problem.system(0.0), 1, 0, radius=1.0)
+        start = ring.start(curve.unknowns[i], omega, 192)
+        end = ring.march(start, omega, 192).motion
+        assert abs(end.q[0] - start.q[0]) < 2e-3 * curve.amplitude[i]
+        assert abs(end.v[0] - start.v[0]) < 2e-3 * curve.amplitude[i] * omega
+        assert study.with_stability(curve).stable[i] == stable
 
 
 def test_energy_and_history_of_a_cubic_spring():

@@ -3,7 +3,7 @@
 The sweep begins at one end of the interval, on the lowest stable solution there, and moves along stable points.  Where the
 frequency turns or stability is lost the response jumps to a stable solution at that frequency: the nearest lower one, or
 the nearest higher one if none is lower.  The motion during a jump is not computed, so among several stable solutions the
-response may end on another one; how many there were is kept.
+response may end on another one.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from bdamper.util import validate
 
 
 class Jump(NamedTuple):
-    """End of a branch in a sweep, and the branch that follows.
+    """Where a sweep leaves one branch for another.
 
     Parameters
     ----------
     frequency : float, Hz
     before, after : float, m
         Amplitudes; the latter is NaN where no stable solution is known, and the sweep ends.
-    choices : int
-        Stable solutions known at that frequency besides the one that ends.
     """
 
     frequency: float
     before: float
     after: float
-    choices: int
+
+    def __str__(self) -> str:
+        return f"jump at {self.frequency:.6g} Hz from {self.before:.4g} to {self.after:.4g} m"
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def sweep_of(curve: Curve, direction: str) -> SlowSweep:
         options = sweep.landings(x)
         lower = [option for option in options if option.amplitude <= height]
         here = lower[-1] if lower else options[0] if options else _Landing(np.nan, 0, 0)
-        jumps.append(Jump(sense * x, height, here.amplitude, len(options)))
+        jumps.append(Jump(sense * x, height, here.amplitude))
         if not options:
             break
         places.append((x, here.amplitude, here.point))

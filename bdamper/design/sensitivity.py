@@ -13,8 +13,7 @@ from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.conditions import Fixed, Plane
 from bdamper.harmonic_balance.equations import Equations, norm2
-from bdamper.peaks.highest import check_options
-from bdamper.peaks.newton import Family, Peak, PeakOptions
+from bdamper.peaks.newton import Family, Peak
 from bdamper.peaks.sensitivity import CurveSensitivity, PeakSensitivity, across, sensitivities
 from bdamper.problem.aligned import like
 from bdamper.problem.problem import Problem
@@ -31,9 +30,7 @@ PARAMETERS = (
 
 
 @one_thread
-def peak_sensitivities(
-    problem: Problem, peak: Peak, parameters: Sequence[str] = PARAMETERS, *, options: PeakOptions | None = None
-) -> dict[str, PeakSensitivity]:
+def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] = PARAMETERS) -> dict[str, PeakSensitivity]:
     """Derivatives of a peak's amplitude and frequency with respect to the preload and to settings.
 
     Parameters
@@ -45,7 +42,6 @@ def peak_sensitivities(
         "preload" or any setting with a number (see :mod:`bdamper.problem.variation`); factors are taken at 1.
         "damper_mass" is the mass of the free bodies with the preload that goes with it at a fixed rotor speed, as a factor;
         "damper_mass_factor" is their inertia alone; "damper_mass.rear" and "damper_mass_factor.rear" are those of one.
-    options : PeakOptions
 
     Returns
     -------
@@ -59,10 +55,9 @@ def peak_sensitivities(
         amplitude a rippled function of frequency, whose maxima move from ripple to ripple.
     """
     validate.instance("peak", peak, Peak, "a Peak, as Study.peak returns it")
-    check_options(options)
     if peak.model_hash:
         check_result(problem, peak, "peak")
-    return sensitivities(peak, families(problem, parameters, peak.parameter), options)
+    return sensitivities(peak, families(problem, parameters, peak.parameter))
 
 
 @one_thread

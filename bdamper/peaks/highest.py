@@ -13,10 +13,10 @@ Points of a curve are converged, but may be coarse.  So the highest ones are ref
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,8 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
-from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.hdf5 import typed
+from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND, because
 from bdamper.util.text import height
 
 NEAR = 3e-3
@@ -52,7 +53,8 @@ LEVEL = 1e-6
 """Relative change of the amplitude up to which points of a curve count as one, the mean position alone moves there; and of
 the frequency, at an end of the interval."""
 REACH = 0.3
-"""Distance, relative to the vibration, within which the maximum of a point is looked for: twice a step of a curve."""
+"""Distance, relative to the vibration, within which the maximum of a point is looked for: twice a step of a curve; and that
+of a peak between the peaks of two preloads."""
 AT_END = "highest at an end of the interval, without a maximum in it"
 """What an ending says where the highest point is no maximum."""
 
@@ -166,15 +168,10 @@ class _Refined:
         leaves = [j for j in on if omega[j] - omega.min() <= LEVEL * omega[j] or omega.max() - omega[j] <= LEVEL * omega[j]]
         return any(abs(omega[j] - omega[i]) <= LEVEL * omega[i] for j in leaves)
 
-    def _outermost(self, i: int) -> tuple[bool, bool]:
-        """Whether a point is the first, and the last of its branch."""
-        branch = self.curve.branch
-        return i == 0 or branch[i - 1] != branch[i], i == len(branch) - 1 or branch[i + 1] != branch[i]
-
     def at(self, i: int) -> Highest:
         """A top of the curve: the smooth maximum beside it, or the point itself."""
-        y, (first, last) = self.y[i], self._outermost(i)
-        tangent, scale = self._direction(i - (not first), i + (not last), y)
+        y, on = self.y[i], np.flatnonzero(self.curve.branch == self.curve.branch[i])
+        tangent, scale = self._direction(max(i - 1, on[0]), min(i + 1, on[-1]), y)
         low, high = self.y[:, -1].min(), self.y[:, -1].max()
         if self.at_end(i):
             return Highest(self._point(y, np.eye(len(y))[-1], scale), "end", i)
@@ -219,22 +216,67 @@ def given_up(curve: Curve) -> str:
     return f"a branch was given up among many folds from {where}" if where else ""
 
 
-class Found(NamedTuple):
-    """The response over frequency at one preload, and its highest point; None where nothing was found."""
+@dataclass(frozen=True)
+class AtPreload:
+    """The response over frequency at one preload, and its highest point.
 
+    Parameters
+    ----------
+    preload : float, N
+    curve : Curve
+        Of an optimal curve without its unknowns.
+    top : Highest, optional
+        Its highest point, None where nothing was found.
+    slope : float
+        d ln(amplitude)/d ln(preload) of that, NaN where it has none, as at a corner, or was not asked for.
+    rattles : str
+        Why no steady periodic response is expected, if the curve shows the sign (:mod:`bdamper.continuation.rattle`).
+    cost : Cost
+    """
+
+    preload: float
     curve: Curve
     top: Highest | None
+    slope: float
+    rattles: str
     cost: Cost
 
     @property
-    def ending(self) -> str:
-        """ "complete", otherwise how the curve ended; named too is an end that is the highest point, or higher than it."""
-        if self.curve.complete and self.top is not None and self.top.kind == "end":
+    def known(self) -> bool:
+        """Whether no maximum of the branches that were followed is higher; see :func:`given_up`."""
+        return self.top is not None and self.curve.complete and self.top.kind != "end"
+
+    @property
+    def height(self) -> float:
+        """Amplitude (m) of the highest point, NaN where nothing was found."""
+        return np.nan if self.top is None else self.top.peak.amplitude
+
+    @property
+    def value(self) -> float:
+        """ln(amplitude) of the highest point, infinite where that is not known."""
+        return float(np.log(self.height)) if self.known else np.inf
+
+    @property
+    def status(self) -> str:
+        """ "complete", "incomplete" or "not found", with what is to be said of it."""
+        if self.top is None or not self.curve.complete:
+            own = NOT_FOUND if self.top is None else INCOMPLETE
+            return because(own, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{own}: "))
+        if self.top.kind == "end":
             return because(INCOMPLETE, AT_END)
-        note = "; ".join(filter(None, (self.top.note if self.top is not None else "", given_up(self.curve))))
-        if self.curve.complete:
-            return because(COMPLETE, note)
-        return f"{self.curve.status} ({self.curve.reason}){', ' * bool(note)}{note}"
+        return because(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
+
+    def record(self) -> dict[str, Any]:
+        """All of it in numbers, texts, lists and arrays."""
+        return {"index": repr(self.preload), **asdict(self)}
+
+    @staticmethod
+    def of(record: Mapping[str, Any]) -> AtPreload:
+        """Restore a record read from JSON, in which arrays of a curve without points have no shape."""
+        made: AtPreload = typed(AtPreload, record)
+        curve, n = made.curve, len(made.curve)
+        harmonics, shares = curve.harmonics.reshape(n, 2), curve.shares.reshape(n, 3)
+        return replace(made, curve=replace(curve, unknowns=np.zeros((n, 0)), harmonics=harmonics, shares=shares))
 
 
 def found_at(
@@ -244,7 +286,7 @@ def found_at(
     *,
     options: PeakOptions | None = None,
     budget: int | None = None,
-) -> Found:
+) -> AtPreload:
     """The whole curve at a preload, followed coarsely, and its highest point.
 
     Where the coarse curve is not complete, where one of its paths ended among many folds, or where no search has ended at
@@ -286,7 +328,7 @@ def found_at(
         if spent or (curve.complete and top is not None and top.exact and not given_up(curve)):
             break
         before = (curve, top) if curve.complete and top is not None and top.exact else None
-    return Found(curve, top, meter.read(time.perf_counter()))
+    return AtPreload(preload, curve, top, np.nan, "", meter.read(time.perf_counter()))
 
 
 @one_thread
@@ -315,12 +357,12 @@ def highest_peak(
     if found.top is None:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
-            f"ended as: {found.ending}"
+            f"ended as: {found.status}"
         )
     settings = problem.record() | {"frequency": list(frequency)}
     status = because(INCOMPLETE, AT_END) if found.top.kind == "end" else found.top.peak.status
     return replace(
-        found.top.peak, cost=found.cost, scan=found.ending, status=status, settings=settings, model_hash=problem.model.hash
+        found.top.peak, cost=found.cost, scan=found.status, status=status, settings=settings, model_hash=problem.model.hash
     )  # fmt: skip
 
 

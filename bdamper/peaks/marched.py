@@ -90,7 +90,10 @@ def with_kept(
     SettingError
         If the curve is of another model.
     """
-    _check(problem, curve)
+    validate.instance("curve", curve, OptimalCurve)
+    if curve.model_hash != problem.model.hash:
+        raise validate.unfit("curve", "an optimal curve of this study", "one of another model")
+    options = ContinuationOptions(budget=BUDGET)
     if preload is None:
         places = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
     else:
@@ -100,21 +103,10 @@ def with_kept(
     with LongWork():
         for p in each(places, progress, "marching in time", "preload"):
             try:
-                tracked = _tracked(problem, curve, p)
+                tracked = uninterrupted(track(problem, p, curve.settings["frequency"], options=options))
                 cost += tracked.cost
                 found[p] = in_time.kept(problem, tracked)
                 cost += found[p].cost
             except BdamperError as error:
                 found[p] = replace(none[p], status=because(NOT_FOUND, error))
     return replace(curve, kept=tuple(found[p] for p in sorted(found)), cost=cost)
-
-
-def _check(problem: Problem, curve: OptimalCurve) -> None:
-    validate.instance("curve", curve, OptimalCurve)
-    if curve.model_hash != problem.model.hash:
-        raise validate.unfit("curve", "an optimal curve of this study", "one of another model")
-
-
-def _tracked(problem: Problem, curve: OptimalCurve, preload: float) -> Curve:
-    options = ContinuationOptions(budget=BUDGET)
-    return uninterrupted(track(problem, preload, curve.settings["frequency"], options=options))

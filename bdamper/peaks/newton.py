@@ -41,6 +41,8 @@ from bdamper.util.text import height, preloaded
 
 JUMP = 1e3
 """Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
+DIFFERENCE = 1e-5
+"""Relative step of the central differences in sensitivities."""
 FAR = "a peak far from its prediction"
 ANOTHER = "a solution on another part of the curve, by the sign of det J"
 LOOSEST = ContinuationOptions().tolerance
@@ -67,10 +69,6 @@ class PeakOptions:
         Newton iterations in one corrector.
     max_trials : int
         Correctors spent on one peak.
-    max_distance : float
-        Largest distance, relative to the vibration, of a peak from its prediction in the parameter.
-    difference : float
-        Relative step of the central differences in sensitivities.
     """
 
     tolerance: float = 1e-10
@@ -78,12 +76,9 @@ class PeakOptions:
     max_step: float = 0.4
     max_iterations: int = 12
     max_trials: int = 60
-    max_distance: float = 0.3
-    difference: float = 1e-5
 
     def __post_init__(self) -> None:
-        positive = ("tolerance", "position_tolerance", "max_step", "max_distance", "difference")
-        validate.fields(self, validate.number, *positive, above=0.0, below=10.0)
+        validate.fields(self, validate.number, "tolerance", "position_tolerance", "max_step", above=0.0, below=10.0)
         validate.fields(self, validate.whole, "max_iterations", "max_trials", least=2)
 
 
@@ -236,7 +231,7 @@ class _Search:
         short = 1e-3
         if moved > short or c.curvature < -JUMP:
             return c
-        row, _ = self.system.slope_gradient(c.y, c.tangent, self.scale, options.difference)
+        row, _ = self.system.slope_gradient(c.y, c.tangent, self.scale, DIFFERENCE)
         c = replace(c, curvature=float(row @ c.tangent))
         if not c.curvature < 0.0:
             return None

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.rattle import NO_STEADY
-from bdamper.peaks.at_preload import LOST, AtPreload, at_preload
-from bdamper.peaks.highest import check_options, given_up
+from bdamper.peaks.at_preload import LOST, at_preload
+from bdamper.peaks.highest import REACH, AtPreload, check_options, given_up
 from bdamper.peaks.interval import linear_peak, peak_interval
 from bdamper.peaks.least import Place, agree, least
 from bdamper.peaks.newton import Family, Peak, PeakOptions, find_peak
@@ -34,7 +34,7 @@ from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import CostMeter
+from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.results_file import ResultsFile
@@ -161,7 +161,9 @@ class Curves:
         self.report: Callable[[str, int, int], None] | None = None
         self.file, self.kept = None, dict[int | str, dict[str, Any]]()
         if self.resume is not None:
-            self.file = search_file(self.resume, self.problem, frequency=self.frequency, **self.asked)
+            header = {"format": "bdamper-optimal-search", "version": 3, "study": study_fingerprint(self.problem)}
+            header |= HERE.attributes() | {"frequency": self.frequency} | self.asked
+            self.file = ResultsFile(self.resume, header, "search for an optimal curve")
             self.stack.enter_context(closing(self.file))
             self.kept = self.file.records
         if self.executor is None:
@@ -219,13 +221,9 @@ class Curves:
         if self.file is not None:
             self.file.append(there.record())
 
-    def cost(self, start: float) -> Any:
-        """Cost of all curves, on all threads."""
-        meter = CostMeter(start)
-        for there in self.known.values():
-            meter.add(there.cost)
-        cost = meter.read(time.perf_counter())
-        return replace(cost, processor=cost.processor + sum(there.cost.processor for there in self.known.values()))
+    def cost(self, start: float) -> Cost:
+        """Cost of all curves, on all threads, in the time since the start."""
+        return replace(sum((there.cost for there in self.known.values()), Cost()), seconds=time.perf_counter() - start)
 
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
@@ -262,7 +260,7 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     if kind == "unknown" and not at.slope < 0.0 and there[places[best.index - 1].x].preload <= edge:
         kind = "edge"
     status = COMPLETE
-    lower = [p for p in sorted(known) if p > edge and not known[p].known and not _bound(known[p]) >= at.top.peak.amplitude]
+    lower = [p for p in sorted(known) if p > edge and not known[p].known and not known[p].height >= at.top.peak.amplitude]
     if lower:
         status = because(INCOMPLETE, f"{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N")
     elif best.open is not None:
@@ -279,7 +277,7 @@ def smooth_minimum(
     family: Family, ends: Sequence[Peak], a: Place, b: Place, options: PeakOptions | None = None
 ) -> float | None:
     """ln(parameter) of the least amplitude of the peak that two places share, by a root of its derivative."""
-    options, near = options or PeakOptions(), dict(zip((a.x, b.x), ends))
+    near = dict(zip((a.x, b.x), ends))
 
     def slope(x: float) -> float:
         p, low, high = float(np.exp(x)), max(k for k in near if k <= x), min(k for k in near if k >= x)
@@ -289,12 +287,12 @@ def smooth_minimum(
         start = first if share < 0.5 else last
         found = find_peak(
             family(p), guess, tangent=start.tangent, scale=start.scale, curvature=start.curvature, options=options,
-            parameter=p, reach=options.max_distance,
+            parameter=p, reach=REACH,
         )  # fmt: skip
         if not found.converged or found.corner:
             raise ArithmeticError("the peak is lost")
         near[x] = found
-        return amplitude_sensitivity(found, family, p, options) * p / found.amplitude
+        return amplitude_sensitivity(found, family, p) * p / found.amplitude
 
     optimum_tolerance = 1e-7  # relative, on the preload of a smooth optimum
     try:
@@ -316,10 +314,6 @@ def _least_so_far(curves: Curves) -> OptimumPoint:
     return OptimumPoint(best.preload, best.top.peak.amplitude, best.top.peak.frequency, "unknown", np.inf, status)
 
 
-def _bound(there: AtPreload) -> float:
-    return np.nan if there.top is None else there.top.peak.amplitude
-
-
 def rattling_below(known: dict[float, AtPreload]) -> float:
     """The highest preload (N) at and below which all curves show that the damper rattles; 0 if the lowest does not."""
     out = 0.0
@@ -328,12 +322,6 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
             break
         out = p
     return out
-
-
-def search_file(path: str | Path, problem: Problem, **asked: Any) -> ResultsFile:
-    """The file of a search, guarded by the model, the settings and what was asked, as far as it is given."""
-    header = {"format": "bdamper-optimal-search", "version": 3, **HERE.attributes(), "study": study_fingerprint(problem)}
-    return ResultsFile(path, header | asked, "search for an optimal curve")
 
 
 def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
@@ -357,7 +345,7 @@ def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unkn
     return {
         "preload": values,
         "amplitude": column("amplitude", np.nan),
-        "lower_bound": np.array([np.nan if top or not row else _bound(row) for row, top in zip(rows, tops)]),
+        "lower_bound": np.array([np.nan if top or not row else row.height for row, top in zip(rows, tops)]),
         "frequency": column("frequency", np.nan),
         "shares": np.array([np.full(3, np.nan) if top is None else top.peak.shares for top in tops]),
         "residual": column("residual", np.nan),

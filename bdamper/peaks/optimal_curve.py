@@ -206,15 +206,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return tuple(out)
 
     @property
-    def best(self) -> int | None:
-        """Number of the preload with the least value, None where one without a value could be lower or none has one."""
-        if not np.isfinite(self.amplitude).any():
-            return None
-        k = int(np.nanargmin(self.amplitude))
-        open_ = ~np.isfinite(self.amplitude) & (self.preload > self.no_steady_below)
-        return None if np.any(open_ & ~(self.lower_bound >= self.amplitude[k])) else k
-
-    @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:
         """(n,) float: frequency relative to that of the free resonance, in per cent."""
         return 100.0 * (self.frequency / self.free.frequency - 1.0)
@@ -252,12 +243,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
                 preload, before = p, a
             ends.append(float(preload))
         return ends[0], ends[1]
-
-    @property
-    def maxima(self) -> tuple[tuple[float, float], ...]:
-        """Preload (N) and amplitude (m) of all maxima of the curves, the highest ones and those below them."""
-        kinds = [(c, np.array([kind == "maximum" for kind in c.point_kind], bool)) for c in self.curves]
-        return tuple((c.preload, float(a)) for c, marked in kinds for a in c.amplitude[marked])
 
     @property
     def least_in_time(self) -> Marched | None:

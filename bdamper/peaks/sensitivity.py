@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import Correction, Equations
-from bdamper.peaks.newton import Family, Peak, PeakOptions, slope_along
+from bdamper.peaks.newton import DIFFERENCE, Family, Peak, slope_along
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
@@ -122,7 +122,7 @@ def across(
     SettingError
         If a family has no equations beside its value, or the same unknowns no longer.
     """
-    sides = [_beside(family, value, PeakOptions().difference, system) for family, value in families.values()]
+    sides = [_beside(family, value, system) for family, value in families.values()]
     moves = np.empty((len(sides), len(points), 2), complex)
     tangent = np.empty((len(points), 2), complex)
     for i, (point, unit) in enumerate(zip(points, scale)):
@@ -144,9 +144,7 @@ def across(
     }
 
 
-def sensitivities(
-    peak: Peak, families: dict[str, tuple[Family, float]], options: PeakOptions | None = None
-) -> dict[str, PeakSensitivity]:
+def sensitivities(peak: Peak, families: dict[str, tuple[Family, float]]) -> dict[str, PeakSensitivity]:
     """How a peak moves with parameters: amplitude by one adjoint solution, frequency by one direction for each.
 
     Parameters
@@ -154,7 +152,6 @@ def sensitivities(
     peak : Peak
     families : mapping of name to (family, value)
         All families give the same equations at their values: those that the peak solves.
-    options : PeakOptions
 
     Returns
     -------
@@ -171,7 +168,7 @@ def sensitivities(
     out: dict[str, PeakSensitivity] = {}
     for name, (family, value) in families.items():
         try:
-            linear = linear or _Linear(family(value), peak, (options or PeakOptions()).difference)
+            linear = linear or _Linear(family(value), peak)
             y, reason = linear.derivatives(family, value), ""
         except (SettingError, ArithmeticError, np.linalg.LinAlgError) as error:
             y, reason = np.full(len(peak.y) + 1, np.nan), str(error)
@@ -182,10 +179,10 @@ def sensitivities(
 class _Linear:
     """The equations around a peak, and how its place and its height change with them."""
 
-    def __init__(self, system: Equations, peak: Peak, difference: float) -> None:
-        self.system, self.peak, self.difference = system, peak, difference
+    def __init__(self, system: Equations, peak: Peak) -> None:
+        self.system, self.peak = system, peak
         self.adjoint = _adjoint(system, peak)
-        self.row, self.nu = system.slope_gradient(peak.y, peak.tangent, peak.scale, difference)
+        self.row, self.nu = system.slope_gradient(peak.y, peak.tangent, peak.scale, DIFFERENCE)
         self.curvature = float(self.row @ peak.tangent)
         if self.curvature == 0.0:
             raise NoDerivative(f"sensitivities: expected a curved peak, found a flat one at {peak.frequency:.6g} Hz")
@@ -203,7 +200,7 @@ class _Linear:
         NoDerivative
             If they are not finite, or differ from one side of the value to the other.
         """
-        high, low = _beside(family, value, self.difference, self.system)
+        high, low = _beside(family, value, self.system)
         y = self.peak.y
         move = self.move(_rate(high, low, high.residual(y), low.residual(y)))
         whole = self.along(move, high, low)
@@ -262,9 +259,9 @@ class _Beside:
         return out
 
 
-def _beside(family: Family, value: float, difference: float, system: Equations) -> tuple[_Beside, _Beside]:
+def _beside(family: Family, value: float, system: Equations) -> tuple[_Beside, _Beside]:
     """The equations at both sides of a value; at the value itself in place of a side where there are no values."""
-    step = difference * (abs(value) if value != 0.0 else 1.0)
+    step = DIFFERENCE * (abs(value) if value != 0.0 else 1.0)
     above = family(value + step)
     high = _Beside(above, step, _factors(above, system))
     try:
@@ -309,7 +306,7 @@ def _adjoint(system: Equations, peak: Peak) -> NDArray:
     return system.solve_linear(peak.y, peak.tangent, peak.scale, (gradient * peak.scale)[None], transposed=True)[0, :-1]
 
 
-def amplitude_sensitivity(peak: Peak, family: Family, value: float, options: PeakOptions | None = None) -> float:
+def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
     """Derivative of a peak's amplitude (m per unit of the parameter), by the adjoint solution alone.
 
     Parameters
@@ -319,7 +316,6 @@ def amplitude_sensitivity(peak: Peak, family: Family, value: float, options: Pea
         The equations as a function of the parameter.
     value : float
         Of the parameter, at which the peak solves them.
-    options : PeakOptions
 
     Raises
     ------
@@ -328,7 +324,7 @@ def amplitude_sensitivity(peak: Peak, family: Family, value: float, options: Pea
     """
     _check(peak)
     system, y = family(value), peak.y
-    high, low = _beside(family, value, (options or PeakOptions()).difference, system)
+    high, low = _beside(family, value, system)
     r_p = _rate(high, low, high.residual(y), low.residual(y))
     explicit = _rate(high, low, high.amplitude(y), low.amplitude(y))
     return _finite(explicit - float(_adjoint(system, peak) @ r_p), peak)

@@ -23,11 +23,10 @@ The sum over ``l`` is cut off at the harmonics of the motion, as harmonic balanc
 
 **Number of growing disturbances.**  ``det D`` is analytic, so by the argument principle the turn of its phase around a
 region counts the roots in it: those to the right of a line parallel to the imaginary axis, up to a highest frequency.  The
-phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots, which is smooth where there is a
-root to each estimate and an estimate to each root.  An estimate beside the line without a root would hide a root on the
-other side of it, so these are followed to a root of their own (secant method on the determinant over the distances to the
-others) or left out.  A root without an estimate shows in the phase, the size or the bend of the determinant between places,
-and there the path is refined, so the count does not depend on the estimates.
+phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots away from the region, which makes
+it smooth.  An estimate beside the path would hide a root on the other side of it, so these are left out.  Any root shows
+in the phase, the size or the bend of the determinant between places, and there the path is refined, so the count does not
+depend on the estimates.
 """
 
 from __future__ import annotations
@@ -38,8 +37,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT
-from bdamper.contact.own_law import refuse
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT
 from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector, segments
@@ -52,11 +50,8 @@ and 1.0 36 points of six curves have the same counts, with 3 % more and 3 % fewe
 MOST_PLACES = 20_000
 ACROSS = 16
 """Places on the part of the path that runs away from the line."""
-SECANT_STEPS = 5
 BESIDE = 0.25
-"""Roots within this distance (in omega) of the line are refined."""
-REAL = 1e-9
-"""Imaginary part (in omega) below which an exponent counts as real."""
+"""Estimates within this distance (in omega) of the region are left out."""
 CHUNK = 8
 
 
@@ -66,7 +61,7 @@ class WaveDisturbances:
     Parameters
     ----------
     system : Equations[Sector]
-        Without coupled friction.
+        Without coupled friction, which has no event sequence.
     u : (n_unknowns,) float
     omega : float, rad/s
     bases : sequence of HarmonicBasis, optional
@@ -76,9 +71,6 @@ class WaveDisturbances:
     def __init__(
         self, system: Equations[Sector], u: NDArray, omega: float, bases: Sequence[HarmonicBasis] | None = None
     ) -> None:
-        refuse(system.structure.points.own, "stability exponents")
-        if np.isin(system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any():
-            raise ValueError("coupled friction has no event sequence")
         self.omega = omega
         own = system.structure.bases if bases is None else bases
         both = {l: own[abs(l)] for l in range(1 - len(own), len(own)) if len(own[abs(l)].omega2)}
@@ -97,7 +89,6 @@ class WaveDisturbances:
         self._rows = np.ascontiguousarray((kt / TWO_PI * g.conj() / turn).T)
         self._columns = (g + factor[:, None] * G[point, 2]) * turn
         self._distinct, self._place = np.unique(self.l, return_inverse=True)
-        self._turned = np.exp(-1j * self._distinct[:, None] * self._length)
 
     def matrix(self, exponent: NDArray) -> NDArray:
         """(k, n, n) complex D at the exponents (k,), rad/s."""
@@ -107,170 +98,48 @@ class WaveDisturbances:
         k = np.arange(len(self.l))
         out[:, k, k] += self.stiffness + s * self.damping + s**2 * self.mass
         if self._length.size:
-            weighted = (self._rows * self._held(exponent)[:, self._place]).reshape(-1, len(self._length))
+            weighted = (self._rows * self._held(exponent)).reshape(-1, len(self._length))
             out -= (weighted @ self._columns).reshape(out.shape)
         return out
 
     def _held(self, exponent: NDArray) -> NDArray:
-        """(k, orders, events) (1 - exp(-z L))/z by order l, z = lambda/omega + i l and L the length of each part."""
+        """(k, n, events) (1 - exp(-z L))/z by order l, z = lambda/omega + i l and L the length of each part."""
         x = (exponent[:, None, None] / self.omega + 1j * self._distinct[:, None]) * self._length
-        decay = np.exp(-exponent[:, None] / self.omega * self._length)
-        small = np.abs(x) < 1e-3
-        out = (1.0 - decay[:, None] * self._turned) / np.where(small, 1.0, x)
-        if small.any():
-            y = x[small]
-            out[small] = 1.0 - y / 2.0 * (1.0 - y / 3.0 * (1.0 - y / 4.0 * (1.0 - y / 5.0)))
-        return np.asarray(out * self._length)
+        zero = x == 0.0
+        held = np.where(zero, 1.0, -np.expm1(-x) / np.where(zero, 1.0, x)) * self._length
+        return np.asarray(held[:, self._place])
 
-    def estimates(self, slow: bool = True) -> NDArray:
-        """Roots of the blocks of single harmonics, without memory, or with that of slow disturbances for slow ones.
-
-        Exponents come with their conjugates: only those with an imaginary part of 0 or more.
-        """
-        at_zero, out = self.matrix(np.zeros(1))[0] if slow else self.steady, []
+    def estimates(self) -> NDArray:
+        """Roots of the blocks of single harmonics without memory, with their conjugates."""
+        out = []
         for k in self._blocks:
-            l = self.l[k[0]] if len(k) else -1.0
-            if not len(k) or l < 0.0:
-                continue
-            block, s = np.ix_(k, k), 1j * l * self.omega
+            block, s = np.ix_(k, k), 1j * self.l[k[0]] * self.omega
             free = np.diag(self.stiffness[k] + s * self.damping[k] + s**2 * self.mass[k])
-            damping = self.damping[k] + 2.0 * s * self.mass[k]
-            chosen = _pencil(self.steady[block] + free, damping, self.mass[k])
-            if slow:
-                other, near = _pencil(at_zero[block], damping, self.mass[k]), 0.5 * self.omega
-                chosen = np.concatenate([other[np.abs(other.imag) <= near], chosen[np.abs(chosen.imag) > near]])
-            level = np.abs(chosen.imag) <= REAL * self.omega
-            upper = chosen[~level & (chosen.imag > 0.0)]
-            lower = chosen[~level & (chosen.imag < 0.0)].conj() if l > 0.0 else chosen[:0]  # those of -l
-            out.append(np.concatenate([chosen[level].real, upper, lower]))
+            out.append(_pencil(self.steady[block] + free, self.damping[k] + 2.0 * s * self.mass[k], self.mass[k]))
         return np.concatenate(out)
 
-    def improved(self, roots: NDArray, rate: float, band: float, new: NDArray | None = None) -> tuple[NDArray, bool]:
-        """Estimates after some steps of the secant method on those that matter, and whether all of them came to a root.
-
-        These are the ones next to the line or the path across, on the scale of the places there, and those that grow.  Each
-        step is on the determinant over the distances to all other estimates, so that no two meet.  What does not come to a
-        root of its own is left out: an estimate without a root would hide one beside it.
-
-        Parameters
-        ----------
-        roots : (n,) complex
-        new : (m,) complex, optional
-            More of them; the steps are then made on these alone.
-        """
-        at = roots.astype(complex) if new is None else np.concatenate([new, roots])
-        active = np.flatnonzero(self._matters(at, rate, band)) if new is None else np.arange(len(new))
-        before, now, near = at.copy(), at + 1e-4 * self.omega, 0.02 * self.omega
-        sizes_before, sizes = np.zeros((2, len(at)), complex)
-        error = np.zeros(len(at))
-        sizes_before[active], sizes[active] = self._determinant(before[active]), self._determinant(now[active])
-        for _ in range(SECANT_STEPS):
-            if not len(active):
-                break
-            others, own = self._all(at), np.arange(len(active))
-            apart, reach = now[active, None] - others, before[active, None] - others
-            apart[own, active] = reach[own, active] = 1.0
-            change, path = sizes[active] - sizes_before[active], (now - before)[active]
-            # how far the next root of the determinant itself is
-            error[active] = np.abs(_secant(change, path))
-            step = _secant(change - np.log(_nonzero(apart / _nonzero(reach))).sum(axis=1), path)
-            step *= np.minimum(1.0, 0.1 * self.omega / np.maximum(np.abs(step), 1e-300))
-            step[at[active].imag == 0.0] = step[at[active].imag == 0.0].real
-            before[active], sizes_before[active] = now[active], sizes[active]
-            now[active] = at[active] = now[active] - step
-            settled = error[active] < np.minimum(0.3 * self._distance(before[active], rate, band), near)
-            error[active[settled]] *= 0.3  # the step was made
-            active = active[~settled]
-            sizes[active] = self._determinant(now[active])
-        lost = error > np.minimum(0.3 * self._distance(at, rate, band), near)
-        lost |= (error > 0.0) & (at.imag != 0.0) & (at.imag < 3.0 * error + REAL * self.omega)
-        asked = np.flatnonzero(self._matters(at, rate, band))
-        meets = np.abs(at[asked, None] - at[asked]) < 3.0 * (error[asked, None] + error[asked]) + REAL * self.omega
-        lost[asked] |= np.triu(meets, 1).any(axis=1)
-        if new is not None:
-            lost[: len(new)] |= ~self._matters(at[: len(new)], rate, band)
-        return at[~lost], not lost.any()
-
-    def _all(self, roots: NDArray) -> NDArray:
-        """The roots, and then the conjugates of those that are complex."""
-        return np.concatenate([roots, roots[roots.imag != 0.0].conj()])
-
-    def _distance(self, exponent: NDArray, rate: float, band: float) -> NDArray:
-        """To the line, and from the right half plane to the path across as well."""
-        aside, over = exponent.real - rate, np.abs(exponent.imag) - band
-        return np.asarray(
-            np.where(
-                aside > 0.0,
-                np.minimum(np.hypot(aside, np.maximum(over, 0.0)), np.abs(over)),
-                np.hypot(aside, np.maximum(over, 0.0)),
-            )
-        )
-
-    def _matters(self, exponent: NDArray, rate: float, band: float) -> NDArray:
-        aside = exponent.real - rate
-        scale = np.maximum(BESIDE * self.omega, 0.5 * aside)
-        inside = (aside > 0.0) & (np.abs(exponent.imag) < band)
-        return np.asarray(inside | (self._distance(exponent, rate, band) < scale))
-
-    def growing(self, rate: float, band: float, start: NDArray | None = None) -> tuple[int, NDArray]:
-        """Number of exponents with a real part above ``rate`` and an imaginary part within ``+-band``, and estimates.
+    def growing(self, rate: float, band: float) -> int:
+        """Number of exponents with a real part above ``rate`` and an imaginary part within ``+-band``.
 
         Parameters
         ----------
         rate, band : float, rad/s
-        start : (n,) complex, optional
-            Estimates of another solution nearby.
 
         Raises
         ------
         FloatingPointError
             If the phase cannot be followed.
         """
-        roots = self.estimates(start is None)
-        if start is not None:
-            fresh = roots[~self._matters(roots, rate, band)]
-            roots = np.concatenate([start[self._matters(start, rate, band)], fresh])
-        roots, complete = self.improved(roots, rate, band)
-        count, path, sizes = self._counted(roots, rate, band)
-        if not complete or count != self.right(roots, rate, band):
-            # roots without an estimate pull the determinant down beside them
-            height = (sizes - self._reference(path, roots)).real
-            low = (height < np.append(np.inf, height[:-1])) & (height < np.append(height[1:], np.inf))
-            inside = (np.abs(path.imag) < band) & (path.real <= path[0].real)
-            roots, _ = self.improved(roots, rate, band, path[low & inside])
-        return count, roots
-
-    def fastest(self, roots: NDArray, band: float) -> float:
-        """Largest real part (rad/s) of the roots within the band."""
-        return float(roots[np.abs(roots.imag) < band].real.max(initial=-np.inf))
-
-    def right(self, roots: NDArray, rate: float, band: float) -> int:
-        """How many of the roots are right of the line and within the band."""
-        every = self._all(roots)
-        return int(((every.real > rate) & (np.abs(every.imag) < band)).sum())
-
-    def _reference(self, exponent: NDArray, roots: NDArray) -> NDArray:
-        """(k,) complex logarithm of the product of the distances to the roots.
-
-        Memory makes more roots than the masses do, but far to the right the determinant grows as these alone let it: what
-        is too many or too few is made up for at ``-omega``.
-        """
-        every = self._all(roots)
-        rest = 2 * int((self.mass > 0.0).sum()) - len(every)
-        return np.asarray(np.log(_nonzero(exponent[:, None] - every)).sum(axis=1) + rest * np.log(exponent + self.omega))
-
-    def _counted(self, roots: NDArray, rate: float, band: float) -> tuple[int, NDArray, NDArray]:
-        """Count, and the places (k,) and logarithms of the determinant (k,) that led to it."""
-        close = roots[self._matters(roots, rate, band)]
+        roots = self.estimates()
+        aside, over = roots.real - rate, np.abs(roots.imag) - band
+        distance = np.hypot(np.minimum(aside, 0.0), np.maximum(over, 0.0))
+        roots = roots[distance > BESIDE * self.omega + np.maximum(aside, 0.0)]
         far = 3.0 * float(np.abs(roots).max(initial=0.0)) + 10.0 * band
         # up the line, away to the right, and to the real axis, below which the turn is the same
-        step, apart = self.omega / 4.0, 1e-6 * self.omega
-        line = np.concatenate([np.arange(step, band, step), np.abs(close.imag)])
-        away = np.concatenate([np.geomspace(self.omega / 8.0, far, ACROSS), close.real - rate])
-        line, away = _spread(line, apart, band - apart), _spread(away, apart, far)
-        path = np.concatenate([rate + 1j * np.concatenate([[0.0], line, [band]]), rate + away + 1j * band, [rate + far]])
-        sizes = self._determinant(path)
-        value = sizes - self._reference(path, roots)
+        line = np.linspace(0.0, band, int(np.ceil(4.0 * band / self.omega)) + 1)
+        away = np.geomspace(self.omega / 8.0, far, ACROSS)
+        path = np.concatenate([rate + 1j * line, rate + away + 1j * band, [rate + far]])
+        value = self._relative(path, roots)
         while True:
             gap = np.diff(path)
             width, change = np.abs(gap), np.diff(value)
@@ -290,13 +159,21 @@ class WaveDisturbances:
                 raise FloatingPointError("the phase of the determinant cannot be followed")
             new = 0.5 * (path[:-1] + path[1:])[rough]
             at = np.flatnonzero(rough) + 1
-            found = self._determinant(new)
-            path, sizes = np.insert(path, at, new), np.insert(sizes, at, found)
-            value = np.insert(value, at, found - self._reference(new, roots))
+            path, value = np.insert(path, at, new), np.insert(value, at, self._relative(new, roots))
         turn = float(_wrapped(np.diff(value.imag)).sum()) / np.pi
         if abs(turn - round(turn)) > 0.05:
             raise FloatingPointError("the phase of the determinant does not come to a whole number of turns")
-        return self.right(roots, rate, band) - round(turn), path, sizes
+        return -round(turn)
+
+    def _relative(self, exponent: NDArray, roots: NDArray) -> NDArray:
+        """(k,) complex logarithm of det D over the product of the distances to the roots.
+
+        Memory makes more roots than the masses do, but far to the right the determinant grows as these alone let it: what
+        is too many or too few is made up for at ``-omega``.
+        """
+        rest = 2 * np.count_nonzero(self.mass) - len(roots)
+        product = np.log(exponent[:, None] - roots).sum(axis=1) + rest * np.log(exponent + self.omega)
+        return np.asarray(self._determinant(exponent) - product)
 
     def _determinant(self, exponent: NDArray) -> NDArray:
         """(k,) complex logarithm of det D."""
@@ -308,33 +185,26 @@ class WaveDisturbances:
         return out
 
 
+def rests(system: Equations[Sector], u: NDArray) -> bool:
+    """Whether no slider moves and every contact is closed or open all through the cycle, on springs that only resist."""
+    if not system.structure.exact:
+        return False
+    a = system.structure.arrays
+    if min(a["kt"].min(initial=0.0), a["kn"].min(initial=0.0), a["damping"].min(initial=0.0)) < 0.0:
+        return False
+    _, _, shares = system.contact(np.asarray(u))
+    slips = (a["kt"] > 0.0) & (a["mu"] > 0.0)[:, None] & (shares[:, [1, 3]] > 0.0)
+    changes = (shares[:, 4] > 0.0) & (shares[:, 4] < 1.0)
+    return not (slips.any() or changes.any())
+
+
 def _pencil(K: NDArray, damping: NDArray, mass: NDArray) -> NDArray:
     """Eigenvalues of mass s^2 + damping s + K, as many as the masses give."""
     n, C = len(mass), np.diag(damping)
     eye, zero = np.eye(n), np.zeros((n, n))
-    heavy = mass > 0.0
-    if heavy.all():
-        inverse = 1.0 / mass[:, None]
-        return np.asarray(np.linalg.eigvals(np.block([[zero, eye], [-inverse * K, -inverse * C]])))
     values = scipy.linalg.eigvals(np.block([[zero, eye], [-K, -C]]), scipy.linalg.block_diag(eye, np.diag(mass)))
     values = values[np.isfinite(values)]
-    return np.asarray(values[np.argsort(np.abs(values))][: 2 * int(heavy.sum())])
-
-
-def _spread(places: NDArray, low: float, high: float) -> NDArray:
-    """Places between two bounds, ascending, no closer to each other than the lower one."""
-    places = np.unique(places[(places > low) & (places <= high)])
-    return places[np.append(np.diff(places) > low, True)] if len(places) else places
-
-
-def _secant(change: NDArray, path: NDArray) -> NDArray:
-    """Step of the secant method from the end of a path on which the logarithm of a function changed."""
-    ratio = np.exp(np.minimum(change.real, 600.0) + 1j * change.imag)
-    return np.asarray(path * ratio / np.where(ratio == 1.0, 1e-300, ratio - 1.0))
-
-
-def _nonzero(x: NDArray) -> NDArray:
-    return np.where(x == 0.0, 1e-300, x)
+    return np.asarray(values[np.argsort(np.abs(values))][: 2 * np.count_nonzero(mass)])
 
 
 def _wrapped(phase: NDArray) -> NDArray:

@@ -9,82 +9,57 @@ to which this leads, averaged over many periods.
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
-from bdamper.problem.problem import Problem
-from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, UNDECIDED
+from bdamper.stability.disturbances import TWO_PI, rests
+from bdamper.stability.march import AGREES, BOUNDS, UNDECIDED
 from bdamper.stability.settled import march_from, verified
-from bdamper.stability.time_integration import MarchFailed, ring_of
-from bdamper.stability.wave import Verdict
+from bdamper.stability.time_integration import MarchFailed, Ring
+from bdamper.util.cost import Stopwatch
 from bdamper.util.progress import LongWork, each
 
-COUNTS = {verdict: i for i, verdict in enumerate((AGREES, DIFFERS, UNDECIDED))}
-"""Verdicts as numbers of growing disturbances."""
 
+def judged_in_time(ring: Ring, curve: Curve, progress: bool) -> Curve:
+    """A curve with stability from the harmonics, judged by the motion in time as well.
 
-class InTimeJudge:
-    """Verdicts on points of one curve for :func:`~bdamper.stability.wave.judged_along`.
+    That of the harmonics stays where a point remains undecided, as all do that follow after Ctrl-C.
 
-    After Ctrl-C every further point is undecided, as is one at which a march fails.
-
-    Attributes
+    Parameters
     ----------
-    known : dict of int to (str, float)
-        Verdict and mean amplitude in time over that of the solution.
-
-    Raises
-    ------
-    SettingError
-        At once, if the settings describe something else than a structure in time.
+    ring : Ring
+        Of the curve's preload.
+    curve : Curve
+    progress : bool
     """
+    watch, stable, judged = Stopwatch(), np.array(curve.stable, bool), 0
+    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
+    stable[~moving] = True
+    ratios = np.where(moving, np.nan, 1.0)
+    with LongWork() as work:
+        for i in each(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
+            verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
+            judged += 1
+            if verdict != UNDECIDED:
+                stable[i], ratios[i] = verdict == AGREES, ratio
+    note = (
+        f"motion in time, amplitude kept to {100.0 * BOUNDS.tolerance:g} %: {judged} of {len(curve)} points judged, "
+        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read()['seconds']:.3g} s"
+        + (", interrupted by the user" if work.interrupted else "")
+    )
+    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
 
-    def __init__(self, problem: Problem, curve: Curve, progress: bool) -> None:
-        self.curve, self.ring, self.system = curve, ring_of(problem, curve.preload), problem.system(curve.preload)
-        self.known: dict[int, tuple[str, float]] = {}
-        self.interrupted = False
-        self._bar = iter(each(range(len(curve)), progress, "motion in time", "point"))
 
-    def __call__(self, i: int) -> Verdict:
-        if i not in self.known:
-            with LongWork() as work:
-                if not self.interrupted:
-                    self.known[i] = self._judged(i)
-                    next(self._bar)
-            self.interrupted |= work.interrupted
-            if self.interrupted:
-                self.known.pop(i, None)
-                return Verdict(COUNTS[UNDECIDED], math.nan)
-        verdict, ratio = self.known[i]
-        return Verdict(COUNTS[verdict], abs(ratio - 1.0) - BOUNDS.tolerance)
-
-    def _judged(self, i: int) -> tuple[str, float]:
-        u, omega = self.curve.unknowns[i], 2.0 * np.pi * float(self.curve.frequency[i])
-        expected = self.system.response(u)
-        if not abs(expected[1]) > 0.0:
-            return UNDECIDED, math.nan
-        try:
-            found = verified(march_from(self.ring, u, omega, BOUNDS.steps), expected)
-        except MarchFailed:
-            return UNDECIDED, math.nan
-        return found.verdict, float(found.amplitude[-BOUNDS.settled :].mean() / found.balance)
-
-    def ratios(self, verdicts: NDArray, branch: NDArray) -> NDArray:
-        """(n,) amplitude in time over that of the solution; 1 where nothing slips or opens, by interpolation between stable
-        points that were judged, NaN at other points that were not judged and at those that are undecided.
-        """
-        out = np.ones(len(verdicts))
-        judged = np.array(sorted(self.known), int)
-        ratio = np.array([self.known[int(i)][1] for i in judged])
-        for b in np.unique(branch):
-            own = branch[judged] == b
-            inside = np.flatnonzero(branch == b)
-            if own.any():
-                inside = inside[(inside >= judged[own].min()) & (inside <= judged[own].max())]
-                out[inside] = np.interp(inside, judged[own], ratio[own])
-        out[verdicts != COUNTS[AGREES]] = np.nan
-        out[judged] = np.where(verdicts[judged] == COUNTS[UNDECIDED], np.nan, ratio)
-        return out
+def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
+    """Verdict on a solution, and mean amplitude in time over that of the solution."""
+    expected = ring.system.response(u)
+    if not abs(expected[1]) > 0.0:
+        return UNDECIDED, np.nan
+    try:
+        found = verified(march_from(ring, u, omega, BOUNDS.steps), expected)
+    except MarchFailed:
+        return UNDECIDED, np.nan
+    return found.verdict, float(found.amplitude[-BOUNDS.settled :].mean() / found.balance)

@@ -103,8 +103,8 @@ class March:
 
     Attributes
     ----------
-    motion, before : Motion
-        Where it has come to, and where its last piece began.
+    motion : Motion
+        Where it has come to.
     harmonics : list of (n_blades, n_harmonics + 1) complex, m
         Response amplitudes of all blades in each turn; the first is the mean.
     energy : list of (4,) float, J
@@ -132,7 +132,7 @@ class March:
                     f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
                     f"{start.q.shape} and {start.w.shape}"
                 )
-        self.motion = self.before = start if isinstance(start, Motion) else ring.start(start, omega, self.steps)
+        self.motion = start if isinstance(start, Motion) else ring.start(start, omega, self.steps)
         self.harmonics: list[NDArray] = []
         self.energy: list[NDArray] = []
         self.memory = float(omega / (np.pi * max(ring.least_damping, 1e-9 * omega)))
@@ -176,7 +176,7 @@ class March:
         end_if_asked()
         begin, end = ends or (self.omega, None)
         marched = self.ring.march(self.motion, begin, self.steps, turns, omega_end=end)
-        self.before, self.motion = self.motion, marched.motion
+        self.motion = marched.motion
         self.harmonics.extend(marched.harmonics)
         self.energy.extend(marched.energy)
         for work, damping, _, rise in marched.energy:
@@ -211,27 +211,6 @@ class March:
             self.turn(last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last]))))
             for _ in range(last - first):
                 count()
-
-    def judged(self, expected: float, tolerance: float = BOUNDS.tolerance) -> tuple[str, str]:
-        """Verdict and reason on whether the motion keeps to an amplitude (m); see :func:`judged`."""
-        return judged(self.amplitude, expected, tolerance, self.memory)
-
-    def until_judged(
-        self, expected: float, tolerance: float = BOUNDS.tolerance, periods: int = BOUNDS.most, fewest: int = 0,
-        progress: bool = False,
-    ) -> bool:  # fmt: skip
-        """March until it is clear whether the motion keeps to an amplitude (m), for at least ``fewest`` periods.
-
-        Returns
-        -------
-        bool
-            Whether Ctrl-C has ended it.
-        """
-
-        def decided() -> bool:
-            return len(self.harmonics) >= fewest and self.judged(expected, tolerance)[0] != UNDECIDED
-
-        return self.run(periods, progress, decided)
 
 
 def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float) -> tuple[str, str]:

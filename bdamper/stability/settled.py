@@ -22,7 +22,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
 from bdamper.stability.kept import RULES, of_blades
-from bdamper.stability.march import BOUNDS, UNDECIDED, March, repeats_after, second_half, to_come
+from bdamper.stability.march import BOUNDS, UNDECIDED, March, judged, repeats_after, second_half, to_come
 from bdamper.stability.time_integration import Ring, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -87,10 +87,14 @@ def verified(
     periods = validate.whole("periods", periods, least=1)
     tolerance = validate.number("tolerance", tolerance, above=0.0, most=1.0)
     watch, size = Stopwatch(), float(abs(expected[1]))
-    stopped = march.until_judged(size, tolerance, periods, progress=progress)
+
+    def verdict_so_far() -> tuple[str, str]:
+        return judged(march.amplitude, size, tolerance, march.memory)
+
+    stopped = march.run(periods, progress, lambda: verdict_so_far()[0] != UNDECIDED)
     if not march.harmonics:
         raise KeyboardInterrupt
-    verdict, reason = march.judged(size, tolerance)
+    verdict, reason = verdict_so_far()
     distance = np.linalg.norm((march.response[-1] - expected)[1:]) / max(float(np.linalg.norm(expected[1:])), 1e-300)
     status = INTERRUPTED if stopped else because(INCOMPLETE, "undecided") if verdict == UNDECIDED else COMPLETE
     return described(

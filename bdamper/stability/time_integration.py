@@ -115,8 +115,6 @@ class Ring:
     system : Equations[Sector]
         Each harmonic described by the modes of its own nodal diameter.
     n_blades, engine_order : int
-    held : (n_points, 2) bool, optional
-        Sliders that stay where they are, besides those of bonded points: linear springs.
     wide : Equations[Sector], optional
         With more harmonics, those of all nodal diameters that are to be marched.
     wide_order : int, optional
@@ -143,14 +141,13 @@ class Ring:
         system: Equations[Sector],
         n_blades: int,
         engine_order: int,
-        held: NDArray | None = None,
         wide: Equations[Sector] | None = None,
         radius: float | None = None,
         wide_order: int | None = None,
         rows: NDArray | None = None,
     ) -> None:
         bonded = np.asarray(system.structure.points.law)[:, None] == LAW_BONDED
-        self.held = np.broadcast_to(bonded if held is None else bonded | held, (system.n_points, 2))
+        self.held = np.broadcast_to(bonded, (system.n_points, 2))
         self.system, self.wide = system, wide or system
         self.cost = Cost()
         across = engine_order if wide_order is None else wide_order
@@ -264,18 +261,6 @@ class Ring:
         """The motion of a harmonic-balance solution at t = 0, with the sliders that it leads to."""
         return Motion(*self.state(u, omega, 0.0), self.initial_slider(u, omega, n_steps))
 
-    def highest_frequency(self) -> float:
-        """rad/s, with every contact closed and stuck, coordinates without mass aside and springs that are not linear."""
-        a, highest = self.system.structure.arrays, 0.0
-        springs = np.column_stack([a["kt"], a["kn"]]) * (np.asarray(a["law"]) != LAW_CUBIC)[:, None]
-        for l, s, *_ in self.blocks:
-            heavy = self.mass[s] > 0.0
-            G = np.asarray(self.wide.structure.bases[l].G).reshape(springs.size, -1)[:, heavy]
-            stiffness = np.diag(self.stiffness[s][heavy]) + (G.conj().T * springs.ravel()) @ G
-            values = np.linalg.eigvals(stiffness / self.mass[s][heavy, None])
-            highest = max(highest, float(np.abs(values).max(initial=0.0)))
-        return float(np.sqrt(highest))
-
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
         """Sliders at t = 0 of the solution: its motion marched over periods from the given ones until they settle."""
         points = self.system.structure.points
@@ -307,14 +292,13 @@ class Ring:
         trace: bool = False,
         tolerance: float = TOLERANCE,
     ) -> Marched:
-        """March a state, or several, over whole periods of the excitation or any number of steps.
+        """March a state over whole periods of the excitation or any number of steps.
 
         The steps are equal in the angle of the excitation; that of the first is ``2 pi first/n_steps``.
 
         Parameters
         ----------
         motion : Motion
-            Its arrays may have one dimension more in front, for several states that are marched one after the other.
         omega : float, rad/s
         n_steps : int
             Steps per period.
@@ -334,12 +318,11 @@ class Ring:
         """
         count = n_steps * periods if steps is None else steps
         started = time.perf_counter()
-        batch = motion.q.ndim > 1
         given = (*motion[:3], np.zeros_like(motion.q) if motion.a is None else motion.a)
-        q, v, w, a = (np.array(x if batch else x[None], float, order="C") for x in given)
-        harmonics = np.zeros((len(q), count // n_steps, len(self.rows), self.system.n_harmonics + 1), complex)
-        energy = np.zeros((len(q), count // n_steps, 4))
-        path = np.zeros((len(q), count, q.shape[1])) if trace else None
+        q, v, w, a = (np.array(x[None], float, order="C") for x in given)  # the core takes several states
+        harmonics = np.zeros((1, count // n_steps, len(self.rows), self.system.n_harmonics + 1), complex)
+        energy = np.zeros((1, count // n_steps, 4))
+        path = np.zeros((1, count, q.shape[1])) if trace else None
         status, *effort = self.core.march(
             q, v, a, w, count, n_steps, omega, omega if omega_end is None else omega_end, self.radius, tolerance,
             motion.a is None, harmonics, path, first, energy,
@@ -347,16 +330,15 @@ class Ring:
         self.effort = self.effort + effort
         cost = self.cost
         self.cost = replace(
-            cost, contact=cost.contact + time.perf_counter() - started, evaluations=cost.evaluations + len(q) * (count + 1)
+            cost, contact=cost.contact + time.perf_counter() - started, evaluations=cost.evaluations + count + 1
         )
         if status:
             raise MarchFailed(
                 f"the march fails near {omega / TWO_PI:.6g} Hz: contact forces are not found in a step of 1/{n_steps} of a "
                 "period, nor in parts of it; raise steps_per_period"
             )
-        out = (q, v, w, a, harmonics, energy, np.zeros((len(q), 0, q.shape[1])) if path is None else path)
-        q, v, w, a, found, spent, trace_ = out if batch else [x[0] for x in out]
-        return Marched(Motion(q, v, w, a), found, spent, trace_, (first + count) % n_steps)
+        trace_ = np.zeros((0, q.shape[1])) if path is None else path[0]
+        return Marched(Motion(q[0], v[0], w[0], a[0]), harmonics[0], energy[0], trace_, (first + count) % n_steps)
 
     def energy(self, motion: Motion) -> float:
         """Kinetic and strain energy of a motion (J), with the most that its contacts can hold in their springs.

@@ -5,8 +5,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.stability.disturbances import WaveDisturbances
-from bdamper.stability.floquet import stability_of_points
 from bdamper.stability.time_integration import Motion, Ring
+from tests.hard.test_wave_stability import nearest_root
 from tests.plain import plain_study
 
 DRAG = 4.0 * 2.0 * np.pi * 350.0
@@ -35,8 +35,9 @@ def test_growth_and_decay_in_time_are_those_of_the_exponents(reference, frequenc
     i = upper[np.argmin(np.abs(curve.frequency[upper] - frequency))]
     u, omega = curve.unknowns[i], 2 * np.pi * curve.frequency[i]
     disturbed = WaveDisturbances(system, u, omega)
-    count, roots = disturbed.growing(1e-6 * omega, 2 * omega)
-    assert count == (2 if grows else 0)
+    assert disturbed.growing(1e-6 * omega, 2 * omega) == (2 if grows else 0)
+    near = disturbed.estimates()
+    roots = np.array([nearest_root(disturbed, root) for root in near[(near.imag > 0.5 * omega) & (near.imag < 2 * omega)]])
     critical = roots[(roots.imag > 0.5 * omega) & (roots.imag < 2 * omega)]
     critical = critical[np.argmax(critical.real)] / omega
     assert 3e-4 < abs(critical.real) < 1e-3 and (critical.real > 0) == grows
@@ -59,25 +60,17 @@ def test_growth_and_decay_in_time_are_those_of_the_exponents(reference, frequenc
     np.testing.assert_allclose(rates, critical.real, atol=2e-4)
 
 
-CURVES = [(9, 1000.0, 1), (9, 50.0, 1), pytest.param(9, 200.0, 2, marks=pytest.mark.slow)]
-
-
-@pytest.mark.parametrize(("points", "preload", "harmonics"), CURVES)
-def test_judging_where_it_is_needed_gives_the_verdict_of_every_point(points, preload, harmonics):
+@pytest.mark.parametrize("preload", [1000.0, 50.0])
+def test_the_sign_of_the_determinant_alone_says_something_else(preload):
     study = plain_study(
-        bd.reference_model("bladed_disk", points), engine_order=5, harmonics=harmonics, friction_coefficient=0.4,
+        bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
-    curve = study.track(preload, (250.0, 400.0))
-    cheap, system, omega = study.with_stability(curve), study.problem.system(preload), 2.0 * np.pi * curve.frequency
-    every = stability_of_points(system, curve.unknowns, omega)
-    np.testing.assert_array_equal(cheap.stable, every.stable)
-    assert 0.1 < (~every.stable).mean() < 0.9
-    # and the sign of the determinant alone says something else
+    curve = study.track(preload, (250.0, 400.0), stability=True)
+    system, omega = study.problem.system(preload), 2.0 * np.pi * curve.frequency
+    assert 0.1 < (~curve.stable).mean() < 0.9
     signs = [np.linalg.slogdet(system.evaluate(u, w)[1])[0] for u, w in zip(curve.unknowns, omega)]
-    assert ((np.array(signs) > 0.0) != every.stable).any()
-    counted = [int(note.split(" counted")[0].split()[-1]) for note in (cheap.stability_note, every.note)]
-    assert counted[0] < 0.65 * counted[1]
+    assert ((np.array(signs) > 0.0) != curve.stable).any()
 
 
 def plain_count(d, rate, band):
@@ -99,11 +92,10 @@ def test_counts_against_plain_turns_of_the_phase():
     )  # fmt: skip
     system, seen = study.problem.system(50.0), set()
     curve = study.track(50.0, (250.0, 400.0))
-    start = None
     for i in range(8, len(curve) - 5, 12):
         omega = 2 * np.pi * curve.frequency[i]
         d = WaveDisturbances(system, curve.unknowns[i], omega)
-        count, start = d.growing(1e-6 * omega, 2 * omega, start)
+        count = d.growing(1e-6 * omega, 2 * omega)
         assert count == plain_count(d, 1e-6 * omega, 2 * omega)
         seen.add(count)
     assert len(seen) > 2

@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.contact.laws import LAW_COUPLED
 from bdamper.harmonic_balance.system import segments
-from bdamper.stability.floquet import monodromy, multipliers, shooting_monodromy, stability_of_points
+from bdamper.stability.floquet import monodromy, multipliers, stability_of_points
 from bdamper.stability.time_integration import Motion, Ring
 from tests.event_march import Marcher
 from tests.following import slider_interval
@@ -127,28 +127,10 @@ def test_sampled_law_is_judged_along_the_events_of_its_motion(path):
         b = stability_of_points(sampled, p.y[None, :-1], p.y[-1:])
         assert a.note == b.note
         np.testing.assert_allclose(a.largest, b.largest, rtol=1e-12)
-        shot = np.abs(np.linalg.eigvals(shooting_monodromy(exact, p.y[:-1], p.y[-1])[0])).max()
-        assert abs(a.largest[0] - shot) < 0.03 * shot
 
 
-def test_coupled_law_is_judged_by_shooting_and_verified(path):
+def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
     """Motion along one tangential axis: the disk of the coupled law is the interval of the separable one."""
-    exact = two_oscillators(15)
-    points = replace(exact.structure.points, law=np.array([LAW_COUPLED], np.intc))
-    coupled = replace(exact.structure, points=points, evaluation=bd.Sampled(512)).equations
-    slipping = [q for q in path.points if q.shares[1] > 0.05][::10]
-    assert len(slipping) >= 3
-    for p in slipping:
-        separable = shooting_monodromy(exact, p.y[:-1], p.y[-1])[0]
-        b = stability_of_points(coupled, p.y[None, :-1], p.y[-1:])
-        assert "shooting" in b.note
-        np.testing.assert_allclose(b.largest, np.abs(np.linalg.eigvals(separable)).max(), rtol=1e-6)
-    p = max((q for q in path.points), key=lambda q: abs(exact.response(q.y[:-1])[1]))
-    assert verify_solution(coupled, p.y[:-1], p.y[-1], 1, 0, periods=30, steps_per_period=400).distance < 1e-2
-
-
-def test_both_verdicts_of_shooting_as_time_integration_has_them(path):
-    """Disturbed a little and marched over many periods, unstable solutions are left, stable ones come back."""
     exact = two_oscillators(15)
     points = replace(exact.structure.points, law=np.array([LAW_COUPLED], np.intc))
     coupled = replace(exact.structure, points=points, evaluation=bd.Sampled(512)).equations
@@ -156,7 +138,8 @@ def test_both_verdicts_of_shooting_as_time_integration_has_them(path):
     between = path.points[folds[0] + 3 : folds[1] - 2]
     chosen = [between[len(between) // 2], path.points[folds[0] - 5]]
     judged = stability_of_points(coupled, np.array([p.y[:-1] for p in chosen]), np.array([p.y[-1] for p in chosen]))
-    assert judged.stable.tolist() == [False, True]
+    assert judged.stable.tolist() == [False, True] and "sign of det J" in judged.note
+    # disturbed a little and marched over many periods, the unstable solution is left, the stable one comes back
     ring = Ring(coupled, 1, 0)
     n = ring.n_coordinates
     for p, stable in zip(chosen, judged.stable):
@@ -167,21 +150,20 @@ def test_both_verdicts_of_shooting_as_time_integration_has_them(path):
         q = ring.march(Motion(q, v, ring.initial_slider(u, omega, 256)), omega, 256, 30).motion.q
         away = np.abs(q - first).max()
         assert away < size if stable else away > 20.0 * size
+    p = max((q for q in path.points), key=lambda q: abs(exact.response(q.y[:-1])[1]))
+    assert verify_solution(coupled, p.y[:-1], p.y[-1], 1, 0, periods=30, steps_per_period=400).distance < 1e-2
 
 
-@pytest.mark.parametrize(("seed", "law"), [(4, "coupled"), (1, "constant load")])
 @pytest.mark.slow
-def test_shooting_at_a_fully_stuck_solution_is_linear(seed, law):
+def test_a_fully_stuck_solution_under_constant_load_is_linear():
     """Most sliders rest at the end of their interval, as static slip leaves them; the structure is the one with springs."""
-    coupled = {"friction_law": "coupled", "evaluation": bd.Sampled(64)}
-    settings = coupled if law == "coupled" else {"variable_normal_load": False}
     study = plain_study(
-        acyclic_model(seed, n_points=4, n_blade_modes=2, n_damper_modes=0),
+        acyclic_model(1, n_points=4, n_blade_modes=2, n_damper_modes=0),
         engine_order=0,
         contact_stiffness="model",
         damping_ratio=0.02,
         excitation=bd.Excitation("tip", "tangential", 1.0),
-        **settings,
+        variable_normal_load=False,
     )
     curve = study.track(2000.0, (300.0, 300.2))
     assert curve.shares[0, 0] == 1.0
@@ -198,13 +180,10 @@ def test_shooting_at_a_fully_stuck_solution_is_linear(seed, law):
     judged = stability_of_points(system, curve.unknowns[:1], np.array([omega]))
     assert judged.stable.all()
     np.testing.assert_allclose(judged.largest, np.abs(expected).max(), atol=1e-6)
-    # all of them: their modulus, and their angle as far as the step of the march resolves it
-    values = np.linalg.eigvals(shooting_monodromy(system, curve.unknowns[0], omega)[0])
-    values = values[np.abs(values) > 1e-6]  # without sliders that follow open points
+    values = multipliers(system, curve.unknowns[0], omega)
     assert len(values) == 2 * n
     for value in values:
-        assert np.abs(expected - value).min() < 0.04
-    np.testing.assert_allclose(np.sort(np.abs(values)), np.sort(np.abs(expected)), atol=1e-4)
+        assert np.abs(expected - value).min() < 1e-6
 
 
 def test_coupled_law_of_a_study():
@@ -227,7 +206,6 @@ def test_coupled_law_of_a_study():
     i = curve.peak.index
     judged = stability_of_points(study.problem.system(50.0), curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])
     assert judged.stable.all()
-    assert 0.1 < judged.largest[0] < 1.0
 
 
 def test_curves_carry_stability(tmp_path):

@@ -112,31 +112,12 @@ def test_the_turn_of_the_phase_counts_growing_exponents(curve):
         whole = d.steady + np.diag(d.stiffness + shift * d.damping + shift**2 * d.mass)
         exact = _pencil(whole, d.damping + 2.0 * shift * d.mass, d.mass)
         first = d.estimates
-        d.estimates = lambda slow, first=first: first(slow) + rng.normal(size=len(first(slow))) * 0.02 * omega
+        d.estimates = lambda first=first: first() + 0.04 * omega * np.sin(7.0 * np.abs(first()) / omega)
         band = 2.5 * omega
-        count, _ = d.growing(NEUTRAL * omega, band)
+        count = d.growing(NEUTRAL * omega, band)
         assert count == ((exact.real > NEUTRAL * omega) & (np.abs(exact.imag) < band)).sum()
         seen.add(count)
     assert len(seen) > 1
-
-
-def test_roots_that_were_not_estimated_are_looked_for_again(curve):
-    """Where the phase counts more than there are estimates: the determinant is low beside them."""
-    s, omega = study(3).problem.system(400.0), 2000.0
-    d = WaveDisturbances(s, curve.unknowns[0], omega)
-    d._length, d.damping = np.zeros(0), d.damping.copy()
-    d.damping[d.l == 0] -= 30.0
-    shift = 1j * d.l * omega
-    whole = d.steady + np.diag(d.stiffness + shift * d.damping + shift**2 * d.mass)
-    exact = _pencil(whole, d.damping + 2.0 * shift * d.mass, d.mass)
-    rate, band = NEUTRAL * omega, 2.5 * omega
-    growing = exact[(exact.real > rate) & (np.abs(exact.imag) < band)]
-    assert len(growing) > 1
-    first = d.estimates(True)
-    lost = np.abs(first - growing[np.argmax(growing.imag)]).argmin()
-    d.estimates = lambda slow: np.delete(first, lost)
-    count, roots = d.growing(rate, band)
-    assert count == len(growing) == d.right(roots, rate, band)
 
 
 def test_an_oscillating_disturbance_is_found_where_the_determinant_sees_none(curve):
@@ -152,9 +133,10 @@ def test_that_disturbance_grows_in_time(curve):
     """All sectors marched from a disturbed wave: the rate of growth is that of the exponent."""
     s = study(3).problem.system(400.0)
     u, omega = curve.unknowns[-1], 2 * np.pi * curve.frequency[-1]
-    count, roots = WaveDisturbances(s, u, omega).growing(NEUTRAL * omega, 4 * omega)
-    assert count == 2
-    grows = np.exp(2 * np.pi / omega * roots[np.abs(roots.imag) < 4 * omega].real.max())
+    disturbed = WaveDisturbances(s, u, omega)
+    assert disturbed.growing(NEUTRAL * omega, 4 * omega) == 2
+    near = [nearest_root(disturbed, root) for root in disturbed.estimates() if abs(root.imag) < 4 * omega]
+    grows = np.exp(2 * np.pi / omega * max(root.real for root in near if abs(root.imag) < 4 * omega))
     ring = Ring(s, 8, 2)
     n = 256
     motion = ring.march(ring.start(u, omega, n), omega, n, 160).motion  # what decays has decayed
@@ -214,5 +196,5 @@ def test_exponents_of_the_wave_are_multipliers_of_the_annulus():
 def test_the_verdict_is_that_of_the_annulus(frequency, stable):
     _, one, u, omega, values = solution_of_the_annulus(frequency)
     assert (np.abs(values) <= 1.0 + NEUTRAL).all() == stable
-    count, _ = WaveDisturbances(one, u, omega).growing(NEUTRAL * omega / (2 * np.pi), 5 * omega)
+    count = WaveDisturbances(one, u, omega).growing(NEUTRAL * omega / (2 * np.pi), 5 * omega)
     assert (count == 0) == stable

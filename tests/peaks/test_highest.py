@@ -141,7 +141,7 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     found = module.found_at(study.problem, 1000.0, INTERVAL, budget=budget)
     assert len(asked) == curves and found.top.peak.amplitude == whole.amplitude.max()
     told = "complete: a branch was given up among many folds from 290 to 300 Hz"
-    assert found.ending == ("complete" if least == "coarse" else told)
+    assert found.status == ("complete" if least == "coarse" else told)
 
 
 def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch):

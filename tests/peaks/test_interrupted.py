@@ -16,7 +16,8 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import without_points
-from bdamper.peaks.at_preload import AtPreload, at_preload
+from bdamper.peaks.at_preload import at_preload
+from bdamper.peaks.highest import AtPreload
 from bdamper.peaks.optimal import optimal_curve
 from bdamper.util.cost import Cost
 from bdamper.util.plotting import Fact
@@ -101,7 +102,7 @@ def test_an_interrupted_curve_has_the_values_that_were_finished(whole, tmp_path)
     assert known.tolist() == [False] * 5 + [True] * 3  # from the highest preload down
     np.testing.assert_array_equal(curve.amplitude[known], whole.amplitude[known])
     assert set(np.array(curve.status)[~known]) == {"not found: no curve was followed"} and not curve.complete
-    assert curve.interrupted and curve.best is None and curve.optimum.kind == "unknown"
+    assert curve.interrupted and curve.optimum.kind == "unknown"
     assert curve.optimum.amplitude == np.nanmin(curve.amplitude) and not curve.optimum.verified
     curve.save(tmp_path / "part.h5")
     assert bd.load(tmp_path / "part.h5").interrupted

@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.peaks import marched
+from bdamper.peaks.optimal import BUDGET
 from bdamper.util.warn import BdamperWarning
 
 
@@ -38,7 +39,8 @@ def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     plain = {"cost": own.cost, "fall": 0.0}  # NaN, as nothing had to be marched
     assert replace(there, **plain) == replace(own, **plain) and there.model_hash == curve.model_hash and there.settings
     assert there.status == "complete" and there.bottom_line() in out.details()
-    tracked = [marched._tracked(study.problem, curve, k.preload).cost for k in out.kept]
+    coarse = bd.ContinuationOptions(budget=BUDGET)
+    tracked = [study.track(k.preload, curve.settings["frequency"], options=coarse).cost for k in out.kept]
     for count in ("evaluations", "factorisations", "iterations"):
         parts = [curve.cost, *tracked, *(k.cost for k in out.kept)]
         assert getattr(out.cost, count) == sum(getattr(part, count) for part in parts) > getattr(curve.cost, count)

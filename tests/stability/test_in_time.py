@@ -5,8 +5,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.stability import in_time
+from bdamper.stability.disturbances import rests
 from bdamper.stability.march import AGREES, DIFFERS
-from bdamper.stability.wave import rests
 from tests.plain import plain_study
 
 
@@ -76,7 +76,7 @@ def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
         forces={0: 0.3}, harmonics=(1, 3),
     )  # fmt: skip
     curve = study.track(0.0, (0.07, 0.35))
-    monkeypatch.setattr(in_time.InTimeJudge, "_judged", lambda judge, i: (AGREES, 0.96))
+    monkeypatch.setattr(in_time, "judged_at", lambda ring, u, omega: (AGREES, 0.96))
     judged = study.with_stability(curve, in_time=True)
     rest = np.array([rests(study.problem.system(0.0), u) for u in curve.unknowns])
     assert (np.diff(rest.astype(int)) == 1).sum() == 2
@@ -90,15 +90,15 @@ def test_interrupted_labels_keep_what_was_judged(monkeypatch):
         [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
     )
     curve = study.track(0.0, (0.1, 0.35))
-    asked, own = [], in_time.InTimeJudge._judged
+    asked, own = [], in_time.judged_at
 
-    def interrupted(judge, i):
-        asked.append(i)
+    def interrupted(ring, u, omega):
+        asked.append(int(np.abs(curve.unknowns - u).max(axis=1).argmin()))
         if len(asked) == 3:
             raise KeyboardInterrupt
-        return own(judge, i)
+        return own(ring, u, omega)
 
-    monkeypatch.setattr(in_time.InTimeJudge, "_judged", interrupted)
+    monkeypatch.setattr(in_time, "judged_at", interrupted)
     judged = study.with_stability(curve, in_time=True)
     assert len(asked) == 3 and "interrupted by the user" in judged.stability_note
     assert judged.labels[asked[:2]].tolist() == ["stable"] * 2 and np.isfinite(judged.in_time[asked[:2]]).all()

@@ -43,33 +43,28 @@ def usual(factor):
 
 
 @pytest.mark.parametrize("up", [True, False])
-def test_a_linear_sweep_lags_behind_its_closed_form_by_the_error_it_states(linear, up):
-    errors, stated = [], []
+def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_changes(linear, up):
+    errors, sweeps = [], []
     for factor in (0.05, 0.1):
         found = linear.sweep_in_time(0.0, BAND, up=up, rate=usual(factor), steps_per_period=384)
         exact = closed_form(found.frequency)
         errors.append(np.abs(found.amplitude / exact - 1.0).max())
-        stated.append(found.error)
+        sweeps.append(found)
         assert found.complete and not found.jumps and found.up is up
         late = found.highest[0] - F0 if up else F0 - found.highest[0]  # a' + (1 + i x) a = 1 with x' = factor: 2 factor
         assert late == pytest.approx(2.0 * factor * ZETA * F0, rel=0.2)
-    assert errors[0] == pytest.approx(stated[0], rel=0.15)
+    slow, fast = (sweep if up else replace(sweep, frequency=sweep.frequency[::-1], harmonics=sweep.harmonics[::-1])
+                  for sweep in sweeps)  # fmt: skip
+    apart = np.interp(fast.frequency, slow.frequency, slow.amplitude) / fast.amplitude - 1.0
+    assert errors[0] == pytest.approx(np.abs(apart).max(), rel=0.15)
     assert 1.7 < errors[1] / errors[0] < 2.3, "of first order in the rate"
     assert found.highest[1] == pytest.approx(exact.max(), rel=0.01)
 
 
 def test_the_usual_rate_follows_from_the_damping(linear):
-    found = linear.sweep_in_time(0.0, (9.9, 10.1), check=False)
+    found = linear.sweep_in_time(0.0, (9.9, 10.1))
     assert found.memory == pytest.approx(1.0 / (ZETA * W0))
     assert found.rate == pytest.approx(usual(time_sweep.RATE))
-    assert np.isnan(found.error) and "not known" in found.details()
-
-
-@pytest.mark.parametrize("factor", [1.0, 50.0])
-def test_a_sweep_that_is_too_fast_has_no_error(linear, factor):
-    """All of it counts as the way of jumps, or it is shorter than the memory over which amplitudes are averaged."""
-    found = linear.sweep_in_time(0.0, BAND, rate=usual(factor))
-    assert np.isnan(found.error) and "too fast to compare" in found.details()
 
 
 @pytest.mark.parametrize("up", [True, False])
@@ -77,14 +72,13 @@ def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     curve = separating.with_(harmonics=5).track(0.0, (11.0, 12.2), stability=True)
     upper, lower = sorted(curve.folds, key=lambda fold: fold.frequency)  # where the upper branch begins, the lower one ends
     assert upper.amplitude > 3.0 * lower.amplitude
-    found = separating.sweep_in_time(0.0, (11.2, 12.0), up=up, rate=usual(0.05))
+    found, faster = (separating.sweep_in_time(0.0, (11.2, 12.0), up=up, rate=usual(factor)) for factor in (0.05, 0.1))
     (jump,) = found.jumps
     ends, other = (lower, upper) if up else (upper, lower)
-    late, later = (abs(sweep.jumps[0].frequency - ends.frequency) for sweep in (found, found.faster))
+    late, later = (abs(sweep.jumps[0].frequency - ends.frequency) for sweep in (found, faster))
     assert late < later < 0.7 * ZETA * F0 < 0.2 * abs(jump.frequency - other.frequency)
     assert (jump.frequency > ends.frequency) is up
     assert jump.after / jump.before > 1.8 if up else jump.before / jump.after > 3.0
-    assert found.error < 0.12, "next to a fold the slope of the curve is infinite"
     # Before it the amplitudes are those of the stable branch
     stable = np.asarray(curve.stable) & ((curve.amplitude < 1.01 * lower.amplitude) == up)
     order = np.argsort(curve.frequency[stable])
@@ -111,14 +105,10 @@ def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
     settling = -(-round(time_sweep.SETTLING * whole.memory * BAND[0]) // BOUNDS.look)
     interrupting(monkeypatch, settling + 3)
     found = linear.sweep_in_time(0.0, BAND)
-    assert (found.status, len(found), found.beside) == ("interrupted", 3 * BOUNDS.look, ())
+    assert (found.status, len(found)) == ("interrupted", 3 * BOUNDS.look)
     assert f"{len(found)} of {len(whole)} turns" in found.details()
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
     np.testing.assert_array_equal(found.frequency, whole.frequency[: len(found)])
-    monkeypatch.undo()
-    interrupting(monkeypatch, settling + -(-len(whole) // BOUNDS.look) + 2)
-    found = linear.sweep_in_time(0.0, BAND)
-    assert found.complete and found.faster.interrupted and len(found.faster) == 2 * BOUNDS.look
     monkeypatch.undo()
     interrupting(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
@@ -134,12 +124,10 @@ def test_a_march_that_fails_is_no_sweep(linear, monkeypatch):
 def test_it_starts_from_a_point_of_a_curve(separating):
     curve = separating.track(0.0, (11.3, 11.7))
     high = int(np.flatnonzero(curve.frequency > 11.5)[curve.amplitude[curve.frequency > 11.5].argmax()])
-    options = {"up": False, "rate": usual(2.0), "check": False, "start": curve}
+    options = {"up": False, "rate": usual(2.0), "start": curve}
     f = float(curve.frequency[high])
-    upper = separating.sweep_in_time(0.0, (11.3, f), index=high, **options)
-    assert upper.amplitude[0] == pytest.approx(curve.amplitude[high], rel=0.03)
-    by_default = separating.sweep_in_time(0.0, (11.3, f), **options).amplitude
-    np.testing.assert_allclose(by_default, upper.amplitude, rtol=1e-6, err_msg="not the highest solution there")
+    upper = separating.sweep_in_time(0.0, (11.3, f), **options)
+    assert upper.amplitude[0] == pytest.approx(curve.amplitude[high], rel=0.03), "not the highest solution there"
     beyond = separating.sweep_in_time(0.0, (11.3, 11.8), **options)
     assert beyond.amplitude[0] < 1.01 * curve.amplitude.max(), "the curve ends before"
     apart = replace(curve, branch=np.arange(len(curve)), closed=())
@@ -157,7 +145,7 @@ def test_it_is_drawn_written_and_read(linear, tmp_path):
     found.save(tmp_path / "sweep.h5")
     read = bd.load(tmp_path / "sweep.h5")
     assert str(read) == str(found) and read.settings == found.settings
-    np.testing.assert_array_equal(read.faster.harmonics, found.faster.harmonics)
+    np.testing.assert_array_equal(read.harmonics, found.harmonics)
 
 
 @pytest.mark.parametrize(
@@ -166,9 +154,7 @@ def test_it_is_drawn_written_and_read(linear, tmp_path):
         ({"frequency": (10.5, 9.5)}, "frequency"),
         ({"up": 1}, "up"),
         ({"rate": 0.0}, "rate"),
-        ({"check": "no"}, "check"),
         ({"start": "curve"}, "start"),
-        ({"index": 3}, "index"),
         ({"steps_per_period": 2}, "steps_per_period"),
     ],
 )
@@ -186,12 +172,12 @@ def test_without_damping_there_is_no_usual_rate():
 
 def test_scatter_is_no_jump(separating):
     """An amplitude that scatters by a third from turn to turn stays on its level; one that drops for good does not."""
-    found = separating.sweep_in_time(0.0, (11.2, 12.0), up=False, rate=usual(0.2), check=False)
+    found = separating.sweep_in_time(0.0, (11.2, 12.0), up=False, rate=usual(0.2))
     n, scatter = len(found), np.random.default_rng(1).uniform(0.7, 1.0, len(found))
     level = np.where(np.arange(n) < n // 2, 2.0, 1.0)
     steady, falls = (
         replace(found, harmonics=np.column_stack([0.0 * a, a]).astype(complex)) for a in (scatter, level * scatter)
     )
-    assert not steady.jumps and len(steady._jumping()) > 0
+    assert not steady.jumps
     (jump,) = falls.jumps
     assert jump.before / jump.after == pytest.approx(2.0, rel=0.1)
