@@ -31,18 +31,17 @@ from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import BdamperError
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.status import NOT_RUN, word
 from bdamper.util.versions import HERE
 from bdamper.wheel.mistuning import DISTRIBUTIONS, DamperVariation, Mistuning
+from bdamper.wheel.optimal import OF_PEAKS, answers
 from bdamper.wheel.peak import WheelPeakOptions
 from bdamper.wheel.sample_result import MistunedSample, highest_wheels
 from bdamper.wheel.wheel import Wheel
 
 _AUDIT = 3
 """Last number of the seed with which audited wheels are drawn."""
-OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
 _VARIED = ("mass", "friction_coefficient", "contact_stiffness", "gap", "missing")
 
 
@@ -106,10 +105,8 @@ class _Sample:
     ) -> Mapping[str, Any]:
         options = thorough(self.options) if interval else replace(self.options, connected=False)
         peak = self.draw(wheel, standard_deviation).peak(preload, interval or self.frequency, options=options)
-        if not peak.found:
-            raise BdamperError(f"{peak.status}: {peak.reason}")
         found = {"climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)}
-        return {name: getattr(peak, name) for name in OF_PEAKS} | found | {"cost": peak.cost}
+        return answers(peak) | found
 
     def header(self) -> dict[str, Any]:
         """Header that identifies a sample in its results file, which also serves more wheels."""

@@ -133,10 +133,8 @@ class WheelProblem:
 
     def record(self) -> dict[str, Any]:
         """Record of the wheel for all results."""
-        return {
-            "deviation": self.deviation, "model_hash": self.study.model.hash,
-            "settings": self.structure.tuned.record() | {"mistuning": str(self.mistuning), "dampers": str(self.dampers)},
-        }  # fmt: skip
+        own = {"mistuning": str(self.mistuning), "dampers": str(self.dampers), "deviation": self.deviation.tolist()}
+        return {"settings": self.structure.tuned.record() | own, "model_hash": self.study.model.hash}
 
     def __str__(self) -> str:
         s = self.structure

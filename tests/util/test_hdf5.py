@@ -29,7 +29,7 @@ FORMER = {"bdamper-designs": "DesignComparison", "bdamper-law-comparison": "LawC
 """Formats, and names of their results, that are comparisons today; their column of names was called otherwise."""
 EXPECTED_0_5 = json.loads((OF_0_5 / "expected.json").read_text())
 """Sums over the absolute values of each column, or the texts in it, as version 0.5 had them."""
-GONE = ("advice_check", "crossings", "run_up")
+GONE = ("advice_check", "crossings", "run_up", "wheel_curve", "wheel_optimal_curve")
 """Kinds that have gone since."""
 
 
@@ -73,6 +73,8 @@ class TestReading:
             "bdamper-study",
             "bdamper-crossings",
             "bdamper-wheel-kept",
+            "bdamper-wheel-curve",
+            "bdamper-wheel-optimal-curve",
             "bdamper-advice-check",
             *FORMER,
         }
@@ -227,6 +229,20 @@ class TestVersions:
             0.059485338,
             0.054773680999998575,
         ]
+
+    def test_curves_of_a_wheel_are_read_as_curves(self, files_0_5):
+        found, then = bd.load(files_0_5 / "wheel_curve.h5"), EXPECTED_0_5["wheel_curve"]["columns"]
+        assert found.kind == "tracking" and found.complete and str(found)
+        assert found.amplitude.sum() == pytest.approx(then["envelope"][1], rel=1e-9)
+        assert np.abs(found.blades[..., 1]).sum() == pytest.approx(then["amplitude"][1], rel=1e-9)
+        assert np.abs(found.blades[..., 1]).argmax(axis=1).sum() == then["blade"][1]
+
+    def test_an_optimal_curve_of_a_wheel_is_read_as_a_sweep(self, files_0_5):
+        found, then = bd.load(files_0_5 / "wheel_optimal_curve.h5"), EXPECTED_0_5["wheel_optimal_curve"]["columns"]
+        assert found.names == ("preload",) and found.complete and str(found)
+        assert sum(point["preload"] for point in found.points) == then["preload"][1]
+        for name in found.quantities:
+            assert float(np.nansum(np.abs(found.array(name)))) == pytest.approx(then[name][1], rel=1e-9), name
 
     @pytest.mark.parametrize("name", [name for name in EXPECTED_0_5 if name not in GONE])
     def test_files_of_version_0_5_are_read(self, name, files_0_5):
