@@ -16,7 +16,7 @@ from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import Status
-from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Metres, Numbers, Quantity, Shares, Tabular
+from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, Quantity, Shares, Tabular
 from bdamper.util.text import amount, height
 
 
@@ -70,13 +70,6 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     reason: str
     cost: Cost
     _told = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
-
-    @property
-    def largest(self) -> Metres:
-        """(n,) float, m: largest vibration of the response in the cycle, all harmonics."""
-        l = np.arange(1, self.harmonics.shape[1])
-        theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
-        return np.abs((self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real).max(axis=1)
 
     @property
     def folds(self) -> NDArray:

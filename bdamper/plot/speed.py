@@ -30,7 +30,7 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
     known = [d for d in diameters if d in campbell.nodal_diameter]
-    rpm, top = campbell.rpm, 1.05 * float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
+    rpm, top = campbell.speed * RPM, 1.05 * float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
     for d, colour in zip(known, colours(len(known))):
         k, name = campbell.row(d), f"free, nodal diameter {d}" if len(known) < 4 else "free"
         for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):

@@ -78,11 +78,6 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     def __len__(self) -> int:
         return len(self.speed)
 
-    @property
-    def rpm(self) -> NDArray:
-        """(n,) float: speeds in revolutions per minute."""
-        return self.speed * RPM
-
     def met_by(self, engine_order: int) -> int:
         """Nodal diameter that an engine order excites."""
         d = engine_order % self.n_blades
@@ -96,9 +91,9 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         SettingError
             If the model does not have it.
         """
-        if nodal_diameter not in self.nodal_diameter:
-            raise SettingError(f"nodal_diameter: expected one of {self.nodal_diameter.tolist()}, found {nodal_diameter}")
-        return int(np.flatnonzero(self.nodal_diameter == nodal_diameter)[0])
+        known = self.nodal_diameter.tolist()
+        validate.require(nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter)
+        return known.index(nodal_diameter)
 
     def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:
         """Interference diagram at a speed, rad/s (:func:`bdamper.plot.plot_safe`)."""
@@ -108,10 +103,9 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
 
     def facts(self) -> tuple[Fact, ...]:
-        """Speeds, nodal diameters and modes, and where orders meet modes."""
+        """Nodal diameters and modes, and where orders meet modes."""
         met = zip(self.order, self.order_mode, self.order_free, self.order_stuck)
         return (
-            Fact("speeds", f"{_place(self.speed[0])} to {_place(self.speed[-1])}"),
             Fact("nodal diameters", ", ".join(map(str, self.nodal_diameter.tolist()))),
             Fact("modes", self.free.shape[2]),
             *(Fact(f"order {n}, mode {m}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in met),

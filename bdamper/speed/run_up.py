@@ -86,7 +86,7 @@ def run_up(
     why = ""
     if holds is not None:
         equations, curve, found = follow_line(family, holds if speeds is None else (low, high), mode, meter, options)
-        why = "" if found is not None else f": {_why_no_maximum(curve)}"
+        why = "" if found is not None else f": {curve.bottom_line()}"
     if holds is None or found is None:
         raise BdamperError(
             f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {low:.6g} and "
@@ -125,16 +125,3 @@ def _beside(top: Peak, fixed: Peak | None) -> str:
         above = percent(top.amplitude / fixed.amplitude - 1.0)
         beside = f"{above} above the peak at fixed speed, {amount(fixed.amplitude, 'm', 4)} at {fixed.parameter:.5g} rad/s"
     return f"highest maximum {amount(top.amplitude, 'm', 4)} at {top.parameter:.5g} rad/s: {beside}"
-
-
-def _why_no_maximum(curve: Curve) -> str:
-    """Why a followed line has no highest point but its ends."""
-    if not len(curve):
-        return curve.reason
-    top = curve.peak
-    end = "upper" if curve.frequency[top.index] == curve.frequency.max() else "lower"
-    speed = 2.0 * np.pi * top.frequency / curve.settings["engine_order"]
-    return (
-        f"no maximum, the response is highest at the {end} end, {top.amplitude:.4g} m at {speed:.6g} rad/s; "
-        "give a range that goes further there, or none"
-    )

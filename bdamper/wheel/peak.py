@@ -6,12 +6,9 @@ springs, climbs to the peaks of single blades from its highest maxima, and frees
 Large blades are reduced to the shapes that matter there (:mod:`bdamper.wheel.reduction`); the peaks that may be the highest
 are then found anew on the whole wheel, and what that changes is part of the error.
 
-**Connected** is whether the curve through the peak leads to an end of the band: it is followed both ways, for as many
-evaluations as the search took.  On reduced wheels it is "unknown" at once: a curve of 65 blades stalls 243 points and 0.3
-Hz from the peak, and a quarter of the evaluations, a third of a peak's time, decided none of four (the first two wheels of
-the shipped sample at 1 and 2 kN).  A blade may not keep all connected maxima: the curve of a lumped wheel of six blades
-(300 N, ``tests/wheel/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4
-to 12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods (``Wheel.kept``).
+A peak need not be what a blade keeps: the curve of a lumped wheel of six blades (300 N, ``tests/wheel/test_in_time.py``)
+goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4 to 12 mm; in time it keeps the first,
+and falls from those that were marched within a hundred periods (``Wheel.kept``).
 """
 
 from __future__ import annotations
@@ -24,8 +21,6 @@ from math import tau
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.follower import follow
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks.newton import Peak
 from bdamper.util import status, validate
 from bdamper.util.blas import one_thread
@@ -62,8 +57,6 @@ class WheelPeakOptions:
         Points of the sweep.
     reduced : bool
         Whether large blades are reduced for the search.
-    connected : bool
-        Whether it is found out if the curve through the peak leads to an end of the band, of wheels that are not reduced.
     """
 
     spacing: float = 0.5
@@ -71,12 +64,11 @@ class WheelPeakOptions:
     least: int = 60
     most: int = 300
     reduced: bool = True
-    connected: bool = True
 
     def __post_init__(self) -> None:
         validate.fields(self, validate.number, "spacing", above=0.0, most=10.0)
         validate.fields(self, validate.whole, "climbs", "least", "most", least=1)
-        validate.fields(self, validate.flag, "reduced", "connected")
+        validate.fields(self, validate.flag, "reduced")
 
 
 @dataclass(frozen=True)
@@ -176,7 +168,6 @@ def peak(
     top, changed = _corrected(equations, search, whole, peaks)
     system = None if top is None else (whole if changed is not None else search).held(top.springs[-1])
     u = None if top is None else top.at.y[:-1]
-    joined = _connected(equations, search, top) if options.connected else "not asked"
     gap, higher = _gap(points, swept), _tuned_higher(top, tuned, low, high)
     return WheelPeak(
         preload=float(preload),
@@ -193,7 +184,6 @@ def peak(
         residual=np.nan if top is None else top.at.residual,
         springs=0.0 if top is None else top.springs[-1],
         error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
-        connected=joined,
         interval=(low, high),
         unknowns=np.zeros(equations.whole.structure.shape) if system is None or u is None else system.structure.array(u),
         cost=meter.read(time.perf_counter()),
@@ -224,8 +214,6 @@ def _corrected(
         return best, changed
     settled = (search.settled(peak) for peak in sorted(peaks, key=lambda p: -p.height))
     return next((peak for peak in settled if peak is not None), None), None
-
-"""Change of a peak from the reduced to the whole wheel that is expected where one has changed by less."""
 
 
 def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations: _Equations, all_climbed: bool) -> float:
@@ -279,18 +267,3 @@ def _reason(
     if gap is not None:
         parts.append(f"no solution found between {gap[0] / tau:.6g} and {gap[1] / tau:.6g} Hz")
     return "; ".join(parts)
-
-
-def _connected(equations: _Equations, search: Search, top: Climbed | None) -> str:
-    """Whether the curve through the highest peak leads to an end of the band: "yes", "no", or "unknown"."""
-    if top is None or equations.shapes is not None:
-        return "unknown"
-    system, options = search.held(top.springs[-1]), ContinuationOptions(tolerance=1e-7, locate=False)
-    share = search.evaluations
-    for up in (False, True):
-        path = follow(system.within(share), top.at.y, search.band, up=up, options=options)
-        if path.status in ("complete", "turned back"):
-            return "yes"
-        if path.status == "closed":
-            return "no"
-    return "unknown"

@@ -53,8 +53,6 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         Estimate of how much higher the highest peak with free dampers may be, relative: from what weaker springs have
         changed, what the reduced wheel of the search is off the whole one, and what local searches may have missed; 0 where
         dampers are free and all maxima of the sweep were examined.
-    connected : {"yes", "no", "unknown", "not asked"}
-        Whether the curve through the peak leads to an end of the band, as far as it was followed: not on reduced wheels.
     interval : (low, high), Hz
         Band of the sweep.
     cost : Cost
@@ -78,7 +76,6 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     unknowns: NDArray
     springs: float = 0.0
     error: float = 0.0
-    connected: str = "unknown"
     interval: tuple[float, float] = (np.nan, np.nan)
     cost: Cost = field(default_factory=Cost)
 
@@ -112,12 +109,10 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         return draw(self, "plot_wheel", model, *arguments, **options)
 
     def facts(self) -> tuple[Fact, ...]:
-        """How exact the peak is as the highest one, and what was not asked."""
+        """How exact the peak is as the highest one."""
         return (
             Fact("the highest may be higher by", 100.0 * self.error, "%"),
             Fact("amplification factor", self.amplification),
-            Fact("connected with an end of the band", self.connected),
-            Fact("kept in time", "not tested: ask kept of a small wheel"),
         )
 
     def bottom_line(self) -> str:
@@ -126,6 +121,5 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         top = height(self.amplitude, self.frequency)
         tuned = f"{self.amplification:.3g} times the tuned wheel ({amount(self.tuned_amplitude, 'm')})"
         open_ = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
-        open_ += " It lies on a closed branch." if self.connected == "no" else ""
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
         return f"{head}: number {self.blade}, {top}, {tuned}.{open_}"

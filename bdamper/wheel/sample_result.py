@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, word
@@ -142,7 +142,7 @@ class BestPreload:
 
 @brief
 @dataclass(frozen=True)
-class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
+class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
     """Highest blades of many wheels; arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no answer.
 
     ``plot`` draws percentiles of the amplification factor over the standard deviation (:func:`bdamper.plot.plot_sample`),
@@ -174,7 +174,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     processor, curve_processor : float, s
         Spent on the peaks and on the audit.
     drawn : mapping
-        Distribution, treatment of the mean, modes, variations of the dampers and seed.
+        Distribution, modes, variations of the dampers and seed.
     settings : mapping
         Of the tuned study.
     model_hash : str
@@ -199,9 +199,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     curve_status: Annotated[tuple[str, ...], Translated("")]
     processor: Seconds
     curve_processor: NDArray
-    drawn: dict[str, Any] = field(default_factory=dict)
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
+    drawn: dict[str, Any]
 
     def __len__(self) -> int:
         return len(self.wheels)

@@ -59,7 +59,7 @@ def test_a_pattern_turned_by_one_blade_turns_the_answer():
     dampers = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
     base = Wheel(study(harmonics=2), mistuning=PATTERN, dampers=dampers)
     X, _ = solved(base)
-    other, _ = solved(base.with_(mistuning=PATTERN.turned(), dampers=taken(dampers, np.arange(N) - 1)))
+    other, _ = solved(base.with_(mistuning=np.roll(PATTERN.deviation, 1), dampers=taken(dampers, np.arange(N) - 1)))
     assert_same(other, turned(X), 1e-12)
 
 
@@ -131,11 +131,12 @@ def test_a_mirrored_wheel_with_the_reversed_order_has_the_mirrored_answer():
     mirror, s = Mirror(forward.study.model), forward.structure
     X, system = solved(forward)
     expected = mirror.answer(X, s)
-    mirrored, _ = solved(backward.with_(mistuning=PATTERN.mirrored(), dampers=taken(dampers, -np.arange(N) - 1)))
+    mirrored_pattern = PATTERN.deviation[-np.arange(N)]
+    mirrored, _ = solved(backward.with_(mistuning=mirrored_pattern, dampers=taken(dampers, -np.arange(N) - 1)))
     assert_same(mirrored, expected, 1e-12)
     reverse, other = solved(backward)
     assert np.abs(heights(other, reverse) / heights(system, X) - 1.0).max() > 1e-2
-    for pattern, shift in ((PATTERN, 1), (PATTERN.mirrored(), 0)):
+    for pattern, shift in ((PATTERN, 1), (mirrored_pattern, 0)):
         others = taken(dampers, -np.arange(N) - shift)
         system = backward.with_(mistuning=pattern, dampers=others).system(PRELOAD)
         y = np.append(system.structure.flat(expected), 2.0 * np.pi * 190.0)
