@@ -17,6 +17,7 @@ import time
 from dataclasses import dataclass, replace
 from itertools import product
 from math import tau
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ searches with three times as many attempts those that found more than any other 
 
 @validate.spelt
 @dataclass(frozen=True)
-class WheelPeakOptions:
+class WheelPeakOptions(validate.Checked):
     """Settings of the search for the highest peak.
 
     Parameters
@@ -55,20 +56,12 @@ class WheelPeakOptions:
         "Peaks of mistuned wheels").
     least, most : int
         Points of the sweep.
-    reduced : bool
-        Whether large blades are reduced for the search.
     """
 
-    spacing: float = 0.5
-    climbs: int = 12
-    least: int = 60
-    most: int = 300
-    reduced: bool = True
-
-    def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "spacing", above=0.0, most=10.0)
-        validate.fields(self, validate.whole, "climbs", "least", "most", least=1)
-        validate.fields(self, validate.flag, "reduced")
+    spacing: Annotated[float, validate.Limits(above=0.0, most=10.0)] = 0.5
+    climbs: validate.Count = 12
+    least: validate.Count = 60
+    most: validate.Count = 300
 
 
 @dataclass(frozen=True)
@@ -91,10 +84,10 @@ class _Equations:
     mean: NDArray
 
     @classmethod
-    def of(cls, wheel: WheelProblem, preload: float, reduced: bool) -> _Equations:
+    def of(cls, wheel: WheelProblem, preload: float) -> _Equations:
         whole, s = wheel.system(preload), wheel.structure
         state, n = wheel.state(preload), s.n
-        if not reduced or n <= SHAPES + 1 or not wheel.structure.tuned.settings.bias:
+        if n <= SHAPES + 1 or not wheel.structure.tuned.settings.bias:
             return cls(whole, whole, None, state.mean[:, :n])
         omega = tau * wheel.tuned_peak(preload).frequency
         shapes = family_shapes(s, omega)
@@ -149,7 +142,7 @@ def peak(
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     if frequency is not None:
         frequency = validate.interval("frequency", frequency)
-    equations = _Equations.of(wheel, preload, options.reduced)
+    equations = _Equations.of(wheel, preload)
     tuned = wheel.tuned_peak(preload)
     begin, end, width = band(wheel, preload)
     bands = [frequency] if frequency else [(begin, end), (begin, max(end, FAR * tuned.frequency))]

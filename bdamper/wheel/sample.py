@@ -101,8 +101,7 @@ class _Sample:
     ) -> Mapping[str, Any]:
         options = thorough(self.options) if interval else self.options
         peak = self.draw(wheel, standard_deviation).peak(preload, interval or self.frequency, options=options)
-        found = {"climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)}
-        return answers(peak) | found
+        return answers(peak) | {"interval": list(peak.interval)}
 
     def header(self) -> dict[str, Any]:
         """Header that identifies a sample in its results file, which also serves more wheels."""

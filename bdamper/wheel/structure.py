@@ -119,13 +119,12 @@ class Structure:
         return self.n + self.n_damper
 
     @classmethod
-    def of(cls, study: Problem, mistuning: Mistuning | None = None) -> Structure:
-        """The structure of a wheel with the settings of a study.
+    def of(cls, study: Problem) -> Structure:
+        """The structure of a wheel of nominal blades and dampers with the settings of a study.
 
         Parameters
         ----------
         study : Problem
-        mistuning : Mistuning, optional
 
         Raises
         ------
@@ -159,7 +158,7 @@ class Structure:
             order=order,
             n_blades=N,
             n_damper=int(own.sum()),
-            stiffness=_blades(local, Mistuning.of(N, mistuning)),
+            stiffness=_blades(local, Mistuning.of(N, None)),
             mass=local.blade_mass,
             disk_stiffness=of_waves(local.disk_stiffness),
             disk_mass=of_waves(local.disk_mass),

@@ -56,9 +56,6 @@ def test_a_curve_has_its_folds_and_no_solution_far_from_the_one_before():
 
 def test_nothing_excites_a_wheel():
     still = lumped_study(3, 1)
-    for wrong in (np.zeros(3), np.full(3, np.nan), np.array([1.0, np.inf, 0.0]), 0, "x", np.ones(4)):
-        with pytest.raises(SettingError, match=r"^forces: expected 3 finite complex numbers, not all zero, found"):
-            Wheel(still, forces=wrong)
     wheel = Wheel(still.with_(excitation=bd.Excitation("tip", amplitude=0.0)))
     for ask in (lambda: wheel.peak(PRELOAD), lambda: wheel.track(PRELOAD, (150.0, 200.0))):
         with pytest.raises(SettingError, match=r"^excitation: expected a .*force .*, found 0 N at 'tip'"):
