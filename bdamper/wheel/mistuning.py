@@ -57,7 +57,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     def __post_init__(self) -> None:
         values = _by_blade("mistuning", self.deviation, -1.0, "finite frequency deviations above -1")
-        values.setflags(write=False)
         object.__setattr__(self, "deviation", values)
         object.__setattr__(self, "seed", tuple(self.seed))
 
@@ -238,13 +237,10 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
     def __post_init__(self) -> None:
         n = np.size(self.missing)
         for name, limits in _LIMITS.items():
-            value = validate.numbers(name, np.asarray(getattr(self, name)), n, **limits)
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, validate.numbers(name, np.asarray(getattr(self, name)), n, **limits))
         missing = np.array(self.missing)
         if missing.dtype != bool or missing.ndim != 1 or n == 0:
             raise validate.unfit("missing", "(n_blades,) True or False", self.missing)
-        missing.setflags(write=False)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "seed", tuple(self.seed))
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import h5py
 import numpy as np
 
 from bdamper.design.sweep import SweepResult, sweep
-from bdamper.problem.asked import Asking
-from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import enter_former
@@ -39,23 +38,10 @@ def answers(found: WheelPeak) -> dict[str, Any]:
     return {name: getattr(found, name) for name in OF_PEAKS} | {"cost": found.cost}
 
 
-@dataclass(frozen=True)
-class HighestBlade:
-    """The highest peak of a wheel, as a question of a sweep.
-
-    Parameters
-    ----------
-    wheel : Wheel
-    options : WheelPeakOptions, optional
-    """
-
-    wheel: WheelProblem
-    options: WheelPeakOptions | None = None
-
-    def __call__(self, study: Asking | Problem, preload: float | None) -> Mapping[str, Any]:
-        assert preload is not None
-        found = peak(self.wheel, preload, options=self.options)
-        return answers(found) | {"tuned_amplitude": found.tuned_amplitude}
+def _highest(_: Any, preload: Any, *, wheel: WheelProblem, options: WheelPeakOptions | None) -> dict[str, Any]:
+    """The highest peak of a wheel, as a question of a sweep."""
+    found = peak(wheel, preload, options=options)
+    return answers(found) | {"tuned_amplitude": found.tuned_amplitude}
 
 
 @validate.spelt
@@ -84,7 +70,7 @@ def optimal_curve(
         error of the amplitude that they leave (:class:`~bdamper.wheel.results.WheelPeak`), and the tuned amplitude.
     """
     values = validate.numbers("preloads", preloads, above=0.0, unit="N")
-    task = HighestBlade(wheel, options)
+    task = partial(_highest, wheel=wheel, options=options)
     found = sweep(wheel.study, {"preload": values}, task, executor=executor, progress=progress)
     return replace(found, **wheel.record())
 
