@@ -175,8 +175,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         """
         change = (self.deviation * (2.0 + self.deviation)).reshape(self.n_blades, -1)
         rest = change.mean(axis=1)
-        if change.shape[1] == 1:
-            return np.repeat(change, n_modes, axis=1), rest
         if change.shape[1] > n_modes:
             expected = f"deviations of at most the {n_modes} cantilever modes of the model"
             raise SettingError(f"mistuning: expected {expected}, found {change.shape[1]}")

@@ -247,11 +247,8 @@ def _reason(
     top: Climbed | None, gap: tuple[float, float] | None, changed: float | None, equations: _Equations, found: str
 ) -> str:
     parts = [found]
-    if equations.shapes is not None and top is not None:
-        parts.append(
-            "found on the reduced wheel alone" if changed is None
-            else f"on the whole wheel {100.0 * changed:.2g} % off the reduced one's"
-        )  # fmt: skip
+    if equations.shapes is not None and top is not None and changed is None:
+        parts.append("found on the reduced wheel alone")
     if top is not None and top.springs[-1]:
         parts.append(
             f"the mean of dampers held by springs of {top.springs[-1]:.2g} of their stuck stiffness, which change the "

@@ -239,7 +239,6 @@ def _result(
         **columns,
         **audit,
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
-        tuned_frequency=np.array([p.frequency for p in tuned]),
         status=tuple(r["status"] for r in peaks),
         curve_amplitude=array(curves, "amplitude"),
         curve_status=tuple(str(r.get("status", "not asked")) for r in curves),

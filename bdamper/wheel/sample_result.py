@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -160,7 +160,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     residual, springs, error : float
         ``springs`` on the mean of dampers, and ``error`` of the amplitude that they leave
         (:class:`~bdamper.wheel.results.WheelPeak`).
-    tuned_amplitude, tuned_frequency : (n_preloads,) float, m and Hz
+    tuned_amplitude : (n_preloads,) float, m
         Of the tuned wheel at the same preload.
     status : tuple of str
         In the order of the arrays: "complete", "failed: " with the reason, or "not run".
@@ -191,7 +191,6 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     springs: Numbers
     error: Numbers
     tuned_amplitude: NDArray
-    tuned_frequency: NDArray
     status: Annotated[Statuses, Quantity(name="run")]
     audited: NDArray
     audit_share: float
@@ -199,7 +198,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     curve_status: Annotated[tuple[str, ...], Translated("")]
     processor: Seconds
     curve_processor: NDArray
-    drawn: dict[str, Any]
+    drawn: dict[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.wheels)
