@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.family import responses
 from bdamper.peaks.newton import Peak
@@ -93,9 +92,7 @@ def run_up(
             f"{high:.6g} rad/s, found none{why}"
         )
     top, error = exact(family, found.peak)
-    speed = curve.frequency * TWO_PI / equations.structure.engine_order
-    between = f"interpolation between {speed.min():.6g} and {speed.max():.6g} rad/s; give a shorter one"
-    left = f"a residual of {error:.2g} after {between}"
+    left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
     validate.require(error <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
     fixed = at_fixed_speed(equations, found.peak, meter)
     out = _with_maximum(curve, found.index, top, responses(equations, top.y[None])[0])

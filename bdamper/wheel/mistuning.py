@@ -108,10 +108,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         BdamperError
             With the row and the column that do not fit.
         """
-        if not Path(path).is_file():
-            raise FileNotFoundError(f"there is no file '{path}'")
-        frequency = _read_frequencies(path)
-        return cls.from_frequencies(frequency, reference, f"file {Path(path).name}")
+        return cls.from_frequencies(_read_frequencies(path), reference, f"file {Path(path).name}")
 
     @classmethod
     def drawn(
@@ -334,7 +331,7 @@ def _read_frequencies(path: FilePath) -> NDArray:
         separator = ";" if any(";" in line for line in lines) else ","
         named = np.isnan(np.genfromtxt(lines[:1], delimiter=separator)).all()  # no cell of the first line is a number
         table = np.loadtxt(lines[1:] if named else lines, delimiter=separator, ndmin=2)
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise mismatch(str(path), "one row of frequencies for each blade", error) from error
     head = [cell.strip().lower() for cell in lines[0].split(separator)] if named else []
     if "blade" in head:
