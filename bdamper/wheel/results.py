@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bdamper.model.model import Model
 from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.plotting import Fact, Plottable, draw
+from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, HELD, Status
 from bdamper.util.text import amount, height
@@ -78,6 +78,7 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     error: float = 0.0
     interval: tuple[float, float] = (np.nan, np.nan)
     cost: Cost = field(default_factory=Cost)
+    _told = ("status", "amplitude", "frequency", "blade", "amplification", "error", "springs")
 
     @property
     def converged(self) -> bool:
@@ -107,13 +108,6 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     def plot_wheel(self, model: Model, *arguments: Any, **options: Any) -> Any:
         """Draw the wheel from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "plot_wheel", model, *arguments, **options)
-
-    def facts(self) -> tuple[Fact, ...]:
-        """How exact the peak is as the highest one."""
-        return (
-            Fact("the highest may be higher by", 100.0 * self.error, "%"),
-            Fact("amplification factor", self.amplification),
-        )
 
     def bottom_line(self) -> str:
         if not np.isfinite(self.amplitude):
