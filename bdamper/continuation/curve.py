@@ -123,6 +123,8 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         Branches that close on themselves: no sweep of frequency leads to them, and their points are no ``peak``.
     speed : (n,) float, rad/s, or None
         Of the rotor, along the line of an engine order.
+    blades : (n, n_blades, n_harmonics + 1) complex, m, or None
+        Response of every blade of a wheel, each in its own axes; ``harmonics`` are those of the highest blade.
     """
 
     kind: str
@@ -148,6 +150,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     error_estimates: ErrorEstimates | None = None
     closed: tuple[int, ...] = ()
     speed: RadiansPerSecond | None = None
+    blades: Annotated[NDArray, Quantity("m", dims=(ROW, "blade", "harmonic"))] | None = None
     _told = (
         "preload", "kind", "status", "peak.kind", "peak.amplitude", "peak.frequency", "at_peak", "unstable",
         "stability_note", "folds", "left_out", "detached", "error",
@@ -257,6 +260,8 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
             speed = float(self.speed[top.index])
             turning = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
             load = f" along engine order {self.settings['engine_order']}, at {turning}"
+        if self.blades is not None:
+            load += f", blade {np.argmax(np.abs(self.blades[top.index, :, 1]))}"
         out = [f"{HIGHEST if self.peak_at_end else what} of {height(top.amplitude, top.frequency)}{load}."]
         if self.peak_at_end:
             out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")

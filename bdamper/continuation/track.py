@@ -236,7 +236,7 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
         left_out=ended[2],
         cost=search.meter.read(time.perf_counter()),
         start_log=tuple(search.log),
-        notes=notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
+        notes=() if "blades" in own else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
         **own,
         **problem.recorded(search.options),
     )

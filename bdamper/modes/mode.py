@@ -81,13 +81,11 @@ def nonlinear_mode(
     y = np.array([p.y for p, _ in points]).reshape(len(points), system.n_unknowns + 1)
     u, correlation = system.structure.motion(y), _correlation(system, y)
     status, reason = _ending(branch, y, correlation, mode)
-    a = system.amplitudes(u, 1)
     return NonlinearMode(
         frequency=y[:, -3] / TWO_PI,
         damping_ratio=y[:, -2],
         harmonics=system.structure.driven.response(u),
         unknowns=u,
-        modal_amplitude=np.sqrt(np.abs(a) ** 2 @ system.structure.basis.mass),
         correlation=correlation,
         shares=np.array([p.shares for p, _ in points]).reshape(-1, 3),
         residual=np.array([p.residual for p, _ in points]),

@@ -16,7 +16,7 @@ from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import Status
-from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Metres, Numbers, Quantity, Shares, Tabular
+from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, Quantity, Shares, Tabular
 from bdamper.util.text import amount, height
 
 
@@ -36,8 +36,8 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
         Of the response; the first column is the mean.
     unknowns : (n, n_unknowns) float
         Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
-    modal_amplitude, correlation : (n,) float, kg^1/2 m and 1
-        Of the first harmonic: its norm with the mass of all bodies, and its MAC with the mode of stuck contact.
+    correlation : (n,) float
+        MAC of the first harmonic with the mode of stuck contact.
     shares : (n, 3) float
         Stick, slip and open, mean over the friction points and the cycle.
     residual, branch : (n,) float and int
@@ -56,7 +56,6 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     damping_ratio: Annotated[NDArray, Quantity("", "Modal damping ratio")]
     harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
     unknowns: NDArray
-    modal_amplitude: Numbers
     correlation: Numbers
     shares: Shares
     residual: Numbers
@@ -70,13 +69,6 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     reason: str
     cost: Cost
     _told = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
-
-    @property
-    def largest(self) -> Metres:
-        """(n,) float, m: largest vibration of the response in the cycle, all harmonics."""
-        l = np.arange(1, self.harmonics.shape[1])
-        theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
-        return np.abs((self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real).max(axis=1)
 
     @property
     def folds(self) -> NDArray:
@@ -111,9 +103,8 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
             )
         s = preload / self.preload
         return replace(
-            self, preload=preload, harmonics=s * self.harmonics, unknowns=s * self.unknowns,
-            modal_amplitude=s * self.modal_amplitude, linear_to=s * self.linear_to,
-        )  # fmt: skip
+            self, preload=preload, harmonics=s * self.harmonics, unknowns=s * self.unknowns, linear_to=s * self.linear_to
+        )
 
     def bottom_line(self) -> str:
         if not len(self):

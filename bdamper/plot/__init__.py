@@ -60,7 +60,5 @@ from bdamper.plot.wheel import plot_sample_mistuning as plot_sample_mistuning
 from bdamper.plot.wheel import plot_sample_preload as plot_sample_preload
 from bdamper.plot.wheel import plot_sample_tail as plot_sample_tail
 from bdamper.plot.wheel import plot_wheel as plot_wheel
-from bdamper.plot.wheel import plot_wheel_curve as plot_wheel_curve
 from bdamper.plot.wheel import plot_wheel_map as plot_wheel_map
-from bdamper.plot.wheel import plot_wheel_optimal as plot_wheel_optimal
 from bdamper.plot.wheel import plot_wheel_peak as plot_wheel_peak

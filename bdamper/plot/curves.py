@@ -67,6 +67,10 @@ def unstable_points(curve: Curve) -> NDArray:
 def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> None:
     f, a = curve.frequency, curve.amplitude
     unstable = unstable_points(curve)
+    if curve.blades is not None:
+        single = np.abs(curve.blades[..., 1])
+        for b in np.unique(curve.branch):
+            ax.plot(f[curve.branch == b], single[curve.branch == b], color="0.75", linewidth=0.5)
     for b in np.unique(curve.branch):
         where = np.flatnonzero(curve.branch == b)
         for first, last in runs(unstable[where]):

@@ -33,7 +33,7 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
     columns = 400
     frequency = np.linspace(low, high, columns)
-    height, count = (np.array(found) for found in zip(*(_read(curve, frequency) for curve in curves)))
+    height, count = (np.array(found) for found in zip(*(highest_at(curve, frequency) for curve in curves)))
     preload = np.array([curve.preload for curve in curves])
     shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
     ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
@@ -47,7 +47,7 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
 
 
-def _read(curve: Curve, frequency: NDArray) -> tuple[NDArray, NDArray]:
+def highest_at(curve: Curve, frequency: NDArray) -> tuple[NDArray, NDArray]:
     """Highest amplitude (m) of a curve at some frequencies, NaN where it has none, and how often it leads over each."""
     best, count = np.full(len(frequency), np.nan), np.zeros(len(frequency), int)
     amplitude = curve.amplitude

@@ -30,18 +30,17 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
     known = [d for d in diameters if d in campbell.nodal_diameter]
-    rpm, top = campbell.rpm, 1.05 * float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
+    rpm, top = campbell.speed * RPM, 1.05 * float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
     for d, colour in zip(known, colours(len(known))):
         k, name = campbell.row(d), f"free, nodal diameter {d}" if len(known) < 4 else "free"
         for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):
             drawn = ax.plot(rpm, lines, linestyle=style, color=colour, linewidth=0.8)
             drawn[0].set_label(once(ax, label))
     _orders(ax, orders, campbell.speed, top)
-    for speeds, marker in ((campbell.order_free, "o"), (campbell.order_stuck, "x")):
-        for order, speed in zip(campbell.order, speeds):
-            if order in orders:
-                place = speed * RPM, order * speed / (2.0 * np.pi)
-                ax.plot(*place, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
+    order, _, *both = campbell.met.T
+    for speeds, marker in zip(both, "ox"):
+        place = speeds * RPM, order * speeds / (2.0 * np.pi)
+        ax.plot(*place, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
     damped = [pair for found in campbell.damped for pair in zip(found.points, found.values)]
     masses = sorted({at["damper_mass"] for at, _ in damped})
     for at, value in damped:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,19 +13,18 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import NEW, STYLES, band, colours, limit_line, looks, lost, picture
+from bdamper.plot.axes import NEW, STYLES, band, colours, limit_line, looks, picture
+from bdamper.plot.response_map import highest_at
 from bdamper.plot.table import draw_table
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import draws
-from bdamper.util.status import HELD
 from bdamper.util.tables import label
 from bdamper.util.text import amount
 from bdamper.wheel.mistuning import Mistuning
-from bdamper.wheel.optimal import WheelOptimalCurve
-from bdamper.wheel.results import WheelCurve, WheelPeak
+from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.sample_result import MistunedSample
 
 PERCENTILES = (50.0, 95.0)
@@ -43,58 +43,31 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
     ax.set(xlabel="Blade", ylabel="Frequency deviation (%)")
 
 
-@picture(WheelCurve)
-def plot_wheel_curve(curve: WheelCurve, ax: Axes = NEW, *, tuned: Curve | None = None) -> None:
-    """Envelope over all blades through the folds, above the curves of the single blades.
+@picture()
+def plot_wheel_map(curve: Curve, ax: Axes = NEW) -> None:
+    """Amplitude of every blade over frequency as a map, light where it is high.
+
+    Of several solutions at one frequency the highest amplitude of each blade is shown; a circle marks the highest of all.
 
     Parameters
     ----------
-    curve : WheelCurve
-    tuned : Curve, optional
-        Of the tuned wheel at the same preload, ``wheel.tuned().track(...)``: a thin line that bears its name.
+    curve : Curve
+        As ``Wheel.track`` returns it.
     """
-    _, blade = curve.highest
-    apart = np.flatnonzero(np.diff(curve.branch)) + 1  # no line from branch to branch
-    frequency, amplitude = np.insert(curve.frequency, apart, np.nan), np.insert(curve.amplitude, apart, np.nan, axis=0)
-    ax.plot(frequency, amplitude, color="0.75", linewidth=0.5)[0].set_label("single blades")
-    ax.plot(frequency, amplitude[:, blade], color=colours(3)[1], linewidth=0.9, label=f"blade {blade}")
-    ax.plot(frequency, amplitude.max(axis=1), color="k", label="highest blade")
-    if len(at := curve.folds):
-        ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
-    if tuned is not None and len(tuned):
-        limit_line(ax, "tuned", tuned.frequency, tuned.amplitude, tuned.peak.frequency)
-    ax.set(xlabel=label(WheelCurve, "frequency"), ylabel="Amplitude (m)")
-    ax.set_title(f"{amount(curve.preload, 'N')}, {curve.response.shape[1]} blades")
-
-
-def _on_a_grid(curve: WheelCurve, n: int) -> tuple[NDArray, NDArray]:
-    """Frequencies (n,) and the amplitudes there (n, n_blades), of the highest solution where there are several."""
-    grid = np.linspace(curve.frequency.min(), curve.frequency.max(), n)
-    out = np.full((n, curve.response.shape[1]), np.nan)
-    for a, b, low, high in zip(curve.frequency, curve.frequency[1:], curve.amplitude, curve.amplitude[1:]):
-        inside = (grid >= min(a, b)) & (grid <= max(a, b))
-        share = ((grid[inside] - a) / (b - a))[:, None] if a != b else np.zeros((inside.sum(), 1))
-        values = low + share * (high - low)
-        higher = ~(values.max(axis=1) <= out[inside].max(axis=1, initial=-np.inf))
-        out[inside] = np.where(higher[:, None], values, out[inside])
-    return grid, out
-
-
-@picture(WheelCurve, "plot_map")
-def plot_wheel_map(curve: WheelCurve, ax: Axes = NEW) -> None:
-    """Amplitude of every blade over frequency as a map, light where it is high.
-
-    Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
-    """
-    i, blade = curve.highest
-    frequency, amplitude = _on_a_grid(curve, 400)
+    response = validate.instance("curve", curve, Curve).blades
+    if response is None:
+        raise validate.unfit("curve", "a curve of Wheel.track", curve)
+    top, blades = curve.peak, response.transpose(1, 0, 2)
+    frequency = np.linspace(curve.frequency.min(), curve.frequency.max(), 400)
+    amplitude = [highest_at(replace(curve, harmonics=blade), frequency)[0] for blade in blades]
     ax.grid(False)
-    blades = np.arange(amplitude.shape[1])
-    image = ax.pcolormesh(frequency, blades, amplitude.T, cmap="viridis", vmin=0.0, rasterized=True, shading="nearest")
+    look: dict[str, Any] = {"cmap": "viridis", "vmin": 0.0, "rasterized": True, "shading": "nearest"}
+    image = ax.pcolormesh(frequency, np.arange(len(blades)), np.array(amplitude), **look)
     circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
-    ax.plot(curve.frequency[i], blade, "o", **circle, clip_on=False)
+    highest = int(np.abs(blades[:, top.index, 1]).argmax())
+    ax.plot(top.frequency, highest, "o", **circle, clip_on=False)
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
-    ax.set(xlabel=label(WheelCurve, "frequency"), ylabel=label(WheelCurve, "blade"), title=amount(curve.preload, "N"))
+    ax.set(xlabel=label(Curve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))
 
 
 def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
@@ -297,24 +270,3 @@ def plot_sample_preload(
     limit_line(ax, "tuned wheel", x, tuned, x[-1])
     ax.set(xscale="log", yscale="linear" if relative else "log", xlabel=label(MistunedSample, "preload"))
     ax.set(ylabel=_FACTOR if relative else label(MistunedSample, "amplitude"), title=_of(sample, i, len(sample)))
-
-
-@picture(WheelOptimalCurve)
-def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes = NEW) -> None:
-    """Highest amplitude of any blade over the preload, beside the tuned wheel; stars mark where each is least, or may be.
-
-    Preloads without a peak are crosses at the lower edge; held peaks are open circles with their error.
-    """
-    order, best, tuned = np.argsort(curve.preload), curve.candidates, int(np.nanargmin(curve.tuned_amplitude))
-    x, missing = curve.preload[order], ~np.isfinite(curve.amplitude)
-    draw_table(ax, curve, "preload", "amplitude", rows=order, label="highest blade")
-    if (held := np.array([s == HELD for s in curve.status]) & ~missing).any():
-        height = curve.amplitude[held]
-        style: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "w", "color": "0.1", "elinewidth": 0.6}
-        error = np.minimum(curve.error[held], 0.9) * height
-        ax.errorbar(curve.preload[held], height, error, fmt="o", **style, label="held, with error")
-    limit_line(ax, "tuned wheel", x, curve.tuned_amplitude[order], x[-1])
-    ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
-    ax.plot(curve.preload[tuned], curve.tuned_amplitude[tuned], "*", color="0.4", markersize=10.0)
-    lost(ax, curve.preload[missing], "0.4", "no peak", 6.0)
-    ax.set(xscale="log", yscale="log")

@@ -25,7 +25,6 @@ from bdamper.speed.crossings import speed_values
 from bdamper.speed.family import SpeedFamily
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.progress import each
@@ -51,9 +50,6 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     n_blades : int
     engine_order : (m,) int
         Orders that were asked for.
-    order : (j,) int, order_mode : (j,) int, order_free, order_stuck : (j,) float, rad/s
-        Crossings of the free and the stuck resonances with the lines of these orders, one row for each order and mode, more
-        where a resonance meets a line more than once; NaN where there is none in the range.
     damped : tuple of SweepResult
         Damped crossings.
     notes : tuple of str
@@ -68,20 +64,11 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     stuck: Hertz
     n_blades: int
     engine_order: NDArray
-    order: NDArray
-    order_mode: NDArray
-    order_free: NDArray
-    order_stuck: NDArray
     damped: tuple[SweepResult, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.speed)
-
-    @property
-    def rpm(self) -> NDArray:
-        """(n,) float: speeds in revolutions per minute."""
-        return self.speed * RPM
 
     def met_by(self, engine_order: int) -> int:
         """Nodal diameter that an engine order excites."""
@@ -96,9 +83,24 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         SettingError
             If the model does not have it.
         """
-        if nodal_diameter not in self.nodal_diameter:
-            raise SettingError(f"nodal_diameter: expected one of {self.nodal_diameter.tolist()}, found {nodal_diameter}")
-        return int(np.flatnonzero(self.nodal_diameter == nodal_diameter)[0])
+        known = self.nodal_diameter.tolist()
+        validate.require(nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter)
+        return known.index(nodal_diameter)
+
+    @property
+    def met(self) -> NDArray:
+        """(j, 4) float: order, mode, and speeds (rad/s) at which its free and its stuck resonance meet the order's line.
+
+        A row for each order and mode, more where a resonance meets a line more than once; NaN where it does not.
+        """
+        rows = []
+        for order in self.engine_order.tolist():
+            k = self.row(self.met_by(order))
+            for m in range(self.free.shape[2]):
+                lines = self.free[k, :, m], self.stuck[k, :, m]
+                at = [line_crossings(self.speed, line, order).tolist() or [np.nan] for line in lines]
+                rows += [(order, m + 1, *speeds) for speeds in zip_longest(*at, fillvalue=np.nan)]
+        return np.array(rows, float).reshape(-1, 4)
 
     def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:
         """Interference diagram at a speed, rad/s (:func:`bdamper.plot.plot_safe`)."""
@@ -108,20 +110,17 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
 
     def facts(self) -> tuple[Fact, ...]:
-        """Speeds, nodal diameters and modes, and where orders meet modes."""
-        met = zip(self.order, self.order_mode, self.order_free, self.order_stuck)
+        """Nodal diameters and modes, and where orders meet modes."""
         return (
-            Fact("speeds", f"{_place(self.speed[0])} to {_place(self.speed[-1])}"),
             Fact("nodal diameters", ", ".join(map(str, self.nodal_diameter.tolist()))),
             Fact("modes", self.free.shape[2]),
-            *(Fact(f"order {n}, mode {m}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in met),
+            *(Fact(f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in self.met),
             *(Fact("neglected", note) for note in self.notes),
         )
 
     def bottom_line(self) -> str:
-        met = np.isfinite(self.order_free) | np.isfinite(self.order_stuck)
-        pairs = dict.fromkeys(zip(self.order[met].tolist(), self.order_mode[met].tolist()))
-        which = ", ".join(f"order {n} with mode {m}" for n, m in pairs) or "none"
+        pairs = dict.fromkeys((n, m) for n, m, *speeds in self.met if np.isfinite(speeds).any())
+        which = ", ".join(f"order {n:g} with mode {m:g}" for n, m in pairs) or "none"
         return f"Engine orders that meet modes from {_place(self.speed[0])} to {_place(self.speed[-1])}: {which}."
 
 
@@ -193,9 +192,8 @@ def campbell(
     diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
     n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
-    met = {order: problem.model.folded_nodal_diameter(order)[0] for order in orders}
-    for order in [o for o, d in met.items() if d not in diameters]:
-        raise SettingError(f"engine_orders: expected orders that meet nodal diameters {diameters}, found {order}")
+    beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
+    validate.require(not beyond, "engine_orders", f"orders that meet nodal diameters {diameters}", beyond)
     by_diameter = [SpeedFamily(problem.with_(engine_order=d or n, harmonics=1), resting) for d in diameters]
     own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
     mean = diameters.index(own) if own in diameters else 0  # the static state has no nodal diameter: one serves all
@@ -205,7 +203,6 @@ def campbell(
         state = problems[mean].equilibrium(preload)
         for k, one in enumerate(problems):
             free[k, i], stuck[k, i] = free_and_stuck(one, state, modes)
-    table = _table(values, {order: diameters.index(d) for order, d in met.items()}, (free, stuck))
     return Campbell(
         speed=values,
         nodal_diameter=np.array(diameters, int),
@@ -213,24 +210,7 @@ def campbell(
         stuck=stuck,
         n_blades=n,
         engine_order=np.array(orders, int),
-        order=table[:, 0].astype(int),
-        order_mode=table[:, 1].astype(int),
-        order_free=table[:, 2],
-        order_stuck=table[:, 3],
         damped=shown,
         notes=problem.model.neglected_over_speed(),
         **problem.recorded(),
     )
-
-
-def _table(speeds: NDArray, orders: dict[int, int], frequencies: tuple[NDArray, NDArray]) -> NDArray:
-    """(j, 4) order, mode, and the speeds at which its free and its stuck resonance meet the line of the order.
-
-    Orders come with the row of their nodal diameter in the frequencies.
-    """
-    rows = []
-    for order, k in orders.items():
-        for m in range(frequencies[0].shape[2]):
-            at = [line_crossings(speeds, lines[k, :, m], order).tolist() or [np.nan] for lines in frequencies]
-            rows += [(order, m + 1, *met) for met in zip_longest(*at, fillvalue=np.nan)]
-    return np.array(rows, float).reshape(-1, 4)

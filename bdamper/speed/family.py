@@ -6,7 +6,9 @@ can be compared, those of a speed are turned onto those of the nearest speed tha
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,23 +24,19 @@ from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
 from bdamper.util.errors import SettingError
 
+T = TypeVar("T")
+
 
 def with_needed_bases(problem: Problem) -> Problem:
     """The same problem with those nodal diameters alone that its harmonics need, which is faster to make at a speed."""
-    needed = problem.settings.needed_diameters
-    bodies = {
-        name: replace(body, bases={d: b for d, b in body.bases.items() if d in needed}) if body.kind != "free" else body
-        for name, body in problem.model.bodies.items()
-    }
-    stress = {
-        name: replace(
-            rows,
-            modes={d: s for d, s in rows.modes.items() if d in needed},
-            contact={d: s for d, s in rows.contact.items() if d in needed},
-        )
-        for name, rows in problem.model.stress.items()
-    }
-    return problem.anew(model=as_checked(replace(problem.model, bodies=bodies, stress=stress)))
+    model = problem.model
+
+    def needed(by_diameter: Mapping[int, T]) -> dict[int, T]:
+        return {d: item for d, item in by_diameter.items() if d in problem.settings.needed_diameters}
+
+    bodies = {n: b if b.kind == "free" else replace(b, bases=needed(b.bases)) for n, b in model.bodies.items()}
+    stress = {n: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact)) for n, rows in model.stress.items()}
+    return problem.anew(model=as_checked(replace(model, bodies=bodies, stress=stress)))
 
 
 class SpeedFamily:
@@ -71,9 +69,12 @@ class SpeedFamily:
         """Preload (N) at a speed."""
         return preload_at(self.whole, omega)
 
-    def system(self, omega: float) -> Equations[Sector]:
-        """The equations at a speed."""
-        return self.problem(omega).system(self.preload(omega))
+    def system(self, omega: float, mass: float = 1.0) -> Equations[Sector]:
+        """The equations at a speed with a factor on the mass of the free bodies, load and inertia together."""
+        problem = self.problem(omega)
+        if mass != 1.0:
+            problem = like(vary(problem, {"damper_mass": mass}), problem)
+        return problem.system(mass * self.preload(omega))
 
     def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> Equations[Family]:
         """The equations along the line of the engine order between two speeds, made at so many of them.
@@ -81,15 +82,8 @@ class SpeedFamily:
         With a factor on the mass of the free bodies, load and inertia together.
         """
         speeds = node_speeds(low, high, nodes)
-        systems = [self.heavier(float(omega), mass) for omega in speeds]
+        systems = [self.system(float(omega), mass) for omega in speeds]
         return family_equations(systems, speeds, int(self.whole.engine_order))
-
-    def heavier(self, omega: float, mass: float) -> Equations[Sector]:
-        """The equations at a speed with a factor on the mass of the free bodies, load and inertia together."""
-        if mass == 1.0:
-            return self.system(omega)
-        problem = self.problem(omega)
-        return like(vary(problem, {"damper_mass": mass}), problem).system(mass * self.preload(omega))
 
     def resonances(self, low: float, high: float, mode: int) -> tuple[float, float]:
         """Speeds (rad/s) at which the free and the stuck resonance of a mode meet the line of the engine order.

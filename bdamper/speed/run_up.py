@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.family import responses
 from bdamper.peaks.newton import Peak
@@ -86,16 +85,14 @@ def run_up(
     why = ""
     if holds is not None:
         equations, curve, found = follow_line(family, holds if speeds is None else (low, high), mode, meter, options)
-        why = "" if found is not None else f": {_why_no_maximum(curve)}"
+        why = "" if found is not None else f": {curve.bottom_line()}"
     if holds is None or found is None:
         raise BdamperError(
             f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {low:.6g} and "
             f"{high:.6g} rad/s, found none{why}"
         )
     top, error = exact(family, found.peak)
-    speed = curve.frequency * TWO_PI / equations.structure.engine_order
-    between = f"interpolation between {speed.min():.6g} and {speed.max():.6g} rad/s; give a shorter one"
-    left = f"a residual of {error:.2g} after {between}"
+    left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
     validate.require(error <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
     fixed = at_fixed_speed(equations, found.peak, meter)
     out = _with_maximum(curve, found.index, top, responses(equations, top.y[None])[0])
@@ -125,16 +122,3 @@ def _beside(top: Peak, fixed: Peak | None) -> str:
         above = percent(top.amplitude / fixed.amplitude - 1.0)
         beside = f"{above} above the peak at fixed speed, {amount(fixed.amplitude, 'm', 4)} at {fixed.parameter:.5g} rad/s"
     return f"highest maximum {amount(top.amplitude, 'm', 4)} at {top.parameter:.5g} rad/s: {beside}"
-
-
-def _why_no_maximum(curve: Curve) -> str:
-    """Why a followed line has no highest point but its ends."""
-    if not len(curve):
-        return curve.reason
-    top = curve.peak
-    end = "upper" if curve.frequency[top.index] == curve.frequency.max() else "lower"
-    speed = 2.0 * np.pi * top.frequency / curve.settings["engine_order"]
-    return (
-        f"no maximum, the response is highest at the {end} end, {top.amplitude:.4g} m at {speed:.6g} rad/s; "
-        "give a range that goes further there, or none"
-    )

@@ -39,7 +39,7 @@ def enter_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
 
 
 _FORMER: dict[str, Callable[[h5py.Group], dict[str, Any]]] = {}
-"""What makes fields of today's result from the group of a kind that has gone, by a field that this kind alone had."""
+"""What makes fields of today's result from the group of a kind that has gone, by its name or a field that it alone had."""
 
 
 def enter_former(kind: str, mark: str, today: type[Storable], fields_of: Callable[[h5py.Group], dict[str, Any]]) -> None:
@@ -50,10 +50,10 @@ def enter_former(kind: str, mark: str, today: type[Storable], fields_of: Callabl
     kind : str
         Name of the format.
     mark : str
-        Field that this kind alone had.
+        Field that this kind alone had, where results of other kinds hold some of it; otherwise the kind.
     today : type
     fields_of : callable
-        From the group of a file the fields that are not there under their names.
+        From the group of a file the fields that are not there as they are today.
     """
     _READERS[kind], _FORMER[mark] = partial(_read, today, 1, 2), fields_of
 
@@ -245,7 +245,9 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
     hints, own = get_type_hints(cls), declarations(cls)
     made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
     found: dict[str, Any] = {"made_with": made_with}
-    for name in (f.name for f in fields(cls)):
+    for mark in _FORMER.keys() & {*group.keys(), _text(group.attrs.get("format", ""))}:
+        found |= _FORMER[mark](group)
+    for name in (f.name for f in fields(cls) if f.name not in found):
         former = own[name].mark(Formerly)
         leaf, item = _leaf(hints[name]), group.get(name, group.get(former.name if former else name))
         if isinstance(item, h5py.Group):
@@ -258,8 +260,6 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
             found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
         elif name in group.attrs:
             found[name] = _typed(hints[name], _from_attribute(hints[name], group.attrs[name]))
-    for mark in _FORMER.keys() & group.keys():
-        found |= _FORMER[mark](group)
     return cls(**_translated(cls, found))
 
 

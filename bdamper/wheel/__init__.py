@@ -4,9 +4,8 @@ In: a problem whose model has a sector-local basis.  Out: curves and peaks of ev
 """
 
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
-from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.peak import WheelPeakOptions
-from bdamper.wheel.results import WheelCurve, WheelPeak
+from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.sample import audit_wheels, mistuned_sample
 from bdamper.wheel.sample_result import Audit, BestPreload, MistunedSample
 from bdamper.wheel.wheel import Wheel
@@ -18,8 +17,6 @@ __all__ = [
     "MistunedSample",
     "Mistuning",
     "Wheel",
-    "WheelCurve",
-    "WheelOptimalCurve",
     "WheelPeak",
     "WheelPeakOptions",
     "audit_wheels",

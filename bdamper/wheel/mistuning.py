@@ -3,12 +3,11 @@
 A *frequency deviation* ``eps`` of a blade is that of its natural frequencies clamped at the root, where the disk has no
 part in them: they are ``(1 + eps)`` times those of the nominal blade, its stiffness ``(1 + eps)**2``.  (The first-order
 ``1 + 2 eps`` would miss the frequency by 0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n`` of the wheel, counted
-toward +X.  The mean of the deviations is kept unless it is taken out; every object says which.
+toward +X.
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, SettingError, mismatch
+from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.hdf5 import FilePath, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -41,8 +40,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     deviation : (n_blades,) or (n_blades, n_modes) float
         Relative deviation of the clamped frequencies of each blade, of all its modes together or of each of the first
         cantilever modes; modes beyond have the mean of those given.
-    mean : {"kept", "taken out"}
-        Whether the mean over the blades is as it was given, measured or drawn; :meth:`without_mean` takes it out.
     source : str
         Where the deviations come from: "given", a distribution, a file.
     seed : tuple of int
@@ -55,14 +52,11 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     """
 
     deviation: NDArray
-    mean: str = "kept"
     source: str = "given"
     seed: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         values = _by_blade("mistuning", self.deviation, -1.0, "finite frequency deviations above -1")
-        validate.choice("mean", self.mean, ("kept", "taken out"))
-        values.setflags(write=False)
         object.__setattr__(self, "deviation", values)
         object.__setattr__(self, "seed", tuple(self.seed))
 
@@ -91,11 +85,10 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         source : str
         """
         values = _by_blade("frequency", frequency, 0.0, "frequencies above 0 Hz")
-        if reference is None:
-            return cls(values / values.mean(axis=0) - 1.0, "taken out", source)
-        n = 1 if values.ndim == 1 else values.shape[1]
-        base = validate.numbers("reference", np.atleast_1d(reference), n, above=0.0, unit="Hz")
-        return cls(values / (base[0] if values.ndim == 1 else base) - 1.0, "kept", source)
+        base = values.mean(axis=0)
+        if reference is not None:
+            base = validate.numbers("reference", np.atleast_1d(reference), np.size(base), above=0.0, unit="Hz")
+        return cls(values / base - 1.0, source)
 
     @classmethod
     def from_csv(cls, path: FilePath, reference: ArrayLike | None = None) -> Self:
@@ -113,12 +106,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         ------
         FileNotFoundError
         BdamperError
-            With the number of the line that does not fit.
+            With the row and the column that do not fit.
         """
-        if not Path(path).is_file():
-            raise FileNotFoundError(f"there is no file '{path}'")
-        frequency = _read_frequencies(path)
-        return cls.from_frequencies(frequency, reference, f"file {Path(path).name}")
+        return cls.from_frequencies(_read_frequencies(path), reference, f"file {Path(path).name}")
 
     @classmethod
     def drawn(
@@ -162,7 +152,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             name = validate.choice("distribution", distribution, DISTRIBUTIONS)
             half = np.sqrt(3.0)
             unit = generator.standard_normal(shape) if name == "normal" else generator.uniform(-half, half, shape)
-        return cls(deviation * unit, "kept", f"{name}, standard deviation {deviation:g}", seed)
+        return cls(deviation * unit, f"{name}, standard deviation {deviation:g}", seed)
 
     # ---- what it says ----
 
@@ -182,8 +172,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         """
         change = (self.deviation * (2.0 + self.deviation)).reshape(self.n_blades, -1)
         rest = change.mean(axis=1)
-        if change.shape[1] == 1:
-            return np.repeat(change, n_modes, axis=1), rest
         if change.shape[1] > n_modes:
             expected = f"deviations of at most the {n_modes} cantilever modes of the model"
             raise SettingError(f"mistuning: expected {expected}, found {change.shape[1]}")
@@ -192,15 +180,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     def without_mean(self) -> Self:
         """The same pattern with the mean over the blades, of each mode, taken out."""
-        return type(self)(self.deviation - self.deviation.mean(axis=0), "taken out", self.source, self.seed)
-
-    def turned(self, blades: int = 1) -> Self:
-        """The pattern turned by some blades: blade ``n + blades`` becomes what blade ``n`` was."""
-        return type(self)(np.roll(self.deviation, blades, axis=0), self.mean, self.source, self.seed)
-
-    def mirrored(self) -> Self:
-        """The pattern mirrored: blade ``-n`` becomes what blade ``n`` was."""
-        return type(self)(self.deviation[-np.arange(self.n_blades)], self.mean, self.source, self.seed)
+        return type(self)(self.deviation - self.deviation.mean(axis=0), self.source, self.seed)
 
     def columns(self) -> dict[str, Column]:
         """A row for each blade."""
@@ -214,7 +194,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         d = 100.0 * self.deviation
         return (
             f"frequency deviations of {self.n_blades} blades clamped at the root{modes} ({self.source}{seed}): mean "
-            f"{d.mean():.3g} % ({self.mean}), standard deviation {d.std():.3g} %, from {d.min():.3g} to {d.max():.3g} %"
+            f"{d.mean().round(9) + 0.0:.3g} %, standard deviation {d.std():.3g} %, from {d.min():.3g} to {d.max():.3g} %"
         )
 
 
@@ -252,13 +232,10 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
     def __post_init__(self) -> None:
         n = np.size(self.missing)
         for name, limits in _LIMITS.items():
-            value = validate.numbers(name, np.asarray(getattr(self, name)), n, **limits)
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, validate.numbers(name, np.asarray(getattr(self, name)), n, **limits))
         missing = np.array(self.missing)
         if missing.dtype != bool or missing.ndim != 1 or n == 0:
             raise validate.unfit("missing", "(n_blades,) True or False", self.missing)
-        missing.setflags(write=False)
         object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "seed", tuple(self.seed))
 
@@ -350,23 +327,13 @@ def _read_frequencies(path: FilePath) -> NDArray:
     """(n_blades,) or (n_blades, n_modes) from a CSV file, in the order of the blades."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise BdamperError(f"{path}: expected a text file of blade frequencies, found {error}") from error
-    lines = [(i, line) for i, line in enumerate(text, 1) if line.strip() and not line.lstrip().startswith("#")]
-    separator = ";" if any(";" in line for _, line in lines) else ","
-    cells = csv.reader([line for _, line in lines], delimiter=separator)
-    rows = [(i, [cell.strip() for cell in row]) for (i, _), row in zip(lines, cells)]
-    head: list[str] = []
-    if rows and not any(_is_number(cell) for cell in rows[0][1]):
-        head = [cell.lower() for cell in rows.pop(0)[1]]
-    if not rows:
-        raise mismatch(str(path), "one row of frequencies for each blade", "none")
-    values = []
-    for i, row in rows:
-        if len(row) != len(rows[0][1]) or not all(map(_is_number, row)):
-            raise mismatch(f"{path}, line {i}", f"{len(rows[0][1])} numbers", separator.join(row))
-        values.append([float(cell) for cell in row])
-    table = np.array(values)
+        lines = [line for line in text if line.strip() and not line.lstrip().startswith("#")]
+        separator = ";" if any(";" in line for line in lines) else ","
+        named = np.isnan(np.genfromtxt(lines[:1], delimiter=separator)).all()  # no cell of the first line is a number
+        table = np.loadtxt(lines[1:] if named else lines, delimiter=separator, ndmin=2)
+    except ValueError as error:
+        raise mismatch(str(path), "one row of frequencies for each blade", error) from error
+    head = [cell.strip().lower() for cell in lines[0].split(separator)] if named else []
     if "blade" in head:
         if len(head) != table.shape[1]:
             raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
@@ -375,14 +342,4 @@ def _read_frequencies(path: FilePath) -> NDArray:
         if number.min() not in (0.0, 1.0) or not np.array_equal(number[order], number.min() + np.arange(len(number))):
             raise mismatch(f"{path}, column 'blade'", "each number from 0 or 1 once", number.tolist())
         table = np.delete(table[order], head.index("blade"), axis=1)
-    if not table.size or not (np.isfinite(table).all() and (table > 0.0).all()):
-        raise mismatch(str(path), "frequencies above 0 Hz", "others")
     return table[:, 0] if table.shape[1] == 1 else table
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

@@ -1,103 +1,58 @@
-"""Optimal curve of a wheel: its highest blade over the preload, beside the tuned peak."""
+"""The highest blade of a wheel over the preload, as a sweep."""
 
 from __future__ import annotations
 
-import time
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from typing import Any
 
+import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from bdamper.design.sweep import SweepResult, sweep
 from bdamper.util import validate
-from bdamper.util.cost import CostMeter
-from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Plottable
-from bdamper.util.repr import brief
-from bdamper.util.status import Statuses
-from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Tabular
-from bdamper.util.text import amount
+from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import enter_former
+from bdamper.util.status import COMPLETE, FAILED, because
 from bdamper.wheel.peak import WheelPeakOptions, peak
-from bdamper.wheel.results import OfWheel
+from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.wheel_problem import WheelProblem
 
+OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
+"""What sweeps and samples keep of a peak."""
 
-@brief
-@dataclass(frozen=True)
-class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-optimal-curve"):
-    """Highest amplitude of any blade over the preload.
 
-    ``plot`` draws it beside the tuned wheel (:func:`bdamper.plot.plot_wheel_optimal`).
+def answers(found: WheelPeak) -> dict[str, Any]:
+    """A peak with free or held dampers as the answers at a point of a sweep.
 
-    Parameters
-    ----------
-    preload : (n,) float, N
-    frequency, amplitude : (n,) float, Hz and m
-        NaN where no peak was found.
-    blade : (n,) int
-        -1 where no peak was found.
-    tuned_amplitude : (n,) float, m
-    status, reason : tuple of str
-        Of each preload.
-    residual : (n,) float
-    springs, error : (n,) float
-        On the mean of dampers, 0 where they are free, and the error of the amplitude that they leave
-        (:class:`~bdamper.wheel.results.WheelPeak`).
+    Raises
+    ------
+    BdamperError
+        If it is none, or a lower bound alone.
     """
+    if not found.found:
+        raise BdamperError(f"{found.status}: {found.reason}")
+    return {name: getattr(found, name) for name in OF_PEAKS} | {"cost": found.cost}
 
-    preload: Newtons
-    frequency: Hertz
-    amplitude: Resonance
-    blade: Numbers
-    tuned_amplitude: Metres
-    status: Annotated[Statuses, Quantity()]
-    reason: tuple[str, ...]
-    residual: Numbers
-    springs: Numbers
-    error: Numbers
 
-    def __len__(self) -> int:
-        return len(self.preload)
-
-    @property
-    def amplification(self) -> NDArray:
-        """(n,) float: amplitude over that of the tuned wheel at the same preload."""
-        return self.amplitude / self.tuned_amplitude
-
-    @property
-    def candidates(self) -> NDArray:
-        """Numbers of the preloads that may have the lowest highest blade, whatever dampers held leave open (``error``).
-
-        The first is that with the least of what its amplitude may be at most, ``amplitude (1 + error)``; the others may be
-        lower.  Preloads without a peak are none of them.
-        """
-        most, least = self.amplitude * (1.0 + self.error), self.amplitude * (1.0 - self.error)
-        if np.isnan(most).all():
-            return np.zeros(0, int)
-        first = int(np.nanargmin(most))
-        others = np.flatnonzero(least < most[first])
-        return np.append(first, others[others != first])
-
-    @property
-    def best(self) -> int | None:
-        """Number of the preload at which the highest blade is lowest, among those computed; None where that is open."""
-        return int(self.candidates[0]) if len(self.candidates) == 1 else None
-
-    def bottom_line(self) -> str:
-        i = self.best
-        if i is None:
-            open_ = " or ".join(amount(self.preload[k], "N") for k in np.sort(self.candidates))
-            return f"Errors leave open which preload is best: {open_}." if open_ else "No preload has a peak."
-        top = f"{amount(self.amplitude[i], 'm')} (number {self.blade[i]})"
-        tuned = f"{self.amplification[i]:.3g} times the tuned wheel"
-        return f"The highest blade is lowest at {amount(self.preload[i], 'N')} of {len(self)} preloads: {top}, {tuned}."
+def _highest(_: Any, preload: Any, *, wheel: WheelProblem, options: WheelPeakOptions | None) -> dict[str, Any]:
+    """The highest peak of a wheel, as a question of a sweep."""
+    found = peak(wheel, preload, options=options)
+    return answers(found) | {"tuned_amplitude": found.tuned_amplitude}
 
 
 @validate.spelt
 def optimal_curve(
-    wheel: WheelProblem, preloads: Sequence[float], *, options: WheelPeakOptions | None = None
-) -> WheelOptimalCurve:
+    wheel: WheelProblem,
+    preloads: Sequence[float],
+    *,
+    options: WheelPeakOptions | None = None,
+    executor: Executor | None = None,
+    progress: bool = False,
+) -> SweepResult:
     """Highest amplitude of any blade at each of several preloads, every one searched for anew.
 
     Parameters
@@ -105,26 +60,35 @@ def optimal_curve(
     wheel : Wheel
     preloads : sequence of float, N
     options : WheelPeakOptions
+    executor, progress
+        As in :func:`bdamper.sweep`.
 
     Returns
     -------
-    WheelOptimalCurve
+    SweepResult
+        Over the preload, with amplitude, frequency and number of the highest blade, the springs that hold dampers, the
+        error of the amplitude that they leave (:class:`~bdamper.wheel.results.WheelPeak`), and the tuned amplitude.
     """
     values = validate.numbers("preloads", preloads, above=0.0, unit="N")
-    meter = CostMeter(time.perf_counter())
-    found = [peak(wheel, float(preload), options=options) for preload in values]
-    for one in found:
-        meter.add(one.cost)
-    columns: dict[str, Any] = {
-        name: np.array([getattr(p, name) for p in found])
-        for name in ("frequency", "blade", "tuned_amplitude", "residual", "springs", "error")
+    task = partial(_highest, wheel=wheel, options=options)
+    found = sweep(wheel.study, {"preload": values}, task, executor=executor, progress=progress)
+    return replace(found, **wheel.record())
+
+
+def _of_0_6(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the sweep that the optimal curve of a wheel in a file of version 0.6 or before is."""
+    numbers = {name: group[name][()].tolist() for name in (*OF_PEAKS, "tuned_amplitude")}
+    preloads, reasons = group["preload"][()].tolist(), json.loads(group["reason"][()])
+    status = [COMPLETE if np.isfinite(a) else because(FAILED, why) for a, why in zip(numbers["amplitude"], reasons)]
+    return {
+        "names": ("preload",),
+        "points": tuple({"preload": preload} for preload in preloads),
+        "values": tuple(dict(zip(numbers, row)) for row in zip(*numbers.values())),
+        "status": tuple(status),
+        "seconds": np.full(len(preloads), np.nan),
+        "shape": (len(preloads),),
+        "cost": (),
     }
-    return WheelOptimalCurve(
-        preload=values,
-        amplitude=np.array([p.amplitude if p.found else np.nan for p in found]),
-        status=tuple(p.status for p in found),
-        reason=tuple(p.reason for p in found),
-        **columns,
-        cost=meter.read(time.perf_counter()),
-        **wheel.record(),
-    )
+
+
+enter_former("bdamper-wheel-optimal-curve", "bdamper-wheel-optimal-curve", SweepResult, _of_0_6)

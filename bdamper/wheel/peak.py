@@ -6,12 +6,9 @@ springs, climbs to the peaks of single blades from its highest maxima, and frees
 Large blades are reduced to the shapes that matter there (:mod:`bdamper.wheel.reduction`); the peaks that may be the highest
 are then found anew on the whole wheel, and what that changes is part of the error.
 
-**Connected** is whether the curve through the peak leads to an end of the band: it is followed both ways, for as many
-evaluations as the search took.  On reduced wheels it is "unknown" at once: a curve of 65 blades stalls 243 points and 0.3
-Hz from the peak, and a quarter of the evaluations, a third of a peak's time, decided none of four (the first two wheels of
-the shipped sample at 1 and 2 kN).  A blade may not keep all connected maxima: the curve of a lumped wheel of six blades
-(300 N, ``tests/wheel/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4
-to 12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods (``Wheel.kept``).
+A peak need not be what a blade keeps: the curve of a lumped wheel of six blades (300 N, ``tests/wheel/test_in_time.py``)
+goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4 to 12 mm; in time it keeps the first,
+and falls from those that were marched within a hundred periods (``Wheel.kept``).
 """
 
 from __future__ import annotations
@@ -20,12 +17,11 @@ import time
 from dataclasses import dataclass, replace
 from itertools import product
 from math import tau
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.follower import follow
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks.newton import Peak
 from bdamper.util import status, validate
 from bdamper.util.blas import one_thread
@@ -47,7 +43,7 @@ searches with three times as many attempts those that found more than any other 
 
 @validate.spelt
 @dataclass(frozen=True)
-class WheelPeakOptions:
+class WheelPeakOptions(validate.Checked):
     """Settings of the search for the highest peak.
 
     Parameters
@@ -60,23 +56,12 @@ class WheelPeakOptions:
         "Peaks of mistuned wheels").
     least, most : int
         Points of the sweep.
-    reduced : bool
-        Whether large blades are reduced for the search.
-    connected : bool
-        Whether it is found out if the curve through the peak leads to an end of the band, of wheels that are not reduced.
     """
 
-    spacing: float = 0.5
-    climbs: int = 12
-    least: int = 60
-    most: int = 300
-    reduced: bool = True
-    connected: bool = True
-
-    def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "spacing", above=0.0, most=10.0)
-        validate.fields(self, validate.whole, "climbs", "least", "most", least=1)
-        validate.fields(self, validate.flag, "reduced", "connected")
+    spacing: Annotated[float, validate.Limits(above=0.0, most=10.0)] = 0.5
+    climbs: validate.Count = 12
+    least: validate.Count = 60
+    most: validate.Count = 300
 
 
 @dataclass(frozen=True)
@@ -99,10 +84,10 @@ class _Equations:
     mean: NDArray
 
     @classmethod
-    def of(cls, wheel: WheelProblem, preload: float, reduced: bool) -> _Equations:
+    def of(cls, wheel: WheelProblem, preload: float) -> _Equations:
         whole, s = wheel.system(preload), wheel.structure
         state, n = wheel.state(preload), s.n
-        if not reduced or n <= SHAPES + 1 or not wheel.structure.tuned.settings.bias:
+        if n <= SHAPES + 1 or not wheel.structure.tuned.settings.bias:
             return cls(whole, whole, None, state.mean[:, :n])
         omega = tau * wheel.tuned_peak(preload).frequency
         shapes = family_shapes(s, omega)
@@ -157,7 +142,7 @@ def peak(
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     if frequency is not None:
         frequency = validate.interval("frequency", frequency)
-    equations = _Equations.of(wheel, preload, options.reduced)
+    equations = _Equations.of(wheel, preload)
     tuned = wheel.tuned_peak(preload)
     begin, end, width = band(wheel, preload)
     bands = [frequency] if frequency else [(begin, end), (begin, max(end, FAR * tuned.frequency))]
@@ -176,7 +161,6 @@ def peak(
     top, changed = _corrected(equations, search, whole, peaks)
     system = None if top is None else (whole if changed is not None else search).held(top.springs[-1])
     u = None if top is None else top.at.y[:-1]
-    joined = _connected(equations, search, top) if options.connected else "not asked"
     gap, higher = _gap(points, swept), _tuned_higher(top, tuned, low, high)
     return WheelPeak(
         preload=float(preload),
@@ -193,7 +177,6 @@ def peak(
         residual=np.nan if top is None else top.at.residual,
         springs=0.0 if top is None else top.springs[-1],
         error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
-        connected=joined,
         interval=(low, high),
         unknowns=np.zeros(equations.whole.structure.shape) if system is None or u is None else system.structure.array(u),
         cost=meter.read(time.perf_counter()),
@@ -224,8 +207,6 @@ def _corrected(
         return best, changed
     settled = (search.settled(peak) for peak in sorted(peaks, key=lambda p: -p.height))
     return next((peak for peak in settled if peak is not None), None), None
-
-"""Change of a peak from the reduced to the whole wheel that is expected where one has changed by less."""
 
 
 def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations: _Equations, all_climbed: bool) -> float:
@@ -266,11 +247,8 @@ def _reason(
     top: Climbed | None, gap: tuple[float, float] | None, changed: float | None, equations: _Equations, found: str
 ) -> str:
     parts = [found]
-    if equations.shapes is not None and top is not None:
-        parts.append(
-            "found on the reduced wheel alone" if changed is None
-            else f"on the whole wheel {100.0 * changed:.2g} % off the reduced one's"
-        )  # fmt: skip
+    if equations.shapes is not None and top is not None and changed is None:
+        parts.append("found on the reduced wheel alone")
     if top is not None and top.springs[-1]:
         parts.append(
             f"the mean of dampers held by springs of {top.springs[-1]:.2g} of their stuck stiffness, which change the "
@@ -279,18 +257,3 @@ def _reason(
     if gap is not None:
         parts.append(f"no solution found between {gap[0] / tau:.6g} and {gap[1] / tau:.6g} Hz")
     return "; ".join(parts)
-
-
-def _connected(equations: _Equations, search: Search, top: Climbed | None) -> str:
-    """Whether the curve through the highest peak leads to an end of the band: "yes", "no", or "unknown"."""
-    if top is None or equations.shapes is not None:
-        return "unknown"
-    system, options = search.held(top.springs[-1]), ContinuationOptions(tolerance=1e-7, locate=False)
-    share = search.evaluations
-    for up in (False, True):
-        path = follow(system.within(share), top.at.y, search.band, up=up, options=options)
-        if path.status in ("complete", "turned back"):
-            return "yes"
-        if path.status == "closed":
-            return "no"
-    return "unknown"

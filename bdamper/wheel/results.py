@@ -1,118 +1,25 @@
-"""Results of a wheel: its tracking curve, its highest peak, its optimal curve."""
+"""The highest peak of a wheel as a result."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.model import Model
 from bdamper.util.cost import Cost
-from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.plotting import Fact, Plottable, draw
+from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, HELD, Status
-from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
 from bdamper.util.text import amount, height
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfWheel(Recorded):
-    """Base of all results of a wheel.
-
-    Parameters
-    ----------
-    deviation : (n_blades, n_modes) float
-        Frequency deviations of the blades.
-    cost : Cost
-    """
-
-    deviation: NDArray
-    cost: Cost
-
-
 @brief
 @dataclass(frozen=True)
-class WheelCurve(OfWheel, Plottable, Followed, Tabular, Storable, kind="bdamper-wheel-curve"):
-    """Response of all blades of a wheel over frequency at one preload; every point is a converged solution.
-
-    ``plot`` draws the envelope over the blades (:func:`bdamper.plot.plot_wheel_curve`).
-
-    Parameters
-    ----------
-    frequency : (n,) float, Hz
-    response : (n, n_blades, n_harmonics + 1) complex, m
-        Of every blade at the response location, the mean first; each in its own axes.
-    residual : (n,) float
-        Relative to excitation and static load.
-    point_kind : tuple of str
-        "regular", "fold" (the first point beyond one), "drift" or "end".
-    preload : float, N
-    status, reason : str
-        "complete" if there are solutions at every frequency of the interval.
-    branch : (n,) int
-        Of each point; points of one branch follow each other.
-    left_out : tuple of str
-        Parts of the curve that were not followed, and why.
-    """
-
-    frequency: Hertz
-    response: NDArray
-    residual: Numbers
-    point_kind: Kinds
-    preload: float
-    status: Status
-    reason: str
-    branch: NDArray = field(default_factory=lambda: np.zeros(0, int))
-    left_out: tuple[str, ...] = ()
-
-    @property
-    def amplitude(self) -> Annotated[NDArray, Quantity("m", dims=(ROW, "sector"))]:
-        """(n, n_blades) float, m: amplitude of the harmonic of the excitation."""
-        return np.abs(self.response[..., 1])
-
-    @property
-    def envelope(self) -> Metres:
-        """(n,) float, m: amplitude of the highest blade at every point."""
-        return self.amplitude.max(axis=1)
-
-    @property
-    def blade(self) -> Numbers:
-        """(n,) int: the highest blade at every point."""
-        return self.amplitude.argmax(axis=1)
-
-    @property
-    def folds(self) -> NDArray:
-        """(n_folds,) int: points just beyond a fold."""
-        return np.flatnonzero([kind == "fold" for kind in self.point_kind])
-
-    @property
-    def highest(self) -> tuple[int, int]:
-        """Number of the point and of the blade with the largest amplitude."""
-        if not len(self):
-            raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
-        point, blade = np.unravel_index(int(np.argmax(self.amplitude)), self.amplitude.shape)
-        return int(point), int(blade)
-
-    def plot_map(self, *arguments: Any, **options: Any) -> Any:
-        """Draw the amplitude of every blade over frequency as a map (:func:`bdamper.plot.plot_wheel_map`)."""
-        return draw(self, "plot_map", *arguments, **options)
-
-    def bottom_line(self) -> str:
-        if not len(self):
-            return f"No point of this curve was found: {self.reason}."
-        i, blade = self.highest
-        top = height(self.amplitude[i, blade], self.frequency[i])
-        open_ = "" if self.complete else f" The curve is {self.status}: {self.reason}."
-        return f"Highest blade at a preload of {amount(self.preload, 'N')}: number {blade}, {top}.{open_}"
-
-
-@brief
-@dataclass(frozen=True)
-class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
+class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     """The highest amplitude of any blade of a wheel at one preload.
 
     ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).
@@ -146,10 +53,12 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         Estimate of how much higher the highest peak with free dampers may be, relative: from what weaker springs have
         changed, what the reduced wheel of the search is off the whole one, and what local searches may have missed; 0 where
         dampers are free and all maxima of the sweep were examined.
-    connected : {"yes", "no", "unknown", "not asked"}
-        Whether the curve through the peak leads to an end of the band, as far as it was followed: not on reduced wheels.
     interval : (low, high), Hz
         Band of the sweep.
+    cost : Cost
+    settings : mapping
+        Of the tuned study, with the frequency deviations of the blades.
+    model_hash : str
     """
 
     preload: float
@@ -167,8 +76,9 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     unknowns: NDArray
     springs: float = 0.0
     error: float = 0.0
-    connected: str = "unknown"
     interval: tuple[float, float] = (np.nan, np.nan)
+    cost: Cost = field(default_factory=Cost)
+    _told = ("status", "amplitude", "frequency", "blade", "amplification", "error", "springs")
 
     @property
     def converged(self) -> bool:
@@ -199,21 +109,11 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         """Draw the wheel from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "plot_wheel", model, *arguments, **options)
 
-    def facts(self) -> tuple[Fact, ...]:
-        """How exact the peak is as the highest one, and what was not asked."""
-        return (
-            Fact("the highest may be higher by", 100.0 * self.error, "%"),
-            Fact("amplification factor", self.amplification),
-            Fact("connected with an end of the band", self.connected),
-            Fact("kept in time", "not tested: ask kept of a small wheel"),
-        )
-
     def bottom_line(self) -> str:
         if not np.isfinite(self.amplitude):
             return f"No peak of the wheel at a preload of {amount(self.preload, 'N')}: {self.reason}."
         top = height(self.amplitude, self.frequency)
         tuned = f"{self.amplification:.3g} times the tuned wheel ({amount(self.tuned_amplitude, 'm')})"
         open_ = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
-        open_ += " It lies on a closed branch." if self.connected == "no" else ""
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
         return f"{head}: number {self.blade}, {top}, {tuned}.{open_}"

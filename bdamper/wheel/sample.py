@@ -31,19 +31,17 @@ from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import BdamperError
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.status import NOT_RUN, word
 from bdamper.util.versions import HERE
-from bdamper.wheel.mistuning import DISTRIBUTIONS, DamperVariation, Mistuning
+from bdamper.wheel.mistuning import DamperVariation, Mistuning
+from bdamper.wheel.optimal import OF_PEAKS, answers
 from bdamper.wheel.peak import WheelPeakOptions
 from bdamper.wheel.sample_result import MistunedSample, highest_wheels
 from bdamper.wheel.wheel import Wheel
 
 _AUDIT = 3
 """Last number of the seed with which audited wheels are drawn."""
-OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
-_VARIED = ("mass", "friction_coefficient", "contact_stiffness", "gap", "missing")
 
 
 @dataclass(frozen=True)
@@ -77,12 +75,9 @@ class _Sample:
 
     def draw(self, k: int, standard_deviation: float) -> Wheel:
         """Wheel k."""
-        how, seed = self.drawn, (self.drawn["seed"], k)
-        mistuning = self.mistuning(standard_deviation, seed=seed)
-        changes: dict[str, Any] = {"mistuning": mistuning.without_mean() if how["mean"] == "taken out" else mistuning}
-        if how["dampers"]:
-            changes["dampers"] = DamperVariation.drawn(self.wheel.n_blades, **how["dampers"], seed=seed)
-        return self.wheel.with_(**changes)
+        seed, dampers = (self.drawn["seed"], k), self.drawn["dampers"]
+        wheel = self.wheel.with_(mistuning=self.mistuning(standard_deviation, seed=seed))
+        return wheel.with_(dampers=DamperVariation.drawn(wheel.n_blades, **dampers, seed=seed)) if dampers else wheel
 
     def points(self) -> tuple[list[dict[str, Any]], list[str]]:
         """Every wheel at every standard deviation and preload, wheel by wheel, and their names in the results file."""
@@ -104,12 +99,9 @@ class _Sample:
     def _peak(
         self, wheel: int, standard_deviation: float, preload: float, interval: tuple[float, float] | None = None
     ) -> Mapping[str, Any]:
-        options = thorough(self.options) if interval else replace(self.options, connected=False)
+        options = thorough(self.options) if interval else self.options
         peak = self.draw(wheel, standard_deviation).peak(preload, interval or self.frequency, options=options)
-        if not peak.found:
-            raise BdamperError(f"{peak.status}: {peak.reason}")
-        found = {"climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": list(peak.interval)}
-        return {name: getattr(peak, name) for name in OF_PEAKS} | found | {"cost": peak.cost}
+        return answers(peak) | {"interval": list(peak.interval)}
 
     def header(self) -> dict[str, Any]:
         """Header that identifies a sample in its results file, which also serves more wheels."""
@@ -124,8 +116,7 @@ class _Sample:
 def thorough(options: WheelPeakOptions) -> WheelPeakOptions:
     """A search with which another one is audited: half the spacing, three times as many local searches."""
     return replace(
-        options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most,
-        connected=False,
+        options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most
     )  # fmt: skip
 
 
@@ -144,7 +135,6 @@ def mistuned_sample(
     wheels: int | Sequence[int] = 1000,
     *,
     distribution: str | Mistuning = "normal",
-    mean: str = "kept",
     modes: int | None = None,
     dampers: Mapping[str, Any] | None = None,
     frequency: tuple[float, float] | None = None,
@@ -168,8 +158,6 @@ def mistuned_sample(
         How many, or which: wheel ``k`` is the same whichever others there are.
     distribution : {"normal", "uniform"} or Mistuning
         As in :meth:`bdamper.wheel.Mistuning.drawn`; a measured pattern is drawn from with repetition.
-    mean : {"kept", "taken out"}
-        Whether the mean of the deviations of each wheel is as it was drawn.
     modes : int, optional
         Independent deviations for so many cantilever modes of each blade.
     dampers : mapping, optional
@@ -200,7 +188,10 @@ def mistuned_sample(
     deviations = validate.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validate.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
     numbers = validate.wholes("wheels", wheels if np.ndim(wheels) else range(validate.whole("wheels", wheels, least=1)))
-    drawn = _drawn(distribution, mean, modes, dampers, validate.whole("seed", seed))
+    seed = validate.whole("seed", seed)
+    name = distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution
+    varied = dict(validate.instance("dampers", dampers or {}, Mapping, "variations of dampers by name"))
+    drawn = {"distribution": name, "modes": modes or 1, "dampers": varied, "seed": seed}
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     frequency = None if frequency is None else validate.interval("frequency", frequency)
     check_executor(executor)
@@ -209,28 +200,13 @@ def mistuned_sample(
     mistuning = partial(Mistuning.drawn, wheel.n_blades, distribution=distribution, modes=modes)
     asked = _Sample(wheel, mistuning, drawn, frequency, options, over)
     asked.draw(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
-    audited = audit_wheels(numbers, audit, drawn["seed"])
+    audited = audit_wheels(numbers, audit, seed)
     tuned = [wheel.tuned_peak(value) for value in over["preload"]]  # made before the job is sent out
     kept = nullcontext() if resume is None else closing(ResultsFile(resume, asked.header(), "sample of wheels"))
     with kept as store:
         run = partial(run_stored, asked, executor=executor, store=store, progress=progress)
         peaks, curves = _records(asked, audit, audited, run)
     return _result(asked, peaks, curves, tuned=tuned, audited=audited, audit_share=float(audit))
-
-
-def _drawn(
-    distribution: str | Mistuning, mean: str, modes: int | None, dampers: Mapping[str, Any] | None, seed: int
-) -> dict[str, Any]:
-    """How wheels are drawn, as results and their files keep it."""
-    if not isinstance(distribution, Mistuning):
-        validate.choice("distribution", distribution, DISTRIBUTIONS)
-    return {
-        "distribution": distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution,
-        "mean": validate.choice("mean", mean, ("kept", "taken out")),
-        "modes": modes or 1,
-        "dampers": {} if dampers is None else dict(validate.mapping("dampers", dampers, _VARIED, "variations of dampers")),
-        "seed": seed,
-    }
 
 
 def _records(
@@ -263,7 +239,6 @@ def _result(
         **columns,
         **audit,
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
-        tuned_frequency=np.array([p.frequency for p in tuned]),
         status=tuple(r["status"] for r in peaks),
         curve_amplitude=array(curves, "amplitude"),
         curve_status=tuple(str(r.get("status", "not asked")) for r in curves),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, word
@@ -142,7 +142,7 @@ class BestPreload:
 
 @brief
 @dataclass(frozen=True)
-class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
+class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
     """Highest blades of many wheels; arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no answer.
 
     ``plot`` draws percentiles of the amplification factor over the standard deviation (:func:`bdamper.plot.plot_sample`),
@@ -160,7 +160,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     residual, springs, error : float
         ``springs`` on the mean of dampers, and ``error`` of the amplitude that they leave
         (:class:`~bdamper.wheel.results.WheelPeak`).
-    tuned_amplitude, tuned_frequency : (n_preloads,) float, m and Hz
+    tuned_amplitude : (n_preloads,) float, m
         Of the tuned wheel at the same preload.
     status : tuple of str
         In the order of the arrays: "complete", "failed: " with the reason, or "not run".
@@ -174,7 +174,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     processor, curve_processor : float, s
         Spent on the peaks and on the audit.
     drawn : mapping
-        Distribution, treatment of the mean, modes, variations of the dampers and seed.
+        Distribution, modes, variations of the dampers and seed.
     settings : mapping
         Of the tuned study.
     model_hash : str
@@ -191,7 +191,6 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     springs: Numbers
     error: Numbers
     tuned_amplitude: NDArray
-    tuned_frequency: NDArray
     status: Annotated[Statuses, Quantity(name="run")]
     audited: NDArray
     audit_share: float
@@ -200,8 +199,6 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     processor: Seconds
     curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)
-    settings: dict[str, Any] = field(default_factory=dict)
-    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.wheels)

@@ -131,11 +131,6 @@ class Search:
             self.meter.watch(self._held[springs])
         return self._held[springs]
 
-    @property
-    def evaluations(self) -> int:
-        """Number of evaluations of the equations with all springs."""
-        return sum(system.core.cost.evaluations for system in self._held.values())
-
     def near(self, system: WheelSystem, y: NDArray, tolerance: float, loose: float = 0.0) -> Correction:
         """Newton's method at the frequency of a point, with steps shortened."""
         end_if_asked()

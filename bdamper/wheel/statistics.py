@@ -72,7 +72,6 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
 
 def share(count: int, n: int) -> Interval:
     """A probability of which ``count`` of ``n`` independent trials came true, with the interval of Clopper and Pearson."""
-    count = validate.whole("count", count, most=validate.whole("n", n))
     if n == 0:
         return Interval(0.0, np.nan, 1.0)
     low, high = scipy.stats.binomtest(count, n).proportion_ci(0.95)

@@ -119,13 +119,12 @@ class Structure:
         return self.n + self.n_damper
 
     @classmethod
-    def of(cls, study: Problem, mistuning: Mistuning | None = None) -> Structure:
-        """The structure of a wheel with the settings of a study.
+    def of(cls, study: Problem) -> Structure:
+        """The structure of a wheel of nominal blades and dampers with the settings of a study.
 
         Parameters
         ----------
         study : Problem
-        mistuning : Mistuning, optional
 
         Raises
         ------
@@ -159,7 +158,7 @@ class Structure:
             order=order,
             n_blades=N,
             n_damper=int(own.sum()),
-            stiffness=_blades(local, N, mistuning),
+            stiffness=_blades(local, Mistuning.of(N, None)),
             mass=local.blade_mass,
             disk_stiffness=of_waves(local.disk_stiffness),
             disk_mass=of_waves(local.disk_mass),
@@ -173,7 +172,7 @@ class Structure:
 
     def with_mistuning(self, mistuning: Mistuning) -> Structure:
         """The same wheel with other blades."""
-        return replace(self, stiffness=_blades(self.local, self.n_blades, mistuning))
+        return replace(self, stiffness=_blades(self.local, mistuning))
 
     def with_damper_mass(self, factor: NDArray) -> Structure:
         """The same wheel with dampers (n_blades,) times as heavy."""
@@ -267,11 +266,9 @@ def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
     return turned, order
 
 
-def _blades(local: LocalBasis, n_blades: int, mistuning: Mistuning | None) -> NDArray:
+def _blades(local: LocalBasis, mistuning: Mistuning) -> NDArray:
     """(n_blades, n, n) stiffness of every blade."""
-    out = np.repeat(local.blade_stiffness[None], n_blades, axis=0)
-    if mistuning is None:
-        return out
+    out = np.repeat(local.blade_stiffness[None], mistuning.n_blades, axis=0)
     m = local.n_cantilever
     modes, rest = mistuning.by_mode(m)
     out[:, m:, m:] *= 1.0 + rest[:, None, None]

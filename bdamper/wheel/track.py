@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import replace
-from math import tau
+from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.coverage import Coverage, ending, evaluation_budget, in_order
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.track import as_curve
 from bdamper.harmonic_balance.conditions import Fixed
 from bdamper.harmonic_balance.equations import OK
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
-from bdamper.wheel.results import WheelCurve
+from bdamper.util.hdf5 import enter_former
 from bdamper.wheel.system import WheelSystem
 from bdamper.wheel.wheel_problem import WheelProblem
 
@@ -36,14 +41,6 @@ def first_point(system: WheelSystem, omega: float) -> NDArray | None:
     return None
 
 
-def _turns(omega: NDArray, branch: NDArray) -> NDArray:
-    """(n,) bool: the first points beyond folds."""
-    out = np.zeros(len(omega), bool)
-    step = np.diff(omega)
-    out[2:] = (step[1:] * step[:-1] < 0.0) & (branch[2:] == branch[:-2])
-    return out
-
-
 @validate.spelt
 @one_thread
 def track(
@@ -52,7 +49,7 @@ def track(
     frequency: tuple[float, float],
     *,
     options: ContinuationOptions | None = None,
-) -> WheelCurve:
+) -> Curve:
     """Response of all blades over a frequency interval at one preload.
 
     Parameters
@@ -64,22 +61,18 @@ def track(
 
     Returns
     -------
-    WheelCurve
-        From one end, and from the other where that branch does not lead through; outside of the interval, where a branch
-        may turn and come back; and from solutions within what is left.  ``status`` is "complete" if there are solutions at
-        every frequency, otherwise ``left_out`` says what is missing and why.
+    Curve
+        Of the highest blade, with the response of all in ``blades`` and without unknowns: from one end, and from the other
+        where that branch does not lead through; outside of the interval, where a branch may turn and come back; and from
+        solutions within what is left.
     """
-    meter = CostMeter(time.perf_counter())
-    low, high = (tau * f for f in validate.interval("frequency", frequency))
-    if options is not None:
-        validate.instance("options", options, ContinuationOptions)
+    low, high = (TWO_PI * f for f in validate.interval("frequency", frequency))
+    options = validate.instance("options", options or ContinuationOptions(locate=False), ContinuationOptions)
     whole = wheel.system(preload)
-    options = options or ContinuationOptions(locate=False)
-    options = replace(options, budget=options.budget or evaluation_budget(whole))
-    assert options.budget is not None
-    system = whole.within(options.budget)
-    search = Coverage(system, (low, high), options, meter)
-    meter.watch(system)
+    budget = options.budget or evaluation_budget(whole)
+    options = replace(options, budget=budget)
+    search = Coverage(whole.within(budget), (low, high), options, CostMeter(time.perf_counter()))
+    search.meter.watch(search.system)
 
     def find_start(omega: float) -> NDArray | None:
         found = first_point(whole, omega)
@@ -88,20 +81,28 @@ def track(
 
     search.cover(find_start)
     status, reason, left_out = ending(search.pieces, low, high)
-    ordered = in_order(search.pieces)
-    at, branch = np.array([p.y[-1] for p, _ in ordered]), np.array([piece.branch for _, piece in ordered], int)
-    return WheelCurve(
-        frequency=at / tau,
-        response=np.array([whole.structure.responses(p.y[:-1]) for p, _ in ordered]).reshape(
-            len(ordered), wheel.n_blades, whole.n_harmonics + 1
-        ),
-        residual=np.array([p.residual for p, _ in ordered]),
-        point_kind=tuple("fold" if turn else p.kind for turn, (p, _) in zip(_turns(at, branch), ordered)),
-        branch=branch,
-        preload=float(preload),
-        status=status,
-        reason=reason,
-        left_out=tuple(str(part) for part in (*left_out, *search.lost)),
-        cost=meter.read(time.perf_counter()),
-        **wheel.record(),
-    )
+    blades = np.array([whole.structure.responses(p.y[:-1]) for p, _ in in_order(search.pieces)])
+    blades = blades.reshape(-1, wheel.n_blades, whole.n_harmonics + 1)
+    ended = status, reason, (*left_out, *search.lost)
+    curve = as_curve(wheel.structure.tuned, search, ended, kind="tracking", preload=float(preload), blades=blades)
+    return replace(curve, harmonics=highest_blade(blades), unknowns=np.zeros((len(curve), 0)), **wheel.record())
+
+
+def highest_blade(blades: NDArray) -> NDArray:
+    """(n, n_harmonics + 1) response of the highest blade at each point, of those of all blades."""
+    return np.asarray(blades[np.arange(len(blades)), np.abs(blades[..., 1]).argmax(axis=1)])
+
+
+def _of_0_6(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the curve that one of a wheel in a file of version 0.6 or before is."""
+    blades = group["response"][()]
+    n = len(blades)
+    return {
+        "kind": "tracking", "blades": blades, "harmonics": highest_blade(blades), "unknowns": np.zeros((n, 0)),
+        "shares": np.full((n, 3), np.nan), "backward": np.zeros(n, bool), "rank_deficiency": np.zeros(n, int),
+        "branch": group["branch"][()] if "branch" in group else np.zeros(n, int), "left_out": (),
+        "notes": tuple(json.loads(group["left_out"][()])) if "left_out" in group else (),
+    }  # fmt: skip
+
+
+enter_former("bdamper-wheel-curve", "bdamper-wheel-curve", Curve, _of_0_6)

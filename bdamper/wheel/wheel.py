@@ -31,8 +31,6 @@ class Wheel(WheelProblem):
         Frequency deviations of the blades clamped at their roots; none by default.
     dampers : DamperVariation, optional
         How dampers differ; all alike by default.
-    forces : (n_blades,) complex, N, optional
-        Of the first harmonic at the excitation's location, blade by blade, instead of the engine order.
 
     Raises
     ------

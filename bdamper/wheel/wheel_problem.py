@@ -31,50 +31,32 @@ class WheelProblem:
     study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None
     dampers: DamperVariation | None = None
-    forces: ArrayLike | None = None
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
     _states: dict[float, Loaded] = field(default_factory=dict, init=False, repr=False)
     _structure: Structure | None = field(default=None, repr=False)
+    """Of nominal blades and dampers."""
+    structure: Structure = field(init=False, repr=False)
+    """Matrices of the wheel."""
 
     def __post_init__(self) -> None:
         problem = problem_of(self.study)
         n = self.study.model.n_blades
-        object.__setattr__(self, "mistuning", mistuning := Mistuning.of(n, self.mistuning))
+        mistuning, mass = Mistuning.of(n, self.mistuning), np.ones(n)
         if self.dampers is not None:
             validate.instance("dampers", self.dampers, DamperVariation)
             if self.dampers.n_blades != n:
                 raise SettingError(f"dampers: expected {n} dampers, found {self.dampers.n_blades}")
-        if self.forces is not None:
-            try:
-                forces = np.array(self.forces, complex)
-            except (TypeError, ValueError):
-                forces = np.array(np.nan)
-            if forces.shape != (n,) or not np.isfinite(forces).all() or not forces.any():
-                raise validate.unfit("forces", f"{n} finite complex numbers, not all zero", self.forces)
-            object.__setattr__(self, "forces", forces)
-        shared = self._structure
-        if shared is None:
-            shared = Structure.of(problem, mistuning)
-        if self.dampers is not None:
-            shared = shared.with_damper_mass(self.dampers.mass)
-        object.__setattr__(self, "_structure", shared)
+            mass = self.dampers.mass
+        nominal = Structure.of(problem) if self._structure is None else self._structure
+        object.__setattr__(self, "mistuning", mistuning)
+        object.__setattr__(self, "_structure", nominal)
+        object.__setattr__(self, "structure", nominal.with_mistuning(mistuning).with_damper_mass(mass))
 
     def with_(self, **changes: Any) -> Self:
-        """The same wheel with another ``mistuning``, other ``dampers`` or ``forces``; what does not change is shared."""
+        """The same wheel with another ``mistuning`` or other ``dampers``; what does not change is shared."""
         for name in changes:
-            validate.choice("settings of a wheel", name, ("mistuning", "dampers", "forces"))
-        if "mistuning" in changes:
-            changes["mistuning"] = mistuning = Mistuning.of(self.n_blades, changes["mistuning"])
-            changes["_structure"] = self.structure.with_mistuning(mistuning)
-        if "dampers" in changes and changes["dampers"] is None:
-            changes["_structure"] = changes.get("_structure", self.structure).with_damper_mass(np.ones(self.n_blades))
+            validate.choice("settings of a wheel", name, ("mistuning", "dampers"))
         return replace(self, **changes)
-
-    @property
-    def structure(self) -> Structure:
-        """Matrices of the wheel."""
-        assert self._structure is not None
-        return self._structure
 
     @property
     def n_blades(self) -> int:
@@ -101,7 +83,7 @@ class WheelProblem:
         turned = (int(tuned.engine_order) * n) % self.n_blades / self.n_blades
         wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * turned)
         out = np.zeros((self.n_blades, s.n_sector), complex)
-        out[:, : s.n] = np.outer(wave if self.forces is None else np.asarray(self.forces), row)
+        out[:, : s.n] = np.outer(wave, row)
         if not out.any():
             raise SettingError(f"excitation: expected a force on the blades, found {e.amplitude:g} N at '{e.location}'")
         return out
@@ -133,10 +115,8 @@ class WheelProblem:
 
     def record(self) -> dict[str, Any]:
         """Record of the wheel for all results."""
-        return {
-            "deviation": self.deviation, "model_hash": self.study.model.hash,
-            "settings": self.structure.tuned.record() | {"mistuning": str(self.mistuning), "dampers": str(self.dampers)},
-        }  # fmt: skip
+        own = {"mistuning": str(self.mistuning), "dampers": str(self.dampers), "deviation": self.deviation.tolist()}
+        return {"settings": self.structure.tuned.record() | own, "model_hash": self.study.model.hash}
 
     def __str__(self) -> str:
         s = self.structure

@@ -17,7 +17,6 @@ PICTURES = {
     "Model": ("plot", "plot_mode"),
     "MistunedSample": ("plot", "plot_tail", "plot_preload"),
     "Marched": ("plot", "mark"),
-    "WheelCurve": ("plot", "plot_map"),
     "WheelPeak": ("plot", "plot_wheel"),
 }
 """Types with more pictures than ``plot``."""

@@ -33,8 +33,8 @@ def test_a_spinning_oscillator_in_closed_form():
     found = study.campbell(speeds, [2, 3], modes=1)
     np.testing.assert_allclose(2.0 * np.pi * found.free[0, :, 0], np.sqrt(4e5 + 3.5 * speeds**2), rtol=1e-12)
     np.testing.assert_allclose(2.0 * np.pi * found.stuck[0, :, 0], np.sqrt(5.5e5 + 3.5 * speeds**2), rtol=1e-12)
-    np.testing.assert_allclose(found.order_free, np.sqrt(4e5 / (np.array([4.0, 9.0]) - 3.5))[[1, 1]] * [np.nan, 1.0])
-    np.testing.assert_allclose(found.order_stuck[1], np.sqrt(5.5e5 / (9.0 - 3.5)), rtol=1e-12)
+    np.testing.assert_allclose(found.met[:, 2], np.sqrt(4e5 / (np.array([4.0, 9.0]) - 3.5))[[1, 1]] * [np.nan, 1.0])
+    np.testing.assert_allclose(found.met[1, 3], np.sqrt(5.5e5 / (9.0 - 3.5)), rtol=1e-12)
     assert "order 3, mode 1  free at 269.68 rad/s (2575 rpm)" in found.details()
 
 

@@ -32,7 +32,7 @@ SINCE = {"Microslip": "SweepResult", "Dissipation": "Hysteresis"}
 """Names of results that are of another type since."""
 EXPECTED_0_5 = json.loads((OF_0_5 / "expected.json").read_text())
 """Sums over the absolute values of each column, or the texts in it, as version 0.5 had them."""
-GONE = ("advice_check", "contact_map", "crossings", "run_up")
+GONE = ("advice_check", "contact_map", "crossings", "run_up", "wheel_curve", "wheel_optimal_curve")
 """Kinds that have gone since."""
 
 
@@ -76,6 +76,8 @@ class TestReading:
             "bdamper-study",
             "bdamper-crossings",
             "bdamper-wheel-kept",
+            "bdamper-wheel-curve",
+            "bdamper-wheel-optimal-curve",
             "bdamper-advice-check",
             "bdamper-microslip",
             "bdamper-dissipation",
@@ -248,6 +250,20 @@ class TestVersions:
                 assert column.unit == unit and float(np.abs(column.values).sum()) == pytest.approx(value, rel=1e-9), name
         assert sorted(found.normal_force) == then["interface"][1] and set(found.state) == {"open", "slip"}
         assert all(ax.has_data() for ax in found.plot("gap"))
+
+    def test_curves_of_a_wheel_are_read_as_curves(self, files_0_5):
+        found, then = bd.load(files_0_5 / "wheel_curve.h5"), EXPECTED_0_5["wheel_curve"]["columns"]
+        assert found.kind == "tracking" and found.complete and str(found)
+        assert found.amplitude.sum() == pytest.approx(then["envelope"][1], rel=1e-9)
+        assert np.abs(found.blades[..., 1]).sum() == pytest.approx(then["amplitude"][1], rel=1e-9)
+        assert np.abs(found.blades[..., 1]).argmax(axis=1).sum() == then["blade"][1]
+
+    def test_an_optimal_curve_of_a_wheel_is_read_as_a_sweep(self, files_0_5):
+        found, then = bd.load(files_0_5 / "wheel_optimal_curve.h5"), EXPECTED_0_5["wheel_optimal_curve"]["columns"]
+        assert found.names == ("preload",) and found.complete and str(found)
+        assert sum(point["preload"] for point in found.points) == then["preload"][1]
+        for name in found.quantities:
+            assert float(np.nansum(np.abs(found.array(name)))) == pytest.approx(then[name][1], rel=1e-9), name
 
     @pytest.mark.parametrize("name", [name for name in EXPECTED_0_5 if name not in GONE])
     def test_files_of_version_0_5_are_read(self, name, files_0_5):

@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.wheel import DamperVariation, Mistuning, Wheel, WheelPeakOptions
+from bdamper.wheel import DamperVariation, Mistuning, Wheel
 from tests.wheel.lumped import lumped_study, solution
 from tests.wheel.test_search import SIX
 from tests.wheel.test_symmetry import study as six_blades
@@ -120,7 +120,7 @@ def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_fr
     tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])) + 1
     places = tops[0], next(i for i in tops if height[i] > 5e-3)
     assert height[places[0]] == pytest.approx(2.25e-3, rel=0.01)
-    peak, kept = wheel.peak(PRELOAD, options=WheelPeakOptions(connected=False)), []
+    peak, kept = wheel.peak(PRELOAD), []
     assert peak.amplitude == pytest.approx(height[places[0]], rel=0.01)
     for i in places:
         X, omega = system.structure.array(points[i].y[:-1]), points[i].y[-1]

@@ -47,7 +47,7 @@ def test_amplitudes_of_all_blades_are_those_of_the_response():
 def test_a_blade_keeps_a_peak_without_folds():
     """Long steps will do to see that it stays: one harmonic is a tenth too high."""
     wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
-    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
     kept = wheel.kept(peak, steps_per_period=32)
     assert kept.status == "complete" and kept.blade == peak.blade and kept.marched
     assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
@@ -58,7 +58,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     """A peak said to be of half its preload falls to what the wheel has under this one, within what a harmonic is off; and
     a march that fails."""
     wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
-    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
     fallen = wheel.kept(replace(peak, preload=1000.0), steps_per_period=32)
     assert fallen.status.startswith(f"not found: blade {peak.blade} comes to ") and np.isnan(fallen.mean)
     system = wheel.system(1000.0)
@@ -76,7 +76,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
 
 def test_what_cannot_be_marched_is_refused():
     wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
-    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2, connected=False))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
     with pytest.raises(bd.SettingError, match="peak of this wheel"):
         wheel.with_(mistuning=None).kept(peak)
     lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))

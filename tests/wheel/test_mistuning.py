@@ -1,4 +1,4 @@
-"""Deviations of blades and dampers: from arrays, files and draws, turned, mirrored, saved, refused."""
+"""Deviations of blades and dampers: from arrays, files and draws, saved, refused."""
 
 import numpy as np
 import pytest
@@ -27,11 +27,11 @@ def test_measured_frequencies(tmp_path):
     path = tmp_path / "blades.csv"
     path.write_text("# bench, clamped\nBlade, first (Hz), second (Hz)\n3,102,300\n1,98,297\n2,100,303\n")
     one = Mistuning.from_csv(path)
-    assert one.mean == "taken out" and np.allclose(one.deviation, [[-0.02, -0.01], [0.0, 0.01], [0.02, 0.0]])
+    assert np.allclose(one.deviation, [[-0.02, -0.01], [0.0, 0.01], [0.02, 0.0]])
     kept = Mistuning.from_csv(path, reference=[100.0, 297.0])
-    assert kept.mean == "kept" and np.isclose(kept.deviation[0, 1], 0.0) and kept.deviation[:, 1].mean() > 0.009
+    assert np.isclose(kept.deviation[0, 1], 0.0) and kept.deviation[:, 1].mean() > 0.009
     path.write_text("98;\n")
-    with pytest.raises(bd.BdamperError, match=r"blades.csv, line 1: expected 2 numbers"):
+    with pytest.raises(bd.BdamperError, match=r"blades.csv: expected one row of frequencies .* row 0, column 2"):
         Mistuning.from_csv(path)
     path.write_text("blade,f\n1,98\n1,99\n")
     with pytest.raises(bd.BdamperError, match=r"column 'blade': expected each number from 0 or 1 once"):
@@ -59,7 +59,6 @@ def test_dampers():
     one = DamperVariation.drawn(1000, mass=0.1, gap=1e-6, missing=[3], seed=4)
     assert np.isclose(one.mass.std(), 0.1, rtol=0.1) and np.all(one.friction_coefficient == 1.0)
     assert one.missing.sum() == 1 and one.missing[3] and np.isclose(one.gap.mean(), 1e-6, rtol=0.1)
-    assert np.array_equal(Mistuning(np.arange(5) / 10).mirrored().deviation, [0.0, 0.4, 0.3, 0.2, 0.1])
     with pytest.raises(bd.SettingError, match="missing: expected a whole number from 0 to 4, found 5"):
         DamperVariation.of(5, missing=[5])
     with pytest.raises(bd.SettingError, match="mass: expected 5 finite numbers > 0"):

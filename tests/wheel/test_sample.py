@@ -39,7 +39,7 @@ def quick(monkeypatch):
         time.sleep(0.002)
         audit = frequency is not None
         assert (options.climbs, options.least, options.spacing) == ((36, 120, 0.25) if audit else (12, 60, 0.5))
-        assert tuple(frequency or ()) == ((180.0, 220.0) if audit else ()) and not options.connected
+        assert tuple(frequency or ()) == ((180.0, 220.0) if audit else ())
         missed = 0.95 if wheel.mistuning.seed == (0, MISSED) and not audit else 1.0
         return SimpleNamespace(
             found=not (audit and wheel.mistuning.seed == (0, 5)), status="not found", reason="none at 200 Hz",
@@ -200,8 +200,7 @@ def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
     [
         ({"wheels": 0}, "wheels: expected a whole number >= 1, found 0"),
         ({"distribution": "gamma"}, "distribution: expected one of"),
-        ({"mean": "gone"}, "mean: expected one of"),
-        ({"dampers": {"weight": 0.1}}, "dampers: expected variations of dampers out of"),
+        ({"dampers": {"weight": 0.1}}, "properties of dampers: expected one of"),
         ({"dampers": {"mass": -0.1}}, "standard deviation of mass: expected a finite number >= 0"),
         ({"modes": 0}, "modes: expected a whole number >= 1, found 0"),
         ({"modes": 1, "distribution": Mistuning([0.1, 0.2])}, "modes: expected none beside a measured pattern"),

@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.conditions import Fixed
 from bdamper.util.cost import CostMeter
-from bdamper.wheel import DamperVariation, Mistuning, WheelPeakOptions
+from bdamper.wheel import DamperVariation, Mistuning
 from bdamper.wheel.loading import wheel_system
 from bdamper.wheel.reduction import family_shapes, reduced_state
 from bdamper.wheel.system import of_blade
@@ -214,7 +214,7 @@ def test_the_elimination_keeps_what_contacts_bend_most_where_there_are_harmonics
 def test_the_search_finds_the_peak_that_one_with_few_climbs_missed():
     """Of the shipped disk: 0.7195 mm with free dampers, third among those held; the reduced wheel is less than 1 % off."""
     wheel = Wheel(hard_disk(), Mistuning.drawn(65, 0.02, seed=(0, 1)))
-    top = wheel.peak(2000.0, options=WheelPeakOptions(connected=False))
+    top = wheel.peak(2000.0)
     assert (top.status, top.blade) == ("complete", 17) and top.residual < 1e-9
     assert top.amplitude == pytest.approx(0.719539e-3, rel=1e-4) and top.frequency == pytest.approx(350.24, abs=0.05)
     on_reduced = top.climbs[top.climbs[:, 0] == 17, 4].max()
