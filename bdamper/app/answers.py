@@ -2,14 +2,13 @@
 
 A question is answered in steps: the tracking curve with one harmonic in long steps, which is never cancelled so that
 something follows the hand; the curve with all harmonics; the optimal curve; the steady-state amplitude in time at the peak.
-A newer question ends every step but the first.  There is never more than one question waiting.  Where preload and
-excitation keep their ratio, and no gap closes, curves are multiplied and not computed again (:mod:`bdamper.app.rescaled`).
+A newer question ends every step but the first.  There is never more than one question waiting.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Condition, Event, Thread
@@ -18,7 +17,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.app.rescaled import rescaled_curve, rescaled_optimal
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.effects.hysteresis import Hysteresis
@@ -34,7 +32,6 @@ from bdamper.util.progress import LongWork, ended_by
 from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
 
 T = TypeVar("T")
-R = TypeVar("R", Curve, OptimalCurve)
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
 """Of the curve that follows the hand: peaks within 0.2 % of those of ordinary steps, in two thirds of the time; the few
 curves with an open damper that use up the budget (ordinary ones take up to twenty times as much) end early."""
@@ -163,29 +160,6 @@ class Answers:
         preload = 0.0 if ask == self.optimal else question.preload
         return ask.__name__, harmonics, replace(question, point=None, preload=preload)
 
-    def _at_any_force(
-        self,
-        question: Question,
-        loads: Sequence[float],
-        make: Callable[[], R],
-        rescale: Callable[[Study, R, float], R | None],
-    ) -> R:
-        """A finished result at the same ratio of loads to excitation, multiplied; a new one where that is not possible."""
-        settings = dict(question.settings)
-        force = settings.pop(FORCE, self.study.excitation.amplitude)
-        ratios: list[float] = [float(f"{load / force:.6g}") for load in loads]
-        key = rescale, tuple(settings.items()), question.mode, *ratios
-        if self.study.excitation.beside:  # which the force does not change
-            return make()
-        if key in self.kept:
-            before, known = self.kept[key]
-            multiplied = rescale(self.varied(question), known, force / before)
-            if multiplied is not None:
-                return multiplied
-            return make()
-        found: R = self.once(key, lambda: (force, make()))[1]
-        return found
-
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """Cached value of a key, computed if missing; the oldest entry is removed."""
         if key not in self.kept:
@@ -222,13 +196,7 @@ class Answers:
         band = self.band(own if harmonics else question)
         key, load = self._key(self.curve, question, harmonics), question.preload
 
-        def followed() -> Curve:
-            return _whole(study.track(load, band, options=MOVING if harmonics else None))
-
-        def found() -> Curve:
-            return followed() if harmonics else self._at_any_force(question, [load], followed, rescaled_curve)
-
-        curve = self.once(key, found)
+        curve = self.once(key, lambda: _whole(study.track(load, band, options=MOVING if harmonics else None)))
         one = self.varied(question, 1)
         limits = () if harmonics else self.once(("limits", key), lambda: (one.free(band), one.stuck(band, load or 1.0)))
         if not len(curve):
@@ -247,12 +215,8 @@ class Answers:
         """The optimal curve, with all harmonics."""
         study, preloads = self.varied(question), question.preloads or (1.0, 2.0)
         ask: dict[str, Any] = {"frequency": self.band(question), "mode": question.mode, "check": False}
-
-        def searched() -> OptimalCurve:
-            return _whole(study.optimal_curve(preloads, self.preloads, **ask))
-
         key = self._key(self.optimal, question, None)
-        found = self.once(key, lambda: self._at_any_force(question, preloads, searched, rescaled_optimal))
+        found = self.once(key, lambda: _whole(study.optimal_curve(preloads, self.preloads, **ask)))
         return Answer(question, True, study, optimal=found)
 
     def march(self, question: Question, harmonics: int | None = None) -> Answer:

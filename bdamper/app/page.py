@@ -17,6 +17,7 @@ import numpy as np
 from bdamper.app.answers import FORCE, Answer, Answers, Question, tiles
 from bdamper.model.coupling import centrifugal_load
 from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates
 from bdamper.plot.motion import STATES
 from bdamper.problem.at_speed import RPM
@@ -82,6 +83,7 @@ class Page:
         self.document, self.study, self.source = document, study, source
         self.shown: dict[str, Answer] = {}
         self.told: dict[str, str] = {}
+        self.sources: dict[str, Any] = {}
         self.point: int | None = None
         self.answers = Answers(study, self._deliver)
         document.on_session_destroyed(lambda _: self.answers.ask(None))
@@ -174,13 +176,18 @@ class Page:
         self.notes["curve"].text = f"{DOT} chosen point, ◇ in time; grey: without contact and with stuck contact"
         self.busy = self.models.Div(name="busy", styles=QUIET, **wide)
         self.code = self.models.PreText(name="code", visible=False, styles={"white-space": "pre-wrap"}, **wide)
-        self.file = self.models.ColumnDataSource({"name": [], "kind": [], "content": []}, name="file")
-        self.text.tags = [self.file]  # so that it belongs to the document
+        file = self._source("file", "name", "kind", "content")
+        self.text.tags = [file]  # so that it belongs to the document
         save = """
             const {name, kind, content} = source.data, link = document.createElement("a");
             Object.assign(link, {href: `data:${kind[0]};base64,${content[0]}`, download: name[0]}).click();
         """
-        self.file.js_on_change("data", self.models.CustomJS(args={"source": self.file}, code=save))
+        file.js_on_change("data", self.models.CustomJS(args={"source": file}, code=save))
+
+    def _source(self, name: str, *columns: str) -> Any:
+        """Empty columns under a name."""
+        self.sources[name] = self.models.ColumnDataSource({column: [] for column in columns}, name=f"{name} data")
+        return self.sources[name]
 
     def value(self, name: str) -> float:
         """The number that is typed, or that its slider has set."""
@@ -257,8 +264,7 @@ class Page:
             self.glyphs["optimal"].line_dash = [6]
             self.notes["best"].text = "Dashed: before the last change of settings."
         self.told["march"] = "The amplitude in time is being computed."
-        for source in ("time", "range"):
-            self.sources[source].data = {column: [] for column in self.sources[source].data}
+        self._clear("time", "range")
         self.answers.ask(question)
 
     # ---- what is seen ----
@@ -285,7 +291,7 @@ class Page:
         named = {"text": "text", "text_font_size": SIZE, "text_color": "#5b666d", "y_offset": -3}
         star = {"size": 16, "marker": "star", "color": "black"}
         diamond = {"size": 9, "marker": "diamond", "line_color": "black", "fill_color": "white"}
-        self.sources, self.glyphs = {}, {}
+        self.glyphs = {}
         for name, view, kind, look in (
             ("free", self.curve, "line", {**grey, "line_dash": "dotdash"}),
             ("stuck", self.curve, "line", {**grey, "line_dash": "dotted"}),
@@ -300,14 +306,11 @@ class Page:
             ("time", self.curve, "scatter", diamond),
         ):
             columns = {"names": ("x", "y", "text"), "range": ("x", "low", "high")}.get(name, ("x", "y"))
-            source = self.models.ColumnDataSource({column: [] for column in columns}, name=f"{name} data")
-            self.sources[name] = source
             place = {} if kind == "segment" else {"x": "x", "y": "y"}
-            self.glyphs[name] = getattr(view, kind)(**place, source=source, **look).glyph
-        self.tiles = self.models.ColumnDataSource({name: [] for name in (*EDGES, "color")}, name="tiles")
-        self.faces.quad(**{name: name for name in EDGES}, color="color", source=self.tiles)
-        self.names = self.models.ColumnDataSource({"x": [], "y": [], "text": []})
-        self.faces.text("x", "y", "text", source=self.names, text_align="center", text_font_size=SIZE)
+            self.glyphs[name] = getattr(view, kind)(**place, source=self._source(name, *columns), **look).glyph
+        self.faces.quad(**{name: name for name in EDGES}, color="color", source=self._source("tiles", *EDGES, "color"))
+        titles = self._source("titles", "x", "y", "text")
+        self.faces.text("x", "y", "text", source=titles, text_align="center", text_font_size=SIZE)
         for view in (self.faces, self.motion):
             view.axis.visible = view.grid.visible = False
             view.outline_line_color = None
@@ -332,23 +335,20 @@ class Page:
         return view
 
     def _tick(self, axis: Any, shown: Any) -> None:
-        axis.ticker = self.models.FixedTicker(ticks=logarithmic_ticks(*sorted((shown.start, shown.end))))
+        axis.ticker = self.models.FixedTicker(ticks=ticks_within(*sorted((shown.start, shown.end))))
 
     def _moving(self) -> None:
         """Patches of the moving surfaces, painted from the farthest to the nearest so that they hide lines."""
-        self.box = self.models.ColumnDataSource({"x": [], "y": []})
-        frame = self.motion.scatter("x", "y", source=self.box, size=1, alpha=0)
+        frame = self.motion.scatter("x", "y", source=self._source("box", "x", "y"), size=1, alpha=0)
         for shown in (self.motion.x_range, self.motion.y_range):
             shown.renderers = [frame]  # and not the surfaces, with which the view would move
-        empty: dict[str, list[Any]] = {name: [] for name in ("xs", "ys", "fill", "line")}
-        self.patches = self.models.ColumnDataSource(empty, name="patches")
+        patches = self._source("patches", "xs", "ys", "fill", "line")
         look = {"fill_color": "fill", "line_color": "line", "line_width": 0.5}
-        self.motion.patches("xs", "ys", source=self.patches, **look)
-        self.nodes = self.models.ColumnDataSource({name: [] for name in ("x", "y", "cx", "cy", "sx", "sy")}, name="nodes")
-        self.quads = self.models.ColumnDataSource({name: [] for name in (*"abcd", "fill", "line")}, name="quads")
-        self.text.tags += [self.quads]
-        args = {"nodes": self.nodes, "faces": self.quads, "patches": self.patches}
-        self.quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))
+        self.motion.patches("xs", "ys", source=patches, **look)
+        quads, nodes = self._source("quads", *"abcd", "fill", "line"), self._source("nodes", "x", "y", "cx", "cy", "sx", "sy")
+        self.text.tags += [quads]
+        args = {"nodes": nodes, "faces": quads, "patches": patches}
+        quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))
 
     def _lay_out(self) -> None:
         layout, wide = needed("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
@@ -386,6 +386,10 @@ class Page:
 
     def _line(self, name: str, x: Any, y: Any) -> None:
         self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
+
+    def _clear(self, *names: str) -> None:
+        for name in names:
+            self.sources[name].data = {column: [] for column in self.sources[name].data}
 
     def _optimal(self, found: OptimalCurve) -> None:
         """The curve of peaks with its optimum."""
@@ -459,8 +463,7 @@ class Page:
         found = answer.drawing
         if found is None or isinstance(found, str) or answer.curve is None:
             self.notes["motion"].text = html.escape(found if isinstance(found, str) else "")
-            for source in (self.quads, self.nodes):
-                source.data = {name: [] for name in source.data}
+            self._clear("quads", "nodes")
             return
         turned = [[0.0, -1.0], [1.0, 0.0]] if np.diff(np.ptp(found.points, axis=0)) > 0.0 else np.eye(2)  # views are wide
         rest, shape = 1e3 * found.points @ turned, 1e3 * found.magnification * found.amplitude @ turned
@@ -468,12 +471,12 @@ class Page:
         fill, line = zip(*(FACES["damper" if own else ""] for own in free))
         room = np.abs(shape).max(axis=0)
         low, high = rest.min(axis=0) - room, rest.max(axis=0) + room
-        self.box.data = {"x": [low[0], high[0]], "y": [low[1], high[1]]}
+        self._line("box", *zip(low, high))
         parts = {"x": rest[:, 0], "y": rest[:, 1], "cx": shape[:, 0].real, "cy": shape[:, 1].real}
         parts |= {"sx": shape[:, 0].imag, "sy": shape[:, 1].imag}
-        self.nodes.data = {name: value.astype(np.float32) for name, value in parts.items()}
+        self.sources["nodes"].data = {name: value.astype(np.float32) for name, value in parts.items()}
         corners = zip("abcd", found.quads.T.astype(np.int32))
-        self.quads.data = {**dict(corners), "fill": list(fill), "line": list(line)}
+        self.sources["quads"].data = {**dict(corners), "fill": list(fill), "line": list(line)}
         at = height(answer.curve.amplitude[answer.point], answer.curve.frequency[answer.point])
         self.notes["motion"].text = f"{at}, drawn {found.magnification:.0f} times as large"
 
@@ -503,8 +506,8 @@ class Page:
             at = float(y.max() + 2.0 * dy)
         edges = [np.concatenate(column) for column in zip(*parts)]
         colours = [STATUS_COLOURS[k] for k in edges.pop()]
-        self.tiles.data = dict(zip((*EDGES, "color"), [*edges, colours]))
-        self.names.data = names
+        self.sources["tiles"].data = dict(zip((*EDGES, "color"), [*edges, colours]))
+        self.sources["titles"].data = names
 
     # ---- what is clicked ----
 
@@ -525,7 +528,7 @@ class Page:
             number.value = float(f"{np.clip(event.x, number.low, number.high):.3g}")
 
     def _send(self, name: str, kind: str, content: bytes) -> None:
-        self.file.data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
+        self.sources["file"].data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
 
     def _results(self) -> dict[str, Any]:
         """What is shown, by the names of its files, which tell its settings and what is provisional."""
@@ -564,21 +567,3 @@ class Page:
 def logarithmic(name: str) -> bool:
     """Whether a number has a logarithmic slider."""
     return name in LOGARITHMIC or "loads." in name
-
-
-def logarithmic_ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Round numbers within a logarithmic axis, no more than fit.
-
-    Powers of ten, or also 3 or 2 and 5 times these; equally spaced numbers on an axis of less than a factor of three.
-    """
-    if high < 3.0 * low:
-        step = next(
-            s
-            for k in range(int(np.log10(high - low)) - 2, 400)
-            for s in (10.0**k, 2 * 10.0**k, 5 * 10.0**k)
-            if (high - low) / s <= most
-        )
-        return [float(x) for x in step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)]
-    decades = [10.0**k for k in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)]
-    fits = [[d * m for d in decades for m in each if low <= d * m <= high] for each in ((1,), (1, 3), (1, 2, 5))]
-    return max((ticks for ticks in fits if len(ticks) <= most), key=len, default=fits[0][:: len(fits[0]) // most + 1])

@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, Locator, LogLocator, MaxNLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
@@ -44,6 +44,8 @@ STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (
 """Lines that are told apart in grey; dashes and dots alone have their meaning."""
 DASHED = (0, (3, 1.5))
 """Line of what is unstable."""
+SUBS = {12.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), 100.0: (1.0, 2.0, 5.0), 1e4: (1.0, 3.0), np.inf: (1.0,)}
+"""Multiples of powers of ten that are ticks of a logarithmic axis, by the largest ratio of its ends."""
 NEW: Any = None
 """The axes of a picture that is drawn into new ones."""
 LIMITS: dict[str, dict[str, Any]] = {
@@ -164,12 +166,22 @@ def fit_units(ax: Axes) -> None:
             axis.label.set_gid(base)  # the unit of what is drawn, for the next time
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
         if log:
-            few = (1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)
-            subs = few if high > 12.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-            axis.set_major_locator(LogLocator(subs=subs) if high > 2.0 * low else MaxNLocator(5))
+            axis.set_major_locator(logarithmic(low, high))
             axis.set_minor_formatter(NullFormatter())
         if log or scale != 1.0:
             axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: plain_number(value / scale)))
+
+
+def logarithmic(low: float, high: float) -> Locator:
+    """Few and round ticks of a logarithmic axis with these ends."""
+    if high <= 2.0 * low:
+        return MaxNLocator(5)
+    return LogLocator(subs=next(subs for ratio, subs in SUBS.items() if high <= ratio * low))
+
+
+def ticks_within(low: float, high: float) -> list[float]:
+    """Ticks of a logarithmic axis, as numbers."""
+    return [float(x) for x in logarithmic(low, high).tick_values(low, high) if low <= x <= high]
 
 
 def plain_number(value: float) -> str:

@@ -24,6 +24,7 @@ from bdamper.app.page import FACES, Page
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks import optimal
 from bdamper.peaks.interval import peak_interval
+from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS
 from bdamper.plot.motion import contact_status
 from bdamper.problem.variation import vary
@@ -308,6 +309,14 @@ def test_the_extra_is_named_where_bokeh_is_missing(monkeypatch):
 # ---- the page ----
 
 
+@pytest.mark.parametrize("ends", [(1.0, 1e4), (10.0, 1e4), (61.0, 1050.0), (70.0, 95.0), (6.0, 1300.0), (1e-3, 2e9)])
+def test_ticks_are_few_round_and_apart(ends):
+    ticks = ticks_within(*ends)
+    assert 2 <= len(ticks) <= 9 and ends[0] <= min(ticks) and max(ticks) <= ends[1]
+    span = np.log(ends[1] / ends[0])
+    assert np.diff(np.log(ticks)).min() > 0.02 * span
+
+
 def test_a_provisional_curve_that_ends_early_is_told_without_its_reasons():
     """At 10 N the budget of a moving slider is used up; the whole answer says why a curve ends."""
     document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
@@ -477,7 +486,7 @@ def test_of_an_empty_curve_the_curve_alone_is_saved(page, answers, monkeypatch):
     assert page.text.text.startswith("No point of this curve was found") and "Chosen" not in page.text.text
     for click, ending in ((page.pictures, "png"), (page.tables, "csv")):
         click()
-        assert page.file.data["name"] == [f"curve-200-N-engine-order-5.{ending}"]
+        assert page.sources["file"].data["name"] == [f"curve-200-N-engine-order-5.{ending}"]
 
 
 @pytest.mark.slow
@@ -496,19 +505,19 @@ def test_the_page_shows_what_the_study_gives(browser, explorer, study):
     assert window.data("point") == pytest.approx([curve.peak.frequency, 1e6 * curve.peak.amplitude])
     best = varied.optimal_curve((15.0, 3750.0), 7, frequency=band, check=False)
     assert window.data("optimum") == pytest.approx([best.optimum.preload, 1e6 * best.optimum.amplitude])
-    assert set(window.run("return [...get('tiles').get_column('color')]")) == set(STATUS_COLOURS)
+    assert set(window.run("return [...get('tiles data').get_column('color')]")) == set(STATUS_COLOURS)
     window.click("Python")
     window.wait("return get('code').text")
     names = {"study": study}
     exec("\n".join(line for line in window.text("code").splitlines() if not line.startswith("optimal")), names)
     np.testing.assert_array_equal(names["curve"].amplitude, curve.amplitude)
     window.click("CSV")
-    window.wait("return get('file').data.name[0] == 'optimal-200-N-engine-order-5.csv'")
-    table = base64.b64decode(window.run("return get('file').data.content[0]")).decode()
+    window.wait("return get('file data').data.name[0] == 'optimal-200-N-engine-order-5.csv'")
+    table = base64.b64decode(window.run("return get('file data').data.content[0]")).decode()
     assert table.count("\n") > len(best)
     window.click("Pictures")
-    window.wait("return get('file').data.name[0] == 'optimal-200-N-engine-order-5.png'")
-    assert base64.b64decode(window.run("return get('file').data.content[0]")).startswith(b"\x89PNG")
+    window.wait("return get('file data').data.name[0] == 'optimal-200-N-engine-order-5.png'")
+    assert base64.b64decode(window.run("return get('file data').data.content[0]")).startswith(b"\x89PNG")
     window.move("speed", 3000.0)
     window.wait("return get('preload').title.includes('centrifugal') && get('preload').value != 199.5 && !get('code').text")
     window.move("speed", 0.0)
@@ -575,14 +584,14 @@ def test_every_control_at_both_sizes(browser, explorer, size):
     window.move("loop", "left")
     for name in ("Python", "CSV", "Pictures"):
         window.click(name)
-    window.wait("return get('code').text && (get('file').data.name[0] || '').endsWith('png')")
+    window.wait("return get('code').text && (get('file data').data.name[0] || '').endsWith('png')")
     ticks = window.run("return [get('curve').left[0].ticker.ticks, get('curve').y_range.start, get('curve').y_range.end]")
     inside = [x for x in ticks[0] if ticks[1] <= x <= ticks[2]]
     assert 3 <= len(inside) <= 7
-    moving = "return JSON.stringify(get('patches').data.xs.slice(0, 50))"
+    moving = "return JSON.stringify(get('patches data').data.xs.slice(0, 50))"
     seen = window.run(moving)
     until(lambda: window.run(moving) != seen)
-    assert set(window.run("return get('patches').data.fill")) == {fill for fill, _ in FACES.values()}
+    assert set(window.run("return get('patches data').data.fill")) == {fill for fill, _ in FACES.values()}
     assert not window.errors()
 
 
