@@ -15,7 +15,6 @@ from threading import Condition, Event, Thread
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
@@ -202,7 +201,7 @@ class Answers:
         if not len(curve):
             return Answer(question, harmonics is None, study, curve, limits)
         i = curve.peak.index if question.point is None or harmonics else min(question.point, len(curve) - 1)
-        contacts, loops = contact_status(study, curve.unknowns[i], load, 16), study.hysteresis(curve, i)
+        contacts, loops = contact_status(study, curve.unknowns[i], load), study.hysteresis(curve, i)
         drawing: LineDrawing | str | None = None
         if not harmonics:
             try:
@@ -242,10 +241,3 @@ def _whole(found: Any) -> Any:
     if found.interrupted:
         raise KeyboardInterrupt
     return found
-
-
-def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
-    """Ends along both axes and states of patches at contact points, each divided by its shares (n, 3)."""
-    left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
-    low = np.repeat(x - 0.45 * dx, 3)
-    return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))

@@ -14,11 +14,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from bdamper.app.answers import FORCE, Answer, Answers, Question, tiles
+from bdamper.app.answers import FORCE, Answer, Answers, Question
 from bdamper.model.coupling import centrifugal_load
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import ticks_within
-from bdamper.plot.contact import STATUS_COLOURS, face_coordinates
+from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
 from bdamper.plot.motion import STATES
 from bdamper.problem.at_speed import RPM
 from bdamper.study import Study
@@ -345,7 +345,8 @@ class Page:
         patches = self._source("patches", "xs", "ys", "fill", "line")
         look = {"fill_color": "fill", "line_color": "line", "line_width": 0.5}
         self.motion.patches("xs", "ys", source=patches, **look)
-        quads, nodes = self._source("quads", *"abcd", "fill", "line"), self._source("nodes", "x", "y", "cx", "cy", "sx", "sy")
+        quads = self._source("quads", *"abcd", "fill", "line")
+        nodes = self._source("nodes", "x", "y", "cx", "cy", "sx", "sy")
         self.text.tags += [quads]
         args = {"nodes": nodes, "faces": quads, "patches": patches}
         quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))

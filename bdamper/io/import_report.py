@@ -42,8 +42,7 @@ class FaceSummary:
 class ImportReport(Plottable):
     """The report of :func:`bdamper.io.build_model`.
 
-    ``plot`` draws frequencies over nodal diameter, and the bodies with faces and points
-    (:func:`bdamper.plot.plot_import_report`).
+    ``plot`` draws the bodies with faces and points (:func:`bdamper.plot.plot_import_report`).
 
     Parameters
     ----------

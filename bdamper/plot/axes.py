@@ -199,10 +199,10 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
 
 
 @draws(Plottable, "image")
-def image_of(shown: Plottable) -> bytes:
-    """The picture of an object as a PNG file, for a notebook."""
+def image_of(shown: Plottable, **options: Any) -> bytes:
+    """The picture of an object as a file, a PNG for a notebook unless the options of ``savefig`` say otherwise."""
     file = io.BytesIO()
-    save_figure(draw(shown, "plot"), file, format="png", dpi=100)
+    save_figure(draw(shown, "plot"), file, **{"format": "png", "dpi": 100, **options})
     return file.getvalue()
 
 
@@ -223,6 +223,23 @@ def runs(values: NDArray) -> list[tuple[int, int]]:
     """Stretches (first, last) of equal value."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(values.astype(int))) + 1, [len(values)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
+
+
+def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[NDArray, NDArray]:
+    """Values (n_grid, m) of curves y (n, m) over x at a grid, NaN where there are none, and how often x leads over each.
+
+    Of several points over one place of the grid the one with the highest value counts.
+    """
+    best, count = np.full((len(grid), y.shape[1]), np.nan), np.zeros(len(grid), int)
+    for i in np.flatnonzero((np.diff(branch) == 0) & (np.diff(x) != 0.0)):
+        low, high = sorted(x[i : i + 2])
+        on = (grid >= low) & (grid <= high)
+        share = (grid[on, None] - x[i]) / (x[i + 1] - x[i])
+        values = y[i] + share * (y[i + 1] - y[i])
+        higher = ~(values.max(axis=1) <= best[on].max(axis=1))  # also where nothing is known yet
+        best[on] = np.where(higher[:, None], values, best[on])
+        count += on & (grid < high)
+    return best, count
 
 
 def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArray) -> None:

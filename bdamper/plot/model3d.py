@@ -10,13 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from bdamper.io.import_report import ImportReport
-from bdamper.model.model import Model, turn
-from bdamper.plot.axes import MARKERS, PAPER, colours, legend_beside, looks, save_figure
+from bdamper.model.model import Model
+from bdamper.plot.axes import PAPER, drawing, looks, save_figure
 from bdamper.plot.motion import VIEW, sectors_shown
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
@@ -27,11 +25,6 @@ Surface = tuple[NDArray, NDArray, Any]
 """Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
 MOST_FACES = 100_000
 """Of more quadrilaterals matplotlib draws every second, third ...: so many take 0.9 s."""
-
-
-def _parts_to_show(model: Model) -> list[tuple[str, int, NDArray]]:
-    """Bodies with a surface, the sectors in which the interfaces show them, and the rotations (3, 3) into these."""
-    return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in sectors_shown(model)]
 
 
 def plot_surfaces(
@@ -102,17 +95,19 @@ def _scale(ax: Axes) -> None:
 
 @draws(Model)
 def plot_model(model: Model, path: Any = None) -> Any:
-    """Bodies at rest and contact points; free bodies over the others, between which they would be hidden."""
+    """Bodies at rest and contact points by their faces; free bodies over the others, between which they would be hidden."""
     tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
     kinds: dict[bool, list[Surface]] = {False: [], True: []}
-    for name, _, turned in _parts_to_show(model):
+    for name, _, turned in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
         kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
     validate.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
-    points = np.concatenate([face.points for face in model.interfaces.values()])
-    ax = plot_surfaces([*kinds[False], *kinds[True]], points)
+    ax = plot_surfaces([*kinds[False], *kinds[True]])
     if kinds[False] and kinds[True]:
-        plot_surfaces(kinds[True], points, ax=ax)
+        plot_surfaces(kinds[True], ax=ax)
+    with drawing(ax, legend=7.0):
+        for (name, face), look in zip(model.interfaces.items(), looks(len(model.interfaces))):
+            ax.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
     if path is not None:
         save_figure(ax, path)
     return ax
@@ -156,7 +151,7 @@ def plot_mode(
     shape = shapes[..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
-    for name, sector, turned in _parts_to_show(model):
+    for name, sector, turned in sectors_shown(model):
         if name == body:
             wave = np.exp(2j * np.pi * d * sector / model.n_blades)
             moved = mesh.points + scale * (shape * wave).real
@@ -166,39 +161,6 @@ def plot_mode(
 
 
 @draws(ImportReport)
-def plot_import_report(report: ImportReport) -> Figure:
-    """Frequencies over nodal diameter beside the bodies with their contact points.
-
-    Parameters
-    ----------
-    report : ImportReport
-
-    Returns
-    -------
-    Figure
-    """
-    with plt.rc_context(PAPER):
-        figure = plt.figure(figsize=(9.0, 4.2))
-        left, right = figure.subplots(1, 2)
-        diameters = np.array(sorted(report.frequencies))
-        n = min((len(report.frequencies[d]) for d in diameters), default=0)
-        for mode in range(min(n, 8)):
-            values = [report.frequencies[d][mode] for d in diameters]
-            left.plot(diameters, values, marker=MARKERS[mode % len(MARKERS)], color=colours(8)[mode], markersize=4)
-        left.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", ylim=(0.0, None))
-        left.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-        left.set_title("sector", fontsize=9.0)
-        faces, meshes = report.model.interfaces, report.model.meshes.values()
-        surfaces: list[Surface] = [
-            (mesh.points, mesh.quads, ("#dde4ea", "#e8b563")[k % 2]) for k, mesh in enumerate(meshes)
-        ]
-        if surfaces:
-            plot_surfaces(surfaces, ax=right)
-        for (name, face), look in zip(faces.items(), looks(len(faces))):
-            right.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
-        right.autoscale_view()
-        right.set(aspect="equal")
-        right.set_axis_off()
-        _scale(right)
-        legend_beside(right)
-    return figure
+def plot_import_report(report: ImportReport) -> Any:
+    """Bodies and contact points of the model (:func:`plot_model`)."""
+    return plot_model(report.model)

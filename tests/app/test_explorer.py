@@ -19,13 +19,13 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.app.answers import MOVING, Answers, Question, tiles
+from bdamper.app.answers import MOVING, Answers, Question
 from bdamper.app.page import FACES, Page
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks import optimal
 from bdamper.peaks.interval import peak_interval
 from bdamper.plot.axes import ticks_within
-from bdamper.plot.contact import STATUS_COLOURS
+from bdamper.plot.contact import STATUS_COLOURS, tiles
 from bdamper.plot.motion import contact_status
 from bdamper.problem.variation import vary
 from bdamper.util.text import height
@@ -120,8 +120,8 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
             assert ends == pytest.approx(own if harmonics else band, rel=5e-3), "what follows the hand has axes that stay"
             expected = kind.track(question.preload, ends, options=MOVING if harmonics else None)
             np.testing.assert_array_equal(curve.curve.amplitude, expected.amplitude)
-            touching = contact_status(kind, expected.unknowns[curve.point], question.preload, 16)
-            np.testing.assert_array_equal(curve.contacts.normal, touching.normal)
+            touching = contact_status(kind, expected.unknowns[curve.point], question.preload)
+            np.testing.assert_array_equal(curve.contacts.share, touching.share)
             searched = best.optimal.settings["frequency"]
             assert searched == pytest.approx(band, rel=5e-3)
             least = given.optimal_curve(question.preloads, 3, frequency=searched, mode=question.mode, check=False)

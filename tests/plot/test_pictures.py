@@ -230,9 +230,8 @@ class TestSurfaces:
 
     def test_import_report(self):
         model = bd.reference_model(contact_points=9)
-        figure = plot_import_report(ImportReport({}, (), (), (), model))
-        names = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
-        assert names == list(model.interfaces) and len(figure.axes[1].collections) == 1
+        ax = plot_import_report(ImportReport({}, (), (), (), model))
+        assert legend_texts(ax) == list(model.interfaces) and len(ax.collections) == 2
 
 
 @dataclass(frozen=True)
