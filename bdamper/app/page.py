@@ -10,7 +10,7 @@ import html
 import tempfile
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -58,13 +58,6 @@ MOVE = """
         window.moving = setInterval(() => document.hidden || draw(2 * Math.PI * (Date.now() % PERIOD) / PERIOD), 80);
 """.replace("PERIOD", "2400")
 """Draws the faces at an instant of the cycle, again and again."""
-
-
-class Place(Protocol):
-    """Position of a click on a view in its own units; None outside its axes."""
-
-    x: float | None
-    y: float | None
 
 
 class Page:
@@ -217,26 +210,19 @@ class Page:
             number.title = PRELOAD + (", centrifugal" if turns else "")
             number.low, number.high = min(number.low, own), max(number.high, own)
             slider.start, slider.end = float(np.log10(number.low)), float(np.log10(number.high))
-            self.quiet = True
             number.value = float(f"{own:.6g}")
-            self.quiet = False
         if name in self.sliders:
             self.sliders[name].value = min(max(self._place(name), self.sliders[name].start), self.sliders[name].end)
-        if not self.quiet:
-            self.point = None
-            self.ask()
-
-    quiet = False
+        self.point = None
+        self.ask()
 
     def question(self) -> Question:
         """What the numbers ask; the optimal curve is about the optimum, which is higher the less friction there is."""
         settings: dict[str, Any] = {
-            name: self.value(name)
+            name: number.value
             for name, number in self.numbers.items()
             if name not in ("preload", "mass", "speed") and number.value != self.first[name]
         }
-        if "harmonics" in settings:
-            settings["harmonics"] = int(settings["harmonics"])
         if int(self.order.value) != self.study.settings.engine_order:
             settings["engine_order"] = int(self.order.value)
         turning = "speed" in self.numbers and self.value("speed") > 0.0
@@ -245,14 +231,13 @@ class Page:
             settings["speed"] = self.value("speed") / RPM
         if "mass" in self.numbers and self.numbers["mass"].value != self.first["mass"]:
             settings["damper_mass" if turning else "damper_mass_factor"] = self.value("mass")
-        if not self.study.problem.carries_load:
-            return Question(tuple(settings.items()), 0.0, None, int(self.mode.value), self.point)
         unit = self.value(FORCE) * (self.mu / self.value("friction_coefficient") if self.mu else 1.0)
         # preloads of the optimal curve for each newton of excitation, at the friction coefficient of the study
         searched = (20.0, 5000.0)
         low, high = (float(f"{end * unit:.6g}") for end in searched)
-        preload = float(f"{self.value('preload'):.6g}")
-        return Question(tuple(settings.items()), preload, (low, high), int(self.mode.value), self.point)
+        loaded = self.study.problem.carries_load
+        preload, preloads = (float(f"{self.value('preload'):.6g}"), (low, high)) if loaded else (0.0, None)
+        return Question(tuple(settings.items()), preload, preloads, int(self.mode.value), self.point)
 
     def ask(self) -> None:
         """Ask what the numbers stand for now."""
@@ -512,8 +497,8 @@ class Page:
 
     # ---- what is clicked ----
 
-    def chosen(self, event: Place) -> None:
-        """The nearest point of the curve, as it is seen."""
+    def chosen(self, event: Any) -> None:
+        """The point of the curve nearest to a click, as it is seen; outside of the axes a click has no place."""
         answer = self.shown.get("curve")
         if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
             return
@@ -522,7 +507,7 @@ class Page:
         self.point = int(np.argmin(apart))
         self.ask()
 
-    def dragged(self, event: Place) -> None:
+    def dragged(self, event: Any) -> None:
         """The preload under the pointer."""
         number = self.numbers["preload"]
         if event.x is not None and event.x > 0.0 and not number.disabled:

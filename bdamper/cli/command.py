@@ -104,8 +104,7 @@ def parser() -> argparse.ArgumentParser:
     main.add_argument("--version", action="version", version=bd.__version__)
     commands = main.add_subparsers(dest="command", required=True)
     commands.add_parser("info", parents=[model, picture], help="what a model file holds")
-    page = commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
-    page.add_argument("--no-browser", action="store_true", help="only print the address")
+    commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
     kinds = [model, asked, picture, out]
     own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
@@ -136,8 +135,7 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
     driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
     page = bd.explore(study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})")
     print(page.address, flush=True)
-    if not given.no_browser:
-        webbrowser.open(page.address)
+    webbrowser.open(page.address)
     with suppress(KeyboardInterrupt):
         page.wait()
     page.close()

@@ -239,7 +239,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 class Dissipation(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-dissipation"):
     """Energy lost per cycle, equivalent stiffness and damping of the contacts at every point of a curve.
 
-    ``plot`` draws equivalent stiffness and damping over the amplitude (:func:`bdamper.plot.plot_dissipation`).
+    ``plot`` draws equivalent stiffness, damping and energy over the amplitude (:func:`bdamper.plot.plot_dissipation`).
 
     Parameters
     ----------

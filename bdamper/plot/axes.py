@@ -81,7 +81,7 @@ def drawing(
     with plt.rc_context(PAPER):
         axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
         if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
-            raise validate.unfit("ax", f"{('one', 'two')[rows - 1]} axes", [type(each).__name__ for each in axes])
+            raise validate.unfit("ax", f"{('one', 'two', 'three')[rows - 1]} axes", [type(each).__name__ for each in axes])
         try:
             yield axes if rows > 1 else axes[0]
         except BaseException:

@@ -48,8 +48,6 @@ MARCHED: dict[str, Any] = {
     "zorder": 5.0, "label": "highest blade in time, and range",
 }  # fmt: skip
 """Point and bar of a march in time, over the star of the optimum."""
-ALIKE = 0.9
-"""Ratio from which both limits are one line."""
 SHOWN = ("amplitude", "shift")
 """Quantities of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
@@ -109,7 +107,6 @@ def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
-    gaps: list[Any] = []
     most_named = 5  # curves that a legend names; more have a colour bar
     many = labels is None and len(tracking) > most_named
     for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
@@ -118,8 +115,7 @@ def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str
         named = labels[i] if labels is not None else own
         _draw_tracking(ax, curve, colour, None if many else named)
         for part in curve.left_out:
-            name = "" if gaps else "not followed"
-            gaps.append(ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=name))
+            ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not followed"))
     if any(unstable_points(c).any() for c in tracking):
         ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
     if any(len(c) and _only_highest(c) for c in tracking):
@@ -228,12 +224,9 @@ def plot_optimal(
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
             return ax
-        levels = {name: getattr(result, name).amplitude for name in LIMITS}
-        if min(levels.values()) > ALIKE * max(levels.values()):
-            levels = {"free or stuck": max(levels.values())}
-        for name, level in levels.items():
-            at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
-            limit_line(ax, name, result.preload, np.full(len(result), level), at)
+        for name, k in (("free", -2), ("stuck", max(1, len(result) // 6))):
+            level = np.full(len(result), getattr(result, name).amplitude)
+            limit_line(ax, name, result.preload, level, result.preload[k])
         _mark_gaps(ax, result)
         _mark_checks(ax, result)
         _mark_optimum(ax, result)
@@ -292,15 +285,13 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
     kind[missing & (result.preload <= result.no_steady_below)] = 3
-    looks = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
-             3: ("xxxx", f"{NO_STEADY} below {amount(result.no_steady_below, 'N')}")}  # fmt: skip
+    reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
+               3: ("xxxx", f"{NO_STEADY} below {amount(result.no_steady_below, 'N')}")}  # fmt: skip
     for first, last in runs(kind):
-        if not missing[first]:
-            continue
-        hatch, reason = looks[int(kind[first])]
-        label = reason if first == np.argmax(kind == kind[first]) else None
-        look: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.75", "linewidth": 0.0, "zorder": 0}
-        ax.axvspan(edges[first], edges[last + 1], hatch=hatch, label=label, **look)
+        if missing[first]:
+            hatch, reason = reasons[int(kind[first])]
+            look: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.75", "linewidth": 0.0, "zorder": 0}
+            ax.axvspan(edges[first], edges[last + 1], hatch=hatch, label=once(ax, reason), **look)
     if np.isfinite(result.lower_bound).any():
         look = {"color": "0.4", "markersize": 4.0, "markerfacecolor": "w"}
         ax.plot(result.preload, result.lower_bound, "^", label="lower bound", **look)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
-from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import FuncFormatter
 
 from bdamper.accuracy.ladders import COMBINED, AccuracyCost
@@ -103,9 +102,6 @@ def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
         ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
     handles.append(ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"))
     ax.set_xscale("symlog", linthresh=tolerance)
-    numbers = [n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < np.abs(ax.get_xlim()).max()]
-    numbers = [tolerance, *numbers]
-    ax.set_xticks([*(-n for n in reversed(numbers)), 0.0, *numbers], minor=False)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
     ax.set_yticks(place, [e.name for e in effects])
     left_out = "0.55"  # colour of the name of an effect that may be left out
@@ -164,30 +160,27 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
         What the error is of.
     """
     best, names, richest = result.recommended, result.varied, result.richest
-    alone = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
-    combined: dict[str, Any] = {"color": "k", "marker": "*", "markersize": 9.0}
-    halo = [Stroke(linewidth=2.0, foreground="w"), Normal()]
-    ring: list[Any] = []
+    points = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
+    points[COMBINED] = {"color": "k", "marker": "*", "markersize": 9.0}
     equal = 1e-12  # relative difference below which two answers are the same
+    within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
     for r in result.runs[1:]:
-        look = alone.get(r.part, combined if r.part == COMBINED else {"color": "k", "marker": "P"})
-        k = names.index(r.part) if r.part in alone else -1
+        k = names.index(r.part) if r.part in names else -1
         name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
+        look = points.get(r.part, {"color": "k", "marker": "P"})
         ax.plot([], [], linestyle="none", label=once(ax, name), **look)
         place, y = ax.transData, 100.0 * r.error
         if not r.error > equal:
             known = bool(np.isfinite(r.error))
             place, y, look = ax.get_xaxis_transform(), 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
         ax.plot(r.seconds, y, transform=place, **look)
-        text = r.values[k].removesuffix(" samples") if k >= 0 else ""
-        offset: dict[str, Any] = {"xycoords": place, "textcoords": "offset points", "xytext": (5, 3)}
-        ax.annotate(text, (r.seconds, y), fontsize=6.5, path_effects=halo, **offset)
-        ring = [r.seconds, y, place] if r is best else ring
-    within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
-    if ring:
-        values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
-        ax.plot(*ring[:2], "ok", transform=ring[2], markerfacecolor="none", markersize=12.0,
-                label=f"fastest within {within}:\n{values}")  # fmt: skip
+        if k >= 0:
+            ax.annotate(r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=place, xytext=(5, 3),
+                        textcoords="offset points", fontsize=6.5)  # fmt: skip
+        if r is best:
+            values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
+            ax.plot(r.seconds, y, "ok", transform=place, markerfacecolor="none", markersize=12.0,
+                    label=f"fastest within {within}:\n{values}")  # fmt: skip
     ax.axvline(richest.seconds, linestyle="-.", label="time of the reference", **line)
     if result.uncertainty > equal:
         name = f"uncertainty of the reference, {percent(result.uncertainty)}"

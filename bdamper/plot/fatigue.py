@@ -13,7 +13,7 @@ from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.material import LINES
 from bdamper.model.model import Model
 from bdamper.model.stress import COMPONENTS
-from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, looks, once, picture, save_figure
+from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, looks, once, picture
 from bdamper.plot.model3d import plot_surfaces, seen
 from bdamper.plot.table import draw_table
 from bdamper.util import validate
@@ -109,7 +109,7 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
 
 
 @draws(Margins, "plot_critical")
-def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
+def plot_critical(margins: Margins, model: Model) -> Axes:
     """The points on the surface of their body: lighter where the factor is larger, a star at the critical one.
 
     Parameters
@@ -117,8 +117,6 @@ def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
     margins : Margins
     model : Model
         With the surface of the body.
-    path : path-like, optional
-        Where to write the picture.
     """
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
@@ -134,6 +132,4 @@ def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
         at[counted, 0], at[counted, 1], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black"
     )
     axes.scatter(at[i, 0], at[i, 1], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
-    if path is not None:
-        save_figure(axes, path)
     return axes

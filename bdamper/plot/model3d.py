@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from bdamper.io.import_report import ImportReport
 from bdamper.model.model import Model
-from bdamper.plot.axes import PAPER, drawing, looks, save_figure
+from bdamper.plot.axes import PAPER, drawing, looks
 from bdamper.plot.motion import VIEW, sectors_shown
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 
 Surface = tuple[NDArray, NDArray, Any]
@@ -27,9 +26,7 @@ MOST_FACES = 100_000
 """Of more quadrilaterals matplotlib draws every second, third ...: so many take 0.9 s."""
 
 
-def plot_surfaces(
-    surfaces: Sequence[Surface], points: NDArray | None = None, path: Any = None, *, ax: Axes | None = None, title: str = ""
-) -> Axes:
+def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title: str = "") -> Axes:
     """Draw surfaces of quadrilaterals as seen obliquely from the front, with a bar of the scale.
 
     The faces of all surfaces are painted from the farthest to the nearest, so that they hide what lies behind them.
@@ -37,10 +34,6 @@ def plot_surfaces(
     Parameters
     ----------
     surfaces : sequence of Surface
-    points : (k, 3) float, optional
-        Marked by dots, over everything.
-    path : path-like, optional
-        Where to write a picture.
     ax : matplotlib axes, optional
         In which surfaces of one call cover those of earlier calls.
     title : str
@@ -60,15 +53,11 @@ def plot_surfaces(
         ax = plt.subplots(figsize=(4.2, 4.6))[1] if ax is None else ax
         look = {"edgecolors": "0.35", "linewidths": 0.15}
         ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]
-        if points is not None and len(points):
-            ax.plot(*seen(points)[:, :2].T, "k.", markersize=3.0)
         if new:
             ax.autoscale_view()
             ax.set(aspect="equal", title=title)
             ax.set_axis_off()
             _scale(ax)
-        if path is not None:
-            save_figure(ax, path)
     return ax
 
 
@@ -94,7 +83,7 @@ def _scale(ax: Axes) -> None:
 
 
 @draws(Model)
-def plot_model(model: Model, path: Any = None) -> Any:
+def plot_model(model: Model) -> Axes:
     """Bodies at rest and contact points by their faces; free bodies over the others, between which they would be hidden."""
     tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
     kinds: dict[bool, list[Surface]] = {False: [], True: []}
@@ -108,20 +97,11 @@ def plot_model(model: Model, path: Any = None) -> Any:
     with drawing(ax, legend=7.0):
         for (name, face), look in zip(model.interfaces.items(), looks(len(model.interfaces))):
             ax.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
-    if path is not None:
-        save_figure(ax, path)
     return ax
 
 
 @draws(Model, "plot_mode")
-def plot_mode(
-    model: Model,
-    mode: int = 1,
-    path: Any = None,
-    *,
-    body: str | None = None,
-    nodal_diameter: int | None = None,
-) -> Any:
+def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None) -> Axes:
     """A mode of a constrained body: deformed, coloured by the size of its amplitude.
 
     Parameters
@@ -129,7 +109,6 @@ def plot_mode(
     model : Model
     mode : int
         From 1.
-    path : path-like, optional
     body, nodal_diameter : optional
         The first that carry shapes.
 
@@ -138,17 +117,10 @@ def plot_mode(
     matplotlib axes
         The largest displacement is a twelfth of the body's size.
     """
-    mode = validate.whole("mode (the path is the third argument)", mode, least=1)
     body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
-    shapes = mesh.modes.get(d)
-    if shapes is None or not 1 <= mode <= shapes.shape[2]:
-        have = {key: value.shape[2] for key, value in mesh.modes.items()}
-        raise SettingError(
-            f"plot of a mode: expected one of the modes that the mesh carries, by nodal diameter {have}, "
-            f"found mode {mode} of nodal diameter {d}"
-        )
-    shape = shapes[..., mode - 1]
+    mode = validate.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
+    shape = mesh.modes[d][..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
     for name, sector, turned in sectors_shown(model):
@@ -157,10 +129,10 @@ def plot_mode(
             moved = mesh.points + scale * (shape * wave).real
             surfaces.append((moved @ turned.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
-    return plot_surfaces(surfaces, None, path, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
+    return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 
 
 @draws(ImportReport)
-def plot_import_report(report: ImportReport) -> Any:
+def plot_import_report(report: ImportReport) -> Axes:
     """Bodies and contact points of the model (:func:`plot_model`)."""
     return plot_model(report.model)
