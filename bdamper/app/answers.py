@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from threading import Condition, Event, Thread
 from typing import Any, TypeVar
 
@@ -23,7 +22,6 @@ from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
 from bdamper.problem.variation import vary
-from bdamper.speed.family import with_needed_bases
 from bdamper.study import Study
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.kept import Marched
@@ -34,8 +32,6 @@ T = TypeVar("T")
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
 """Of the curve that follows the hand: peaks within 0.2 % of those of ordinary steps, in two thirds of the time; the few
 curves with an open damper that use up the budget (ordinary ones take up to twenty times as much) end early."""
-NOT_OF_THE_BAND = ("friction_coefficient", "excitation.amplitude", "harmonics")
-"""Settings that free and stuck resonances do not depend on."""
 FORCE = "excitation.amplitude"
 
 
@@ -172,20 +168,12 @@ class Answers:
     def varied(self, question: Question, harmonics: int | None = None) -> Study:
         """The study of a question, or with fewer harmonics."""
         settings: Mapping[str, Any] = dict(question.settings) | ({"harmonics": harmonics} if harmonics else {})
-        lean = harmonics is not None and "engine_order" not in settings
-        return self.once(("study", *sorted(settings.items())), lambda: vary(self.lean if lean else self.study, settings))
-
-    @cached_property
-    def lean(self) -> Study:
-        """The study with the bases that one harmonic needs, which comes to a speed in a fifth of the time."""
-        return self.study.another(with_needed_bases(self.study.with_(harmonics=1).problem))
+        return self.once(("study", *sorted(settings.items())), lambda: vary(self.study, settings))
 
     def band(self, question: Question) -> tuple[float, float]:
         """Frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
-        kept = tuple(item for item in question.settings if item[0] not in NOT_OF_THE_BAND)
-        linear = replace(question, settings=kept)
-        key = "band", kept, question.mode
-        ends = self.once(key, lambda: peak_interval(self.varied(linear, 1).problem, None, question.mode))
+        key = "band", question.settings, question.mode
+        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem, None, question.mode))
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:

@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 
 from bdamper.app.answers import FORCE, Answer, Answers, Question
+from bdamper.continuation.curve import Curve
 from bdamper.model.coupling import centrifugal_load
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
-from bdamper.plot.motion import STATES
+from bdamper.plot.motion import STATES, LineDrawing
 from bdamper.problem.at_speed import RPM
 from bdamper.study import Study
 from bdamper.util.errors import needed
+from bdamper.util.kept import Marched
 from bdamper.util.plotting import draw
 from bdamper.util.text import amount, height, percent
 
@@ -272,30 +274,28 @@ class Page:
         self.motion = self._figure("motion", match_aspect=True, **plain)
         black, grey = {"color": "black", "line_width": 2}, {"color": "#7b868c", "line_width": 1.2}
         ring = {"size": 16, "fill_color": None, "line_color": HERE, "line_width": 3}
-        range_ = {"x0": "x", "x1": "x", "y0": "low", "y1": "high", "color": "black", "line_width": 1.5}
-        named = {"text": "text", "text_font_size": SIZE, "text_color": "#5b666d", "y_offset": -3}
         star = {"size": 16, "marker": "star", "color": "black"}
         diamond = {"size": 9, "marker": "diamond", "line_color": "black", "fill_color": "white"}
         self.glyphs = {}
         for name, view, kind, look in (
             ("free", self.curve, "line", {**grey, "line_dash": "dotdash"}),
             ("stuck", self.curve, "line", {**grey, "line_dash": "dotted"}),
-            ("names", self.curve, "text", named),
             ("curve", self.curve, "line", black),
             ("optimal", self.best, "line", black),
             ("loop", self.cycle, "line", black),
             ("optimum", self.best, "scatter", star),
             ("point", self.curve, "scatter", ring),
             ("marker", self.best, "scatter", ring),
-            ("range", self.curve, "segment", range_),
+            ("range", self.curve, "line", black),
             ("time", self.curve, "scatter", diamond),
         ):
-            columns = {"names": ("x", "y", "text"), "range": ("x", "low", "high")}.get(name, ("x", "y"))
-            place = {} if kind == "segment" else {"x": "x", "y": "y"}
-            self.glyphs[name] = getattr(view, kind)(**place, source=self._source(name, *columns), **look).glyph
+            self.glyphs[name] = getattr(view, kind)("x", "y", source=self._source(name, "x", "y"), **look).glyph
         self.faces.quad(**{name: name for name in EDGES}, color="color", source=self._source("tiles", *EDGES, "color"))
-        titles = self._source("titles", "x", "y", "text")
-        self.faces.text("x", "y", "text", source=titles, text_align="center", text_font_size=SIZE)
+        for name, view, text in (
+            ("names", self.curve, {"text_color": "#5b666d", "y_offset": -3}),
+            ("titles", self.faces, {"text_align": "center"}),
+        ):
+            view.text("x", "y", "text", source=self._source(name, "x", "y", "text"), text_font_size=SIZE, **text)
         for view in (self.faces, self.motion):
             view.axis.visible = view.grid.visible = False
             view.outline_line_color = None
@@ -361,9 +361,9 @@ class Page:
             if getattr(answer, name) is not None:
                 self.shown[name] = answer
         if answer.marched is not None:
-            self._marched(answer)
+            self._marched(answer.marched)
         elif answer.curve is not None:
-            self._curve(answer)
+            self._curve(answer, answer.curve)
         if answer.optimal is not None:
             self._optimal(answer.optimal)
         if answer.full:
@@ -372,6 +372,9 @@ class Page:
 
     def _line(self, name: str, x: Any, y: Any) -> None:
         self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
+
+    def _texts(self, name: str, placed: list[tuple[float, float, str]]) -> None:
+        self.sources[name].data = dict(zip(("x", "y", "text"), map(list, zip(*placed))))
 
     def _clear(self, *names: str) -> None:
         for name in names:
@@ -393,24 +396,20 @@ class Page:
         least = f"★ Optimum: {amount(o.preload, 'N')}, {height(o.amplitude, o.frequency)}."
         self.told["optimal"] = least if o.verified and o.kind != "flat" else html.escape(found.bottom_line())
 
-    def _marched(self, answer: Answer) -> None:
+    def _marched(self, found: Marched) -> None:
         """The steady-state amplitude in time, beside the peak."""
-        found = answer.marched
-        assert found is not None
         if not np.isfinite(found.mean):
             self.told["march"] = f"In time: {html.escape(found.status)}."
             return
-        at = [found.frequency]
-        self._line("time", at, [1e6 * found.mean])
-        self.sources["range"].data = {"x": at, "low": [1e6 * found.lowest], "high": [1e6 * found.highest]}
+        self._line("time", [found.frequency], [1e6 * found.mean])
+        self._line("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.highest])
         doubt = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
         self.told["march"] = f"◇ In time {found.text}{doubt}."
 
-    def _curve(self, answer: Answer) -> None:
-        curve = answer.curve
-        assert curve is not None
-        chosen = answer.full and answer.question.point is not None and len(curve) > 0
-        at = f" Chosen point: {height(curve.amplitude[answer.point], curve.frequency[answer.point])}." if chosen else ""
+    def _curve(self, answer: Answer, curve: Curve) -> None:
+        """The tracking curve with its limits and the chosen point."""
+        here = height(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
+        at = f" Chosen point: {here}." if here and answer.full and answer.question.point is not None else ""
         whole = answer.full or curve.complete
         if whole and len(curve) and curve.complete and not curve.peak_at_end:
             peak, load = height(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
@@ -430,11 +429,11 @@ class Page:
             self._line("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
             self.curve.x_range.update(start=float(curve.frequency.min()), end=float(curve.frequency.max()))
         if answer.full and len(curve):
-            self.sources["names"].data = dict(zip(("x", "y", "text"), map(list, zip(*tops)))) if tops else {}
+            self._texts("names", tops)
             self._fit(self.curve.y_range, 1e6 * np.concatenate([c.amplitude for c in (curve, *answer.limits)]))
         self._contacts()
         if answer.drawing is not None:
-            self._draw(answer)
+            self._draw(answer.drawing, here)
 
     def _fit(self, shown: Any, values: Any) -> None:
         """A logarithmic axis that shows all values, with room for a name above."""
@@ -444,11 +443,10 @@ class Page:
             room = max(high / low, 1.2) ** 0.06
             shown.update(start=low / room, end=high * room**2)
 
-    def _draw(self, answer: Answer) -> None:
+    def _draw(self, found: LineDrawing | str, at: str) -> None:
         """The moving surfaces, or why there are none."""
-        found = answer.drawing
-        if found is None or isinstance(found, str) or answer.curve is None:
-            self.notes["motion"].text = html.escape(found if isinstance(found, str) else "")
+        if isinstance(found, str):
+            self.notes["motion"].text = html.escape(found)
             self._clear("quads", "nodes")
             return
         turned = [[0.0, -1.0], [1.0, 0.0]] if np.diff(np.ptp(found.points, axis=0)) > 0.0 else np.eye(2)  # views are wide
@@ -463,7 +461,6 @@ class Page:
         self.sources["nodes"].data = {name: value.astype(np.float32) for name, value in parts.items()}
         corners = zip("abcd", found.quads.T.astype(np.int32))
         self.sources["quads"].data = {**dict(corners), "fill": list(fill), "line": list(line)}
-        at = height(answer.curve.amplitude[answer.point], answer.curve.frequency[answer.point])
         self.notes["motion"].text = f"{at}, drawn {found.magnification:.0f} times as large"
 
     def _contacts(self) -> None:
@@ -479,21 +476,19 @@ class Page:
         keys = zip(STATES, STATUS_COLOURS, mean)
         share = " ".join(f'<b style="color:{colour}">■</b> {name} {percent(x)}' for name, colour, x in keys)
         self.notes["contacts"].text = f"{share} of the cycle; {where} loses {amount(lost, 'J')}"
-        names: dict[str, list[Any]] = {"x": [], "y": [], "text": []}
-        parts, at = [], 0.0
+        names, parts, at = [], [], 0.0
         model = answer.study.problem.coupling.model
         for name in self.loop.options[1:]:
             face, rows = model.interfaces[name], answer.contacts.rows(name)
             x, y, dx, dy = face_coordinates(face.points, face.frame[0])
             y = y - y.min() + 0.5 * dy + at
             parts.append(tiles(answer.contacts.share[rows, 0], x, y, dx, dy))
-            for key, value in (("x", float(y.mean())), ("y", float(x.max() + 0.6 * dx)), ("text", name)):
-                names[key].append(value)
+            names.append((float(y.mean()), float(x.max() + 0.6 * dx), name))
             at = float(y.max() + 2.0 * dy)
         edges = [np.concatenate(column) for column in zip(*parts)]
         colours = [STATUS_COLOURS[k] for k in edges.pop()]
         self.sources["tiles"].data = dict(zip((*EDGES, "color"), [*edges, colours]))
-        self.sources["titles"].data = names
+        self._texts("titles", names)
 
     # ---- what is clicked ----
 

@@ -49,10 +49,8 @@ def plot_status_bars(
     with drawing(ax, size=(5.2, 0.9 + 0.32 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
             for start, end, state in status.parts[point][direction]:
-                for shift in (0.0, -period):  # the last part may pass the end of the period
-                    a, b = max(start + shift, 0.0), min(end + shift, period)
-                    if b > a:
-                        ax.barh(row, (b - a) / period, left=a / period, height=0.62, color=STATUS_COLOURS[state], **EDGE)
+                left = np.array([start, start - period]) / period  # the last part may pass the end of the period
+                ax.barh(row, (end - start) / period, left=left, height=0.62, color=STATUS_COLOURS[state], **EDGE)
         names = [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points]
         ax.set_yticks(range(len(points)), names)
         ax.invert_yaxis()

@@ -48,6 +48,8 @@ MARCHED: dict[str, Any] = {
     "zorder": 5.0, "label": "highest blade in time, and range",
 }  # fmt: skip
 """Point and bar of a march in time, over the star of the optimum."""
+ALIKE = 0.9
+"""Ratio from which both limits are one line."""
 SHOWN = ("amplitude", "shift")
 """Quantities of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
@@ -224,9 +226,12 @@ def plot_optimal(
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
             return ax
-        for name, k in (("free", -2), ("stuck", max(1, len(result) // 6))):
-            level = np.full(len(result), getattr(result, name).amplitude)
-            limit_line(ax, name, result.preload, level, result.preload[k])
+        levels = {name: getattr(result, name).amplitude for name in LIMITS}
+        if min(levels.values()) > ALIKE * max(levels.values()):
+            levels = {"free or stuck": max(levels.values())}
+        for name, level in levels.items():
+            at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
+            limit_line(ax, name, result.preload, np.full(len(result), level), at)
         _mark_gaps(ax, result)
         _mark_checks(ax, result)
         _mark_optimum(ax, result)

@@ -102,6 +102,8 @@ def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
         ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
     handles.append(ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"))
     ax.set_xscale("symlog", linthresh=tolerance)
+    numbers = [n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < np.abs(ax.get_xlim()).max()]
+    ax.set_xticks([*(-n for n in reversed(numbers)), -tolerance, 0.0, tolerance, *numbers], minor=False)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
     ax.set_yticks(place, [e.name for e in effects])
     left_out = "0.55"  # colour of the name of an effect that may be left out
@@ -119,23 +121,16 @@ def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
 
 @picture(Convergence)
 def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
-    """Amplitude of a peak over the number of harmonics, and beside it the processor time of each.
+    """Amplitude of a peak over the number of harmonics.
 
     The answer is a filled point, the range of the settled peaks a grey band.  Ticks at the upper edge mark harmonics that
     are near a mode of the structure with stuck contacts.
     """
-    harmonics, amplitude, seconds = np.array([(p.harmonics, p.amplitude, p.seconds) for p in convergence.peaks]).T
+    harmonics, amplitude = np.array([(p.harmonics, p.amplitude) for p in convergence.peaks]).T
     low, high = convergence.range
     ax.axhspan(low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
     ax.plot(harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label="amplitude")
     ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="answer")
-    times = ax.twinx()
-    times.set_zorder(ax.get_zorder() - 1)
-    ax.patch.set_visible(False)
-    times.bar(harmonics[1:], seconds[1:], color="0.6", width=0.6)
-    ax.plot([], [], "s", color="0.6", label="processor time")
-    top = max(3.0 * seconds.max(), 1e-3)
-    times.set(ylim=(0.0, top), ylabel="Processor time (s)")
     met = [m.harmonic for m in convergence.meetings if m.harmonic <= harmonics[-1]]
     if met:
         ax.plot(met, [0.985] * len(met), "|", color="k", transform=ax.get_xaxis_transform(), label="near a stuck mode")

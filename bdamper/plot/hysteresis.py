@@ -99,7 +99,7 @@ def plot_energy(result: Hysteresis) -> NDArray:
     return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
 
 
-@picture(Dissipation, size=(5.6, 7.0), rows=3)
+@picture(Dissipation, size=(5.6, 7.8), rows=3)
 def plot_dissipation(result: Dissipation, ax: NDArray = NEW, *, over: str = "amplitude") -> None:
     """Equivalent stiffness and damping ratio of the contacts, and below them where the work of the excitation goes.
 

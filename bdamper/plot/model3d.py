@@ -22,8 +22,6 @@ from bdamper.util.plotting import draws
 
 Surface = tuple[NDArray, NDArray, Any]
 """Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
-MOST_FACES = 100_000
-"""Of more quadrilaterals matplotlib draws every second, third ...: so many take 0.9 s."""
 
 
 def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title: str = "") -> Axes:
@@ -39,10 +37,8 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     title : str
     """
     top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
-    step = max(1, -(-sum(len(quads) for _, quads, _ in surfaces) // MOST_FACES))
     corners, shades = [], []
-    for place, every_quad, colour in surfaces:
-        quads = every_quad[::step]
+    for place, quads, colour in surfaces:
         corners.append(seen(place)[quads])
         values = colour[quads].mean(axis=1) / top if isinstance(colour, np.ndarray) else None
         shades.append(np.tile(to_rgba(colour), (len(quads), 1)) if values is None else plt.get_cmap("viridis")(values))

@@ -29,7 +29,7 @@ from bdamper.util.errors import BdamperError, needed
 from bdamper.util.hdf5 import FilePath, check_folder
 from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.status import COMPLETE, word
-from bdamper.util.text import amount, percent, spaced
+from bdamper.util.text import amount, cut, percent, spaced
 
 GOOD, FAIR = 0.05, 0.2
 """Relative differences up to which a light is green, and amber."""
@@ -39,11 +39,6 @@ SAFE = 1.5
 """Margin against fatigue from which on its light is green."""
 BELONG = "harmonics", "blade_modes", "contact_points", "friction_coefficient", "contact_stiffness_factor"
 """Settings that a curve and the fit beside it have in common."""
-GROUPS = {
-    "load": ("preload", "excitation.amplitude"),
-    "contact": ("friction_coefficient", "contact_stiffness_factor"),
-    "structure": ("damping_factor", "damper_mass_factor"),
-}
 NOT_MODELLED = (
     "Blades and dampers are all alike (a wheel of unequal ones: Wheel); the disk is cyclic.",
     "One temperature; friction does not heat.",
@@ -139,7 +134,9 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     if marched:
         at = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
         found = f"{at.text} in time, {amount(at.balance, 'm')} by harmonic balance"
-        out.append(Light(_by(abs(at.mean / at.balance - 1.0)), "Harmonic balance against time", found, time_rule))
+        off = abs(at.mean / at.balance - 1.0)
+        colour = "green" if off < GOOD else "amber" if off < FAIR else "red"
+        out.append(Light(colour, "Harmonic balance against time", found, time_rule))
     else:
         why = curve.kept[0].status if curve.kept else "not run"
         out.append(Light("red" if curve.kept else "white", "Harmonic balance against time", why, time_rule))
@@ -168,10 +165,6 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     return out
 
 
-def _by(difference: float) -> str:
-    return "green" if difference < GOOD else "amber" if difference < FAIR else "red"
-
-
 def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:
     """Pictures of the response at the optimum, and rows of its sensitivities."""
     best, mode = curve.optimum, max(0.25 * abs(curve.stuck.frequency - curve.free.frequency), 0.03 * curve.free.frequency)
@@ -188,20 +181,17 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
     figures.append((f"Contact forces over the motion of the response in a cycle of the peak at {where}", loop))
     rows: list[tuple[str, ...]] = []
     if not peak.corner and problem.settings.evaluation == "exact":
-        found = peak_sensitivities(problem, peak)
-        for group, names in GROUPS.items():
-            for s in (found[name] for name in names if name in found):
-                size, shift = s.value * s.amplitude / peak.amplitude, s.value * s.frequency / peak.frequency
-                known = np.isfinite(size)
-                cells = (f"{size:+.3f} %", f"{shift:+.4f} %") if known else ("not known", s.reason)
-                rows.append((group, spaced(s.name), *cells))
+        for s in peak_sensitivities(problem, peak).values():
+            size, shift = s.value * s.amplitude / peak.amplitude, s.value * s.frequency / peak.frequency
+            cells = (f"{size:+.3f} %", f"{shift:+.4f} %") if np.isfinite(size) else ("not known", s.reason)
+            rows.append((spaced(s.name), *cells))
     return figures, rows
 
 
 def _short(value: Any) -> str:
     """A setting as one line."""
     text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
-    return text if len(text) <= 120 else f"{text[:117]}..."
+    return cut(text, 120)
 
 
 def _picture(shown: Plottable) -> str:

@@ -11,7 +11,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.collections import PolyCollection
 from PIL import Image
 
 import bdamper as bd
@@ -21,7 +20,6 @@ from bdamper.io import Measurement
 from bdamper.io.import_report import ImportReport
 from bdamper.plot import (
     draw_table,
-    model3d,
     plot_accuracy,
     plot_curves,
     plot_import_report,
@@ -87,16 +85,6 @@ def test_models_have_pictures(tmp_path, name):
     save_figure(model.plot_mode(2), tmp_path / "mode.png")
     assert_picture(tmp_path / "model.png")
     assert_picture(tmp_path / "mode.png")
-
-
-def test_large_models_are_thinned(monkeypatch):
-    model = bd.reference_model("blade_to_ground")
-    quads = len(model.meshes["blade"].quads)
-    monkeypatch.setattr(model3d, "MOST_FACES", quads // 2)
-    ax = model.plot()
-    ax.figure.draw_without_rendering()
-    (faces,) = (c for c in ax.collections if isinstance(c, PolyCollection))
-    assert len(faces.get_paths()) == quads // 2
 
 
 def test_bad_requests_are_named():
