@@ -10,7 +10,7 @@ import html
 import tempfile
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -60,6 +60,13 @@ MOVE = """
         window.moving = setInterval(() => document.hidden || draw(2 * Math.PI * (Date.now() % PERIOD) / PERIOD), 80);
 """.replace("PERIOD", "2400")
 """Draws the faces at an instant of the cycle, again and again."""
+
+
+class Place(Protocol):
+    """Position of a click on a view in its own units; None outside its axes."""
+
+    x: float | None
+    y: float | None
 
 
 class Page:
@@ -492,8 +499,8 @@ class Page:
 
     # ---- what is clicked ----
 
-    def chosen(self, event: Any) -> None:
-        """The point of the curve nearest to a click, as it is seen; outside of the axes a click has no place."""
+    def chosen(self, event: Place) -> None:
+        """The nearest point of the curve, as it is seen."""
         answer = self.shown.get("curve")
         if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
             return
@@ -502,7 +509,7 @@ class Page:
         self.point = int(np.argmin(apart))
         self.ask()
 
-    def dragged(self, event: Any) -> None:
+    def dragged(self, event: Place) -> None:
         """The preload under the pointer."""
         number = self.numbers["preload"]
         if event.x is not None and event.x > 0.0 and not number.disabled:

@@ -109,20 +109,15 @@ def picture(
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:
         own = inspect.signature(function)
-        title = inspect.Parameter("title", inspect.Parameter.KEYWORD_ONLY, default="", annotation=str)
-        parameters = sorted([*own.parameters.values(), title], key=lambda parameter: parameter.kind)
-        own = own.replace(parameters=parameters, return_annotation=Axes if rows == 1 else NDArray)
 
         @wraps(function)
-        def drawn(*arguments: Any, **options: Any) -> Any:
+        def drawn(*arguments: Any, title: str = "", **options: Any) -> Any:
             bound = own.bind(*arguments, **options)
-            asked = bound.arguments.pop("title", "")
-            with drawing(bound.arguments.get("ax"), size=size, title=asked, legend=legend, rows=rows) as axes:
+            with drawing(bound.arguments.get("ax"), size=size, title=title, legend=legend, rows=rows) as axes:
                 bound.arguments["ax"] = axes
                 function(*bound.args, **bound.kwargs)
             return axes
 
-        drawn.__signature__ = own  # type: ignore[attr-defined]
         return drawn if shown is object else draws(shown, kind)(drawn)
 
     return enter

@@ -13,7 +13,7 @@ from bdamper.plot.curves import FREQUENCY, PRELOAD
 from bdamper.util import validate
 
 
-@picture()
+@picture(OptimalCurve, "map")
 def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     """Highest response over frequency and preload, the ridge of the optimal curve, and where there are several responses.
 
@@ -24,7 +24,6 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     result : OptimalCurve
         With its curves, which files of versions before 0.6 do not have.
     """
-    validate.instance("result", result, OptimalCurve)
     curves = [curve for curve in result.curves if len(curve)]
     validate.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]

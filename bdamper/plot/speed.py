@@ -94,7 +94,7 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
     ax.set_title(f"{omega * RPM:.0f} rpm")
 
 
-@picture()
+@picture(SweepResult, "crossings")
 def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
     """Amplitude or margin at the crossings over speed, a colour and marker for each mass of the damper.
 
@@ -107,7 +107,6 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
     quantity : {"amplitude", "margin"}
     """
     validate.choice("quantity", quantity, ("amplitude", "margin"))
-    validate.instance("found", found, SweepResult)
     value, speed, mass = (found.array(name) for name in (quantity, "speed", "mass"))
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")

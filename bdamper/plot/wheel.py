@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
 from bdamper.plot.axes import NEW, STYLES, band, colours, highest_on, limit_line, looks, lost, picture
 from bdamper.plot.table import draw_table
@@ -43,15 +42,8 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 
 
 @picture(WheelCurve)
-def plot_wheel_curve(curve: WheelCurve, ax: Axes = NEW, *, tuned: Curve | None = None) -> None:
-    """Envelope over all blades through the folds, above the curves of the single blades.
-
-    Parameters
-    ----------
-    curve : WheelCurve
-    tuned : Curve, optional
-        Of the tuned wheel at the same preload, ``wheel.tuned().track(...)``: a thin line that bears its name.
-    """
+def plot_wheel_curve(curve: WheelCurve, ax: Axes = NEW) -> None:
+    """Envelope over all blades through the folds, above the curves of the single blades."""
     _, blade = curve.highest
     apart = np.flatnonzero(np.diff(curve.branch)) + 1  # no line from branch to branch
     frequency, amplitude = np.insert(curve.frequency, apart, np.nan), np.insert(curve.amplitude, apart, np.nan, axis=0)
@@ -60,8 +52,6 @@ def plot_wheel_curve(curve: WheelCurve, ax: Axes = NEW, *, tuned: Curve | None =
     ax.plot(frequency, amplitude.max(axis=1), color="k", label="highest blade")
     if len(at := curve.folds):
         ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
-    if tuned is not None and len(tuned):
-        limit_line(ax, "tuned", tuned.frequency, tuned.amplitude, tuned.peak.frequency)
     ax.set(xlabel=label(WheelCurve, "frequency"), ylabel="Amplitude (m)")
     ax.set_title(f"{amount(curve.preload, 'N')}, {curve.response.shape[1]} blades")
 
