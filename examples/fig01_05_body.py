@@ -202,8 +202,8 @@ ax = plot_surfaces([(blade.points, blade.quads, "#dde4ea")],
 ax.plot(*seen(corner)[:2], "o", color="#c0392b", markersize=5.0, clip_on=False)
 keep(ax, "fig05_blade")
 points = np.concatenate([model.interfaces[name].points for name in ("left", "right")])
-ax = plot_surfaces([(damper.points, damper.quads, "#e8b563")], points,
-                   title="damper; dots: contact points")  # fmt: skip
+ax = plot_surfaces([(damper.points, damper.quads, "#e8b563")], title="damper; dots: contact points")
+ax.plot(*seen(points)[:, :2].T, "k.", markersize=3.0)
 keep(ax, "fig05_damper")
 
 # %%

@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from threading import Condition, Event, Thread
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bdamper.app.rescaled import rescaled_curve, rescaled_optimal
 from bdamper.continuation.curve import Curve
@@ -26,7 +24,6 @@ from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
 from bdamper.problem.variation import vary
-from bdamper.speed.family import with_needed_bases
 from bdamper.study import Study
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.kept import Marched
@@ -38,8 +35,6 @@ R = TypeVar("R", Curve, OptimalCurve)
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
 """Of the curve that follows the hand: peaks within 0.2 % of those of ordinary steps, in two thirds of the time; the few
 curves with an open damper that use up the budget (ordinary ones take up to twenty times as much) end early."""
-NOT_OF_THE_BAND = ("friction_coefficient", "excitation.amplitude", "harmonics")
-"""Settings that free and stuck resonances do not depend on."""
 FORCE = "excitation.amplitude"
 
 
@@ -173,18 +168,11 @@ class Answers:
         """A finished result at the same ratio of loads to excitation, multiplied; a new one where that is not possible."""
         settings = dict(question.settings)
         force = settings.pop(FORCE, self.study.excitation.amplitude)
-        ratios: list[float] = [float(f"{load / force:.6g}") for load in loads]
-        key = rescale, tuple(settings.items()), question.mode, *ratios
         if self.study.excitation.beside:  # which the force does not change
             return make()
-        if key in self.kept:
-            before, known = self.kept[key]
-            multiplied = rescale(self.varied(question), known, force / before)
-            if multiplied is not None:
-                return multiplied
-            return make()
-        found: R = self.once(key, lambda: (force, make()))[1]
-        return found
+        ratios = [float(f"{load / force:.6g}") for load in loads]
+        before, known = self.once((rescale, *settings.items(), question.mode, *ratios), lambda: (force, make()))
+        return known if before == force else rescale(self.varied(question), known, force / before) or make()
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """Cached value of a key, computed if missing; the oldest entry is removed."""
@@ -199,20 +187,12 @@ class Answers:
     def varied(self, question: Question, harmonics: int | None = None) -> Study:
         """The study of a question, or with fewer harmonics."""
         settings: Mapping[str, Any] = dict(question.settings) | ({"harmonics": harmonics} if harmonics else {})
-        lean = harmonics is not None and "engine_order" not in settings
-        return self.once(("study", *sorted(settings.items())), lambda: vary(self.lean if lean else self.study, settings))
-
-    @cached_property
-    def lean(self) -> Study:
-        """The study with the bases that one harmonic needs, which comes to a speed in a fifth of the time."""
-        return self.study.another(with_needed_bases(self.study.with_(harmonics=1).problem))
+        return self.once(("study", *sorted(settings.items())), lambda: vary(self.study, settings))
 
     def band(self, question: Question) -> tuple[float, float]:
         """Frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
-        kept = tuple(item for item in question.settings if item[0] not in NOT_OF_THE_BAND)
-        linear = replace(question, settings=kept)
-        key = "band", kept, question.mode
-        ends = self.once(key, lambda: peak_interval(self.varied(linear, 1).problem, None, question.mode))
+        key = "band", question.settings, question.mode
+        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem, None, question.mode))
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
@@ -234,7 +214,7 @@ class Answers:
         if not len(curve):
             return Answer(question, harmonics is None, study, curve, limits)
         i = curve.peak.index if question.point is None or harmonics else min(question.point, len(curve) - 1)
-        contacts, loops = contact_status(study, curve.unknowns[i], load, 16), study.hysteresis(curve, i)
+        contacts, loops = contact_status(study, curve.unknowns[i], load), study.hysteresis(curve, i)
         drawing: LineDrawing | str | None = None
         if not harmonics:
             try:
@@ -278,10 +258,3 @@ def _whole(found: Any) -> Any:
     if found.interrupted:
         raise KeyboardInterrupt
     return found
-
-
-def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
-    """Ends along both axes and states of patches at contact points, each divided by its shares (n, 3)."""
-    left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
-    low = np.repeat(x - 0.45 * dx, 3)
-    return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))

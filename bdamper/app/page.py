@@ -14,14 +14,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from bdamper.app.answers import FORCE, Answer, Answers, Question, tiles
+from bdamper.app.answers import FORCE, Answer, Answers, Question
+from bdamper.continuation.curve import Curve
 from bdamper.model.coupling import centrifugal_load
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.contact import STATUS_COLOURS, face_coordinates
-from bdamper.plot.motion import STATES
+from bdamper.plot.axes import ticks_within
+from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
+from bdamper.plot.motion import STATES, LineDrawing
 from bdamper.problem.at_speed import RPM
 from bdamper.study import Study
 from bdamper.util.errors import needed
+from bdamper.util.kept import Marched
 from bdamper.util.plotting import draw
 from bdamper.util.text import amount, height, percent
 
@@ -82,6 +85,7 @@ class Page:
         self.document, self.study, self.source = document, study, source
         self.shown: dict[str, Answer] = {}
         self.told: dict[str, str] = {}
+        self.sources: dict[str, Any] = {}
         self.point: int | None = None
         self.answers = Answers(study, self._deliver)
         document.on_session_destroyed(lambda _: self.answers.ask(None))
@@ -174,13 +178,18 @@ class Page:
         self.notes["curve"].text = f"{DOT} chosen point, ◇ in time; grey: without contact and with stuck contact"
         self.busy = self.models.Div(name="busy", styles=QUIET, **wide)
         self.code = self.models.PreText(name="code", visible=False, styles={"white-space": "pre-wrap"}, **wide)
-        self.file = self.models.ColumnDataSource({"name": [], "kind": [], "content": []}, name="file")
-        self.text.tags = [self.file]  # so that it belongs to the document
+        file = self._source("file", "name", "kind", "content")
+        self.text.tags = [file]  # so that it belongs to the document
         save = """
             const {name, kind, content} = source.data, link = document.createElement("a");
             Object.assign(link, {href: `data:${kind[0]};base64,${content[0]}`, download: name[0]}).click();
         """
-        self.file.js_on_change("data", self.models.CustomJS(args={"source": self.file}, code=save))
+        file.js_on_change("data", self.models.CustomJS(args={"source": file}, code=save))
+
+    def _source(self, name: str, *columns: str) -> Any:
+        """Empty columns under a name."""
+        self.sources[name] = self.models.ColumnDataSource({column: [] for column in columns}, name=f"{name} data")
+        return self.sources[name]
 
     def value(self, name: str) -> float:
         """The number that is typed, or that its slider has set."""
@@ -210,26 +219,19 @@ class Page:
             number.title = PRELOAD + (", centrifugal" if turns else "")
             number.low, number.high = min(number.low, own), max(number.high, own)
             slider.start, slider.end = float(np.log10(number.low)), float(np.log10(number.high))
-            self.quiet = True
             number.value = float(f"{own:.6g}")
-            self.quiet = False
         if name in self.sliders:
             self.sliders[name].value = min(max(self._place(name), self.sliders[name].start), self.sliders[name].end)
-        if not self.quiet:
-            self.point = None
-            self.ask()
-
-    quiet = False
+        self.point = None
+        self.ask()
 
     def question(self) -> Question:
         """What the numbers ask; the optimal curve is about the optimum, which is higher the less friction there is."""
         settings: dict[str, Any] = {
-            name: self.value(name)
+            name: number.value
             for name, number in self.numbers.items()
             if name not in ("preload", "mass", "speed") and number.value != self.first[name]
         }
-        if "harmonics" in settings:
-            settings["harmonics"] = int(settings["harmonics"])
         if int(self.order.value) != self.study.settings.engine_order:
             settings["engine_order"] = int(self.order.value)
         turning = "speed" in self.numbers and self.value("speed") > 0.0
@@ -238,14 +240,13 @@ class Page:
             settings["speed"] = self.value("speed") / RPM
         if "mass" in self.numbers and self.numbers["mass"].value != self.first["mass"]:
             settings["damper_mass" if turning else "damper_mass_factor"] = self.value("mass")
-        if not self.study.problem.carries_load:
-            return Question(tuple(settings.items()), 0.0, None, int(self.mode.value), self.point)
         unit = self.value(FORCE) * (self.mu / self.value("friction_coefficient") if self.mu else 1.0)
         # preloads of the optimal curve for each newton of excitation, at the friction coefficient of the study
         searched = (20.0, 5000.0)
         low, high = (float(f"{end * unit:.6g}") for end in searched)
-        preload = float(f"{self.value('preload'):.6g}")
-        return Question(tuple(settings.items()), preload, (low, high), int(self.mode.value), self.point)
+        loaded = self.study.problem.carries_load
+        preload, preloads = (float(f"{self.value('preload'):.6g}"), (low, high)) if loaded else (0.0, None)
+        return Question(tuple(settings.items()), preload, preloads, int(self.mode.value), self.point)
 
     def ask(self) -> None:
         """Ask what the numbers stand for now."""
@@ -257,8 +258,7 @@ class Page:
             self.glyphs["optimal"].line_dash = [6]
             self.notes["best"].text = "Dashed: before the last change of settings."
         self.told["march"] = "The amplitude in time is being computed."
-        for source in ("time", "range"):
-            self.sources[source].data = {column: [] for column in self.sources[source].data}
+        self._clear("time", "range")
         self.answers.ask(question)
 
     # ---- what is seen ----
@@ -281,33 +281,28 @@ class Page:
         self.motion = self._figure("motion", match_aspect=True, **plain)
         black, grey = {"color": "black", "line_width": 2}, {"color": "#7b868c", "line_width": 1.2}
         ring = {"size": 16, "fill_color": None, "line_color": HERE, "line_width": 3}
-        range_ = {"x0": "x", "x1": "x", "y0": "low", "y1": "high", "color": "black", "line_width": 1.5}
-        named = {"text": "text", "text_font_size": SIZE, "text_color": "#5b666d", "y_offset": -3}
         star = {"size": 16, "marker": "star", "color": "black"}
         diamond = {"size": 9, "marker": "diamond", "line_color": "black", "fill_color": "white"}
-        self.sources, self.glyphs = {}, {}
+        self.glyphs = {}
         for name, view, kind, look in (
             ("free", self.curve, "line", {**grey, "line_dash": "dotdash"}),
             ("stuck", self.curve, "line", {**grey, "line_dash": "dotted"}),
-            ("names", self.curve, "text", named),
             ("curve", self.curve, "line", black),
             ("optimal", self.best, "line", black),
             ("loop", self.cycle, "line", black),
             ("optimum", self.best, "scatter", star),
             ("point", self.curve, "scatter", ring),
             ("marker", self.best, "scatter", ring),
-            ("range", self.curve, "segment", range_),
+            ("range", self.curve, "line", black),
             ("time", self.curve, "scatter", diamond),
         ):
-            columns = {"names": ("x", "y", "text"), "range": ("x", "low", "high")}.get(name, ("x", "y"))
-            source = self.models.ColumnDataSource({column: [] for column in columns}, name=f"{name} data")
-            self.sources[name] = source
-            place = {} if kind == "segment" else {"x": "x", "y": "y"}
-            self.glyphs[name] = getattr(view, kind)(**place, source=source, **look).glyph
-        self.tiles = self.models.ColumnDataSource({name: [] for name in (*EDGES, "color")}, name="tiles")
-        self.faces.quad(**{name: name for name in EDGES}, color="color", source=self.tiles)
-        self.names = self.models.ColumnDataSource({"x": [], "y": [], "text": []})
-        self.faces.text("x", "y", "text", source=self.names, text_align="center", text_font_size=SIZE)
+            self.glyphs[name] = getattr(view, kind)("x", "y", source=self._source(name, "x", "y"), **look).glyph
+        self.faces.quad(**{name: name for name in EDGES}, color="color", source=self._source("tiles", *EDGES, "color"))
+        for name, view, text in (
+            ("names", self.curve, {"text_color": "#5b666d", "y_offset": -3}),
+            ("titles", self.faces, {"text_align": "center"}),
+        ):
+            view.text("x", "y", "text", source=self._source(name, "x", "y", "text"), text_font_size=SIZE, **text)
         for view in (self.faces, self.motion):
             view.axis.visible = view.grid.visible = False
             view.outline_line_color = None
@@ -332,23 +327,21 @@ class Page:
         return view
 
     def _tick(self, axis: Any, shown: Any) -> None:
-        axis.ticker = self.models.FixedTicker(ticks=logarithmic_ticks(*sorted((shown.start, shown.end))))
+        axis.ticker = self.models.FixedTicker(ticks=ticks_within(*sorted((shown.start, shown.end))))
 
     def _moving(self) -> None:
         """Patches of the moving surfaces, painted from the farthest to the nearest so that they hide lines."""
-        self.box = self.models.ColumnDataSource({"x": [], "y": []})
-        frame = self.motion.scatter("x", "y", source=self.box, size=1, alpha=0)
+        frame = self.motion.scatter("x", "y", source=self._source("box", "x", "y"), size=1, alpha=0)
         for shown in (self.motion.x_range, self.motion.y_range):
             shown.renderers = [frame]  # and not the surfaces, with which the view would move
-        empty: dict[str, list[Any]] = {name: [] for name in ("xs", "ys", "fill", "line")}
-        self.patches = self.models.ColumnDataSource(empty, name="patches")
+        patches = self._source("patches", "xs", "ys", "fill", "line")
         look = {"fill_color": "fill", "line_color": "line", "line_width": 0.5}
-        self.motion.patches("xs", "ys", source=self.patches, **look)
-        self.nodes = self.models.ColumnDataSource({name: [] for name in ("x", "y", "cx", "cy", "sx", "sy")}, name="nodes")
-        self.quads = self.models.ColumnDataSource({name: [] for name in (*"abcd", "fill", "line")}, name="quads")
-        self.text.tags += [self.quads]
-        args = {"nodes": self.nodes, "faces": self.quads, "patches": self.patches}
-        self.quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))
+        self.motion.patches("xs", "ys", source=patches, **look)
+        quads = self._source("quads", *"abcd", "fill", "line")
+        nodes = self._source("nodes", "x", "y", "cx", "cy", "sx", "sy")
+        self.text.tags += [quads]
+        args = {"nodes": nodes, "faces": quads, "patches": patches}
+        quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))
 
     def _lay_out(self) -> None:
         layout, wide = needed("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
@@ -375,9 +368,9 @@ class Page:
             if getattr(answer, name) is not None:
                 self.shown[name] = answer
         if answer.marched is not None:
-            self._marched(answer)
+            self._marched(answer.marched)
         elif answer.curve is not None:
-            self._curve(answer)
+            self._curve(answer, answer.curve)
         if answer.optimal is not None:
             self._optimal(answer.optimal)
         if answer.full:
@@ -386,6 +379,13 @@ class Page:
 
     def _line(self, name: str, x: Any, y: Any) -> None:
         self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
+
+    def _texts(self, name: str, placed: list[tuple[float, float, str]]) -> None:
+        self.sources[name].data = dict(zip(("x", "y", "text"), map(list, zip(*placed))))
+
+    def _clear(self, *names: str) -> None:
+        for name in names:
+            self.sources[name].data = {column: [] for column in self.sources[name].data}
 
     def _optimal(self, found: OptimalCurve) -> None:
         """The curve of peaks with its optimum."""
@@ -403,24 +403,20 @@ class Page:
         least = f"★ Optimum: {amount(o.preload, 'N')}, {height(o.amplitude, o.frequency)}."
         self.told["optimal"] = least if o.verified and o.kind != "flat" else html.escape(found.bottom_line())
 
-    def _marched(self, answer: Answer) -> None:
+    def _marched(self, found: Marched) -> None:
         """The steady-state amplitude in time, beside the peak."""
-        found = answer.marched
-        assert found is not None
         if not np.isfinite(found.mean):
             self.told["march"] = f"In time: {html.escape(found.status)}."
             return
-        at = [found.frequency]
-        self._line("time", at, [1e6 * found.mean])
-        self.sources["range"].data = {"x": at, "low": [1e6 * found.lowest], "high": [1e6 * found.highest]}
+        self._line("time", [found.frequency], [1e6 * found.mean])
+        self._line("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.highest])
         doubt = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
         self.told["march"] = f"◇ In time {found.text}{doubt}."
 
-    def _curve(self, answer: Answer) -> None:
-        curve = answer.curve
-        assert curve is not None
-        chosen = answer.full and answer.question.point is not None and len(curve) > 0
-        at = f" Chosen point: {height(curve.amplitude[answer.point], curve.frequency[answer.point])}." if chosen else ""
+    def _curve(self, answer: Answer, curve: Curve) -> None:
+        """The tracking curve with its limits and the chosen point."""
+        here = height(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
+        at = f" Chosen point: {here}." if here and answer.full and answer.question.point is not None else ""
         whole = answer.full or curve.complete
         if whole and len(curve) and curve.complete and not curve.peak_at_end:
             peak, load = height(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
@@ -440,11 +436,11 @@ class Page:
             self._line("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
             self.curve.x_range.update(start=float(curve.frequency.min()), end=float(curve.frequency.max()))
         if answer.full and len(curve):
-            self.sources["names"].data = dict(zip(("x", "y", "text"), map(list, zip(*tops)))) if tops else {}
+            self._texts("names", tops)
             self._fit(self.curve.y_range, 1e6 * np.concatenate([c.amplitude for c in (curve, *answer.limits)]))
         self._contacts()
         if answer.drawing is not None:
-            self._draw(answer)
+            self._draw(answer.drawing, here)
 
     def _fit(self, shown: Any, values: Any) -> None:
         """A logarithmic axis that shows all values, with room for a name above."""
@@ -454,13 +450,11 @@ class Page:
             room = max(high / low, 1.2) ** 0.06
             shown.update(start=low / room, end=high * room**2)
 
-    def _draw(self, answer: Answer) -> None:
+    def _draw(self, found: LineDrawing | str, at: str) -> None:
         """The moving surfaces, or why there are none."""
-        found = answer.drawing
-        if found is None or isinstance(found, str) or answer.curve is None:
-            self.notes["motion"].text = html.escape(found if isinstance(found, str) else "")
-            for source in (self.quads, self.nodes):
-                source.data = {name: [] for name in source.data}
+        if isinstance(found, str):
+            self.notes["motion"].text = html.escape(found)
+            self._clear("quads", "nodes")
             return
         turned = [[0.0, -1.0], [1.0, 0.0]] if np.diff(np.ptp(found.points, axis=0)) > 0.0 else np.eye(2)  # views are wide
         rest, shape = 1e3 * found.points @ turned, 1e3 * found.magnification * found.amplitude @ turned
@@ -468,13 +462,12 @@ class Page:
         fill, line = zip(*(FACES["damper" if own else ""] for own in free))
         room = np.abs(shape).max(axis=0)
         low, high = rest.min(axis=0) - room, rest.max(axis=0) + room
-        self.box.data = {"x": [low[0], high[0]], "y": [low[1], high[1]]}
+        self._line("box", *zip(low, high))
         parts = {"x": rest[:, 0], "y": rest[:, 1], "cx": shape[:, 0].real, "cy": shape[:, 1].real}
         parts |= {"sx": shape[:, 0].imag, "sy": shape[:, 1].imag}
-        self.nodes.data = {name: value.astype(np.float32) for name, value in parts.items()}
+        self.sources["nodes"].data = {name: value.astype(np.float32) for name, value in parts.items()}
         corners = zip("abcd", found.quads.T.astype(np.int32))
-        self.quads.data = {**dict(corners), "fill": list(fill), "line": list(line)}
-        at = height(answer.curve.amplitude[answer.point], answer.curve.frequency[answer.point])
+        self.sources["quads"].data = {**dict(corners), "fill": list(fill), "line": list(line)}
         self.notes["motion"].text = f"{at}, drawn {found.magnification:.0f} times as large"
 
     def _contacts(self) -> None:
@@ -490,21 +483,19 @@ class Page:
         keys = zip(STATES, STATUS_COLOURS, mean)
         share = " ".join(f'<b style="color:{colour}">■</b> {name} {percent(x)}' for name, colour, x in keys)
         self.notes["contacts"].text = f"{share} of the cycle; {where} loses {amount(lost, 'J')}"
-        names: dict[str, list[Any]] = {"x": [], "y": [], "text": []}
-        parts, at = [], 0.0
+        names, parts, at = [], [], 0.0
         model = answer.study.problem.coupling.model
         for name in self.loop.options[1:]:
             face, rows = model.interfaces[name], answer.contacts.rows(name)
             x, y, dx, dy = face_coordinates(face.points, face.frame[0])
             y = y - y.min() + 0.5 * dy + at
             parts.append(tiles(answer.contacts.share[rows, 0], x, y, dx, dy))
-            for key, value in (("x", float(y.mean())), ("y", float(x.max() + 0.6 * dx)), ("text", name)):
-                names[key].append(value)
+            names.append((float(y.mean()), float(x.max() + 0.6 * dx), name))
             at = float(y.max() + 2.0 * dy)
         edges = [np.concatenate(column) for column in zip(*parts)]
         colours = [STATUS_COLOURS[k] for k in edges.pop()]
-        self.tiles.data = dict(zip((*EDGES, "color"), [*edges, colours]))
-        self.names.data = names
+        self.sources["tiles"].data = dict(zip((*EDGES, "color"), [*edges, colours]))
+        self._texts("titles", names)
 
     # ---- what is clicked ----
 
@@ -525,7 +516,7 @@ class Page:
             number.value = float(f"{np.clip(event.x, number.low, number.high):.3g}")
 
     def _send(self, name: str, kind: str, content: bytes) -> None:
-        self.file.data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
+        self.sources["file"].data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
 
     def _results(self) -> dict[str, Any]:
         """What is shown, by the names of its files, which tell its settings and what is provisional."""
@@ -564,21 +555,3 @@ class Page:
 def logarithmic(name: str) -> bool:
     """Whether a number has a logarithmic slider."""
     return name in LOGARITHMIC or "loads." in name
-
-
-def logarithmic_ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Round numbers within a logarithmic axis, no more than fit.
-
-    Powers of ten, or also 3 or 2 and 5 times these; equally spaced numbers on an axis of less than a factor of three.
-    """
-    if high < 3.0 * low:
-        step = next(
-            s
-            for k in range(int(np.log10(high - low)) - 2, 400)
-            for s in (10.0**k, 2 * 10.0**k, 5 * 10.0**k)
-            if (high - low) / s <= most
-        )
-        return [float(x) for x in step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)]
-    decades = [10.0**k for k in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)]
-    fits = [[d * m for d in decades for m in each if low <= d * m <= high] for each in ((1,), (1, 3), (1, 2, 5))]
-    return max((ticks for ticks in fits if len(ticks) <= most), key=len, default=fits[0][:: len(fits[0]) // most + 1])

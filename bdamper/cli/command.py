@@ -27,17 +27,11 @@ def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 
 def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """The optimal curve, and whether it has an optimum."""
+    """The optimal curve, also as a report, and whether it has an optimum."""
     settings = {"mode": given.mode, "check": "time" if given.check else False, "progress": not given.quiet}
     curve = study.optimal_curve(given.preloads, given.n, **settings)
-    return curve, bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
-
-
-def report(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """The optimal curve with its check in time, as a report, and whether it has an optimum."""
-    curve = study.optimal_curve(given.preloads, given.n, mode=given.mode, progress=not given.quiet)
     answered = bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
-    if answered:
+    if given.html and answered:
         curve.report(given.html, study)
         print(f"wrote {given.html}", file=sys.stderr)
     return curve, answered
@@ -62,7 +56,6 @@ def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 QUESTIONS = {
     "track": (track, "the response over a frequency band at one preload"),
     "optimum": (optimum, "the preload of least resonance"),
-    "report": (report, "the same as one HTML file for a review, with the checks that were made"),
     "crossings": (crossings, "resonances with engine orders over rotor speed, for a model that knows it"),
     "margin": (margin, "margins against fatigue at one preload, for a model with stress"),
 }
@@ -111,8 +104,7 @@ def parser() -> argparse.ArgumentParser:
     main.add_argument("--version", action="version", version=bd.__version__)
     commands = main.add_subparsers(dest="command", required=True)
     commands.add_parser("info", parents=[model, picture], help="what a model file holds")
-    page = commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
-    page.add_argument("--no-browser", action="store_true", help="only print the address")
+    commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
     kinds = [model, asked, picture, out]
     own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
@@ -121,14 +113,11 @@ def parser() -> argparse.ArgumentParser:
         own[name].add_argument(
             "--band", help="frequencies in Hz, by default those around the resonances of the mode", **two
         )
-    for name in ("optimum", "report"):
-        own[name].add_argument("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
-        own[name].add_argument("-n", type=int, default=20, help="number of preloads, default %(default)s")
-    named = partial(file_to_write, (".html",))
-    own["report"].add_argument("--html", type=named, default="report.html", metavar="FILE", help="default %(default)s")
-    own["optimum"].add_argument(
-        "--check", action="store_true", help="compare with more harmonics and with time integration, five times the work"
-    )
+    add = own["optimum"].add_argument
+    add("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
+    add("-n", type=int, default=20, help="number of preloads, default %(default)s")
+    add("--check", action="store_true", help="compare with more harmonics and with time integration, five times the work")
+    add("--html", metavar="FILE", type=partial(file_to_write, (".html",)), help="write a report for a review")
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
     some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}
     own["crossings"].add_argument("--orders", default=(5,), help="engine orders, default 5", **some)
@@ -146,8 +135,7 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
     driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
     page = bd.explore(study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})")
     print(page.address, flush=True)
-    if not given.no_browser:
-        webbrowser.open(page.address)
+    webbrowser.open(page.address)
     with suppress(KeyboardInterrupt):
         page.wait()
     page.close()

@@ -134,9 +134,9 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
             out.append(f"{int((~self.counted).sum())} points on or next to contact faces are left out")
         return tuple(out)
 
-    def plot_critical(self, model: Any, path: Any = None, **options: Any) -> Any:
+    def plot_critical(self, model: Any) -> Any:
         """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
-        return draw(self, "plot_critical", model, path, **options)
+        return draw(self, "plot_critical", model)
 
     def bottom_line(self) -> str:
         i = self.critical

@@ -25,7 +25,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from os import PathLike
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
@@ -274,9 +273,9 @@ class Model(Plottable):
             start += n
         raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
 
-    def plot_mode(self, mode: int = 1, path: str | PathLike[str] | None = None, **options: Any) -> Any:
+    def plot_mode(self, mode: int = 1, **options: Any) -> Any:
         """Draw a mode of a blade in 3-D, counted from 1 (:func:`bdamper.plot.plot_mode`)."""
-        return draw(self, "plot_mode", mode, path, **options)
+        return draw(self, "plot_mode", mode, **options)
 
     def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
         """Nodal diameter excited by an engine-order multiple, and whether its basis must be conjugated.

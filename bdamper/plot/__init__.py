@@ -48,7 +48,6 @@ from bdamper.plot.report import write_report as write_report
 from bdamper.plot.response_map import plot_response_map as plot_response_map
 from bdamper.plot.speed import plot_campbell as plot_campbell
 from bdamper.plot.speed import plot_crossings as plot_crossings
-from bdamper.plot.speed import plot_run_up as plot_run_up
 from bdamper.plot.speed import plot_safe as plot_safe
 from bdamper.plot.table import draw_table as draw_table
 from bdamper.plot.together import plot_comparison as plot_comparison
@@ -56,8 +55,6 @@ from bdamper.plot.together import plot_together as plot_together
 from bdamper.plot.wheel import plot_blades as plot_blades
 from bdamper.plot.wheel import plot_mistuning as plot_mistuning
 from bdamper.plot.wheel import plot_sample as plot_sample
-from bdamper.plot.wheel import plot_sample_mistuning as plot_sample_mistuning
-from bdamper.plot.wheel import plot_sample_preload as plot_sample_preload
 from bdamper.plot.wheel import plot_sample_tail as plot_sample_tail
 from bdamper.plot.wheel import plot_wheel as plot_wheel
 from bdamper.plot.wheel import plot_wheel_map as plot_wheel_map

@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, Locator, LogLocator, MaxNLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
@@ -44,6 +44,8 @@ STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (
 """Lines that are told apart in grey; dashes and dots alone have their meaning."""
 DASHED = (0, (3, 1.5))
 """Line of what is unstable."""
+SUBS = {12.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), 100.0: (1.0, 2.0, 5.0), 1e4: (1.0, 3.0), np.inf: (1.0,)}
+"""Multiples of powers of ten that are ticks of a logarithmic axis, by the largest ratio of its ends."""
 NEW: Any = None
 """The axes of a picture that is drawn into new ones."""
 LIMITS: dict[str, dict[str, Any]] = {
@@ -79,7 +81,7 @@ def drawing(
     with plt.rc_context(PAPER):
         axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
         if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
-            raise validate.unfit("ax", f"{('one', 'two')[rows - 1]} axes", [type(each).__name__ for each in axes])
+            raise validate.unfit("ax", f"{('one', 'two', 'three')[rows - 1]} axes", [type(each).__name__ for each in axes])
         try:
             yield axes if rows > 1 else axes[0]
         except BaseException:
@@ -107,20 +109,15 @@ def picture(
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:
         own = inspect.signature(function)
-        title = inspect.Parameter("title", inspect.Parameter.KEYWORD_ONLY, default="", annotation=str)
-        parameters = sorted([*own.parameters.values(), title], key=lambda parameter: parameter.kind)
-        own = own.replace(parameters=parameters, return_annotation=Axes if rows == 1 else NDArray)
 
         @wraps(function)
-        def drawn(*arguments: Any, **options: Any) -> Any:
+        def drawn(*arguments: Any, title: str = "", **options: Any) -> Any:
             bound = own.bind(*arguments, **options)
-            asked = bound.arguments.pop("title", "")
-            with drawing(bound.arguments.get("ax"), size=size, title=asked, legend=legend, rows=rows) as axes:
+            with drawing(bound.arguments.get("ax"), size=size, title=title, legend=legend, rows=rows) as axes:
                 bound.arguments["ax"] = axes
                 function(*bound.args, **bound.kwargs)
             return axes
 
-        drawn.__signature__ = own  # type: ignore[attr-defined]
         return drawn if shown is object else draws(shown, kind)(drawn)
 
     return enter
@@ -164,12 +161,22 @@ def fit_units(ax: Axes) -> None:
             axis.label.set_gid(base)  # the unit of what is drawn, for the next time
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
         if log:
-            few = (1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)
-            subs = few if high > 12.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-            axis.set_major_locator(LogLocator(subs=subs) if high > 2.0 * low else MaxNLocator(5))
+            axis.set_major_locator(logarithmic(low, high))
             axis.set_minor_formatter(NullFormatter())
         if log or scale != 1.0:
             axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: plain_number(value / scale)))
+
+
+def logarithmic(low: float, high: float) -> Locator:
+    """Few and round ticks of a logarithmic axis with these ends."""
+    if high <= 2.0 * low:
+        return MaxNLocator(5)
+    return LogLocator(subs=next(subs for ratio, subs in SUBS.items() if high <= ratio * low))
+
+
+def ticks_within(low: float, high: float) -> list[float]:
+    """Ticks of a logarithmic axis, as numbers."""
+    return [float(x) for x in logarithmic(low, high).tick_values(low, high) if low <= x <= high]
 
 
 def plain_number(value: float) -> str:
@@ -187,10 +194,10 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
 
 
 @draws(Plottable, "image")
-def image_of(shown: Plottable) -> bytes:
-    """The picture of an object as a PNG file, for a notebook."""
+def image_of(shown: Plottable, **options: Any) -> bytes:
+    """The picture of an object as a file, a PNG for a notebook unless the options of ``savefig`` say otherwise."""
     file = io.BytesIO()
-    save_figure(draw(shown, "plot"), file, format="png", dpi=100)
+    save_figure(draw(shown, "plot"), file, **{"format": "png", "dpi": 100, **options})
     return file.getvalue()
 
 
@@ -211,6 +218,23 @@ def runs(values: NDArray) -> list[tuple[int, int]]:
     """Stretches (first, last) of equal value."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(values.astype(int))) + 1, [len(values)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
+
+
+def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[NDArray, NDArray]:
+    """Values (n_grid, m) of curves y (n, m) over x at a grid, NaN where there are none, and how often x leads over each.
+
+    Of several points over one place of the grid the one with the highest value counts.
+    """
+    best, count = np.full((len(grid), y.shape[1]), np.nan), np.zeros(len(grid), int)
+    for i in np.flatnonzero((np.diff(branch) == 0) & (np.diff(x) != 0.0)):
+        low, high = sorted(x[i : i + 2])
+        on = (grid >= low) & (grid <= high)
+        share = (grid[on, None] - x[i]) / (x[i + 1] - x[i])
+        values = y[i] + share * (y[i + 1] - y[i])
+        higher = ~(values.max(axis=1) <= best[on].max(axis=1))  # also where nothing is known yet
+        best[on] = np.where(higher[:, None], values, best[on])
+        count += on & (grid < high)
+    return best, count
 
 
 def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArray) -> None:

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from bdamper.contact.preload import PreloadState
@@ -48,10 +48,8 @@ def plot_status_bars(
     with drawing(ax, size=(5.2, 0.9 + 0.32 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
             for start, end, state in status.parts[point][direction]:
-                for shift in (0.0, -period):  # the last part may pass the end of the period
-                    a, b = max(start + shift, 0.0), min(end + shift, period)
-                    if b > a:
-                        ax.barh(row, (b - a) / period, left=a / period, height=0.62, color=STATUS_COLOURS[state], **EDGE)
+                left = np.array([start, start - period]) / period  # the last part may pass the end of the period
+                ax.barh(row, (end - start) / period, left=left, height=0.62, color=STATUS_COLOURS[state], **EDGE)
         names = [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points]
         ax.set_yticks(range(len(points)), names)
         ax.invert_yaxis()
@@ -86,35 +84,31 @@ def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
     ax.grid(False)
 
 
+def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
+    """Ends along both axes and states of patches at contact points, each divided by its shares (n, 3)."""
+    left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
+    low = np.repeat(x - 0.45 * dx, 3)
+    return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))
+
+
 @picture(size=(5.2, 2.4), legend=None)
-def plot_status_map(
-    status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, instant: int | None = None, direction: int = 0
-) -> None:
-    """Map of a contact face: what every point does over the period (bars by share), or at one instant.
+def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, direction: int = 0) -> None:
+    """Map of a contact face: each point is divided by the shares of the period that it sticks, slips and is open.
 
     Parameters
     ----------
     status : ContactStatus
     model : Model
     interface : str
-    instant : int, optional
-        Index into ``status.theta``; without it each point is divided by the shares of the period that it sticks, slips
-        and is open.
     direction : {0, 1}
     """
     validate.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
     direction = validate.whole("direction", direction, 0, 1)
-    if instant is not None:
-        instant = validate.whole("instant", instant, -len(status.theta), len(status.theta) - 1)
-    face, rows = model.interfaces[interface], status.rows(interface)
+    face = model.interfaces[interface]
     x, y, dx, dy = face_coordinates(face.points, face.frame[0])
-    share = status.share[rows, direction] if instant is None else np.eye(3)[status.state[rows, direction, instant]]
-    for left, bottom, shares in zip(y - 0.45 * dy, x - 0.45 * dx, share):
-        for start, part, colour in zip(np.cumsum(shares) - shares, shares, STATUS_COLOURS):
-            if part > 0.0:
-                place = left + 0.9 * dy * start, bottom
-                ax.add_patch(Rectangle(place, 0.9 * dy * part, 0.9 * dx, facecolor=colour, linewidth=0.0))
-        ax.add_patch(Rectangle((left, bottom), 0.9 * dy, 0.9 * dx, fill=False, **EDGE))
+    left, right, low, high, state = tiles(status.share[status.rows(interface), direction], x, y, dx, dy)
+    ax.barh(low, right - left, high - low, left, align="edge", color=[STATUS_COLOURS[k] for k in state])
+    ax.barh(x, np.full(len(x), 0.9 * dy), 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE)
     _face_axes(ax, x, y, dx, dy)
     _status_legend(ax)
 

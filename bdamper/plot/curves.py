@@ -28,11 +28,13 @@ from bdamper.plot.axes import (
     drawing,
     limit_line,
     new_axes,
+    once,
     picture,
     runs,
 )
-from bdamper.plot.speed import plot_run_up
+from bdamper.plot.speed import SPEED
 from bdamper.plot.table import draw_table
+from bdamper.problem.at_speed import RPM
 from bdamper.stability.time_sweep import TimeSweep
 from bdamper.util import validate
 from bdamper.util.kept import Marched
@@ -65,7 +67,7 @@ def unstable_points(curve: Curve) -> NDArray:
 
 
 def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> None:
-    f, a = curve.frequency, curve.amplitude
+    f, a = curve.frequency if curve.speed is None else curve.speed * RPM, curve.amplitude
     unstable = unstable_points(curve)
     if curve.blades is not None:
         single = np.abs(curve.blades[..., 1])
@@ -80,7 +82,7 @@ def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> No
             ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
     if len(curve):  # filled: a peak, open: only the highest point
         face = "w" if _only_highest(curve) else colour
-        ax.plot(curve.peak.frequency, curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
+        ax.plot(f[curve.peak.index], curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
     ax.plot([], [], color=colour, label=label)
 
 
@@ -93,38 +95,39 @@ def _only_highest(curve: Curve) -> bool:
 
 @picture()
 def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str] | None = None) -> None:
-    """Amplitude over frequency for several curves in one picture.
+    """Amplitude over frequency for several curves in one picture, over speed for run-ups.
 
     Parameters
     ----------
     curves : sequence of Curve
-        Tracking curves and, as thin grey lines, the free and stuck limits.
+        Tracking curves and, as thin grey lines, the free and stuck limits; or run-ups alone.
     labels : sequence of str, optional
         One for each tracking curve; the preload by default.
     """
     validate.that(isinstance(curves, Iterable), "curves", "a sequence of Curve (plot_curve draws one)", curves)
     curves = tuple(curves)
-    tracking = [c for c in curves if validate.instance("curves", c, Curve).kind == "tracking"]
+    tracking = [c for c in curves if validate.instance("curves", c, Curve).kind not in LIMITS]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
         raise validate.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
     for curve in curves:
-        if curve.kind != "tracking" and len(curve):
+        if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
-    gaps: list[Any] = []
     most_named = 5  # curves that a legend names; more have a colour bar
     many = labels is None and len(tracking) > most_named
     for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
-        named = labels[i] if labels is not None else f"preload {amount(curve.preload, 'N')}"
+        preload = f"preload {amount(curve.preload, 'N')}"
+        own = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
+        named = labels[i] if labels is not None else own
         _draw_tracking(ax, curve, colour, None if many else named)
         for part in curve.left_out:
-            name = "" if gaps else "not followed"
-            gaps.append(ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=name))
+            ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not followed"))
     if any(unstable_points(c).any() for c in tracking):
         ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
     if any(len(c) and _only_highest(c) for c in tracking):
         ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
                 label="highest point that was followed")  # fmt: skip
-    ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves), yscale="log")
+    over = FREQUENCY if all(curve.speed is None for curve in curves) else SPEED
+    ax.set(xlabel=over, ylabel=amplitude_label(*curves), yscale="log")
     if many:
         preloads = [curve.preload for curve in tracking]
         bar = plt.cm.ScalarMappable(LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256)))
@@ -134,7 +137,7 @@ def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str
 @draws(Curve)
 def plot_curve(curve: Curve, ax: Axes | None = None, **style: Any) -> Axes:
     """Amplitude over frequency for one curve, over speed for a run-up; ``style`` as for :func:`plot_curves`."""
-    return plot_curves([curve], ax, **style) if curve.speed is None else plot_run_up(curve, ax, **style)
+    return plot_curves([curve], ax, **style)
 
 
 @picture()
@@ -252,9 +255,9 @@ def _with_optimum(result: OptimalCurve, quantity: str) -> tuple[NDArray, NDArray
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     """What marches in time and more harmonics have found at some preloads."""
-    if seen := [k for k in result.kept if np.isfinite(k.mean)]:
-        preload, mean, low, high = np.array([(k.preload, k.mean, k.lowest, k.highest) for k in seen]).T
-        ax.errorbar(preload, mean, [mean - low, high - mean], **MARCHED)
+    for march in result.kept:
+        if np.isfinite(march.mean):
+            _mark_march(ax, march.preload, march)
     if k := result.least_in_time:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
     if result.convergence is not None and len(result.convergence.peaks) > 1:
@@ -290,15 +293,13 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
     kind[missing & (result.preload <= result.no_steady_below)] = 3
-    looks = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
-             3: ("xxxx", f"{NO_STEADY} below {amount(result.no_steady_below, 'N')}")}  # fmt: skip
+    reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
+               3: ("xxxx", f"{NO_STEADY} below {amount(result.no_steady_below, 'N')}")}  # fmt: skip
     for first, last in runs(kind):
-        if not missing[first]:
-            continue
-        hatch, reason = looks[int(kind[first])]
-        label = reason if first == np.argmax(kind == kind[first]) else None
-        look: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.75", "linewidth": 0.0, "zorder": 0}
-        ax.axvspan(edges[first], edges[last + 1], hatch=hatch, label=label, **look)
+        if missing[first]:
+            hatch, reason = reasons[int(kind[first])]
+            look: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.75", "linewidth": 0.0, "zorder": 0}
+            ax.axvspan(edges[first], edges[last + 1], hatch=hatch, label=once(ax, reason), **look)
     if np.isfinite(result.lower_bound).any():
         look = {"color": "0.4", "markersize": 4.0, "markerfacecolor": "w"}
         ax.plot(result.preload, result.lower_bound, "^", label="lower bound", **look)
@@ -307,8 +308,12 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
 @picture(Marched, "mark")
 def mark_kept(kept: Marched, ax: Axes) -> None:
     """Mean and range of the highest blade in time as a point with a bar over response curves."""
-    look = {**MARCHED, "label": None if MARCHED["label"] in ax.get_legend_handles_labels()[1] else MARCHED["label"]}
-    ax.errorbar(kept.frequency, kept.mean, [[kept.mean - kept.lowest], [kept.highest - kept.mean]], **look)
+    _mark_march(ax, kept.frequency, kept)
+
+
+def _mark_march(ax: Axes, x: float, kept: Marched) -> None:
+    look = {**MARCHED, "label": once(ax, MARCHED["label"])}
+    ax.errorbar(x, kept.mean, [[kept.mean - kept.lowest], [kept.highest - kept.mean]], **look)
 
 
 @picture(TimeSweep)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
-from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import FuncFormatter
 
 from bdamper.accuracy.ladders import COMBINED, AccuracyCost
@@ -104,8 +103,7 @@ def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
     handles.append(ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"))
     ax.set_xscale("symlog", linthresh=tolerance)
     numbers = [n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < np.abs(ax.get_xlim()).max()]
-    numbers = [tolerance, *numbers]
-    ax.set_xticks([*(-n for n in reversed(numbers)), 0.0, *numbers], minor=False)
+    ax.set_xticks([*(-n for n in reversed(numbers)), -tolerance, 0.0, tolerance, *numbers], minor=False)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
     ax.set_yticks(place, [e.name for e in effects])
     left_out = "0.55"  # colour of the name of an effect that may be left out
@@ -123,23 +121,16 @@ def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
 
 @picture(Convergence)
 def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
-    """Amplitude of a peak over the number of harmonics, and beside it the processor time of each.
+    """Amplitude of a peak over the number of harmonics.
 
     The answer is a filled point, the range of the settled peaks a grey band.  Ticks at the upper edge mark harmonics that
     are near a mode of the structure with stuck contacts.
     """
-    harmonics, amplitude, seconds = np.array([(p.harmonics, p.amplitude, p.seconds) for p in convergence.peaks]).T
+    harmonics, amplitude = np.array([(p.harmonics, p.amplitude) for p in convergence.peaks]).T
     low, high = convergence.range
     ax.axhspan(low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
     ax.plot(harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label="amplitude")
     ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="answer")
-    times = ax.twinx()
-    times.set_zorder(ax.get_zorder() - 1)
-    ax.patch.set_visible(False)
-    times.bar(harmonics[1:], seconds[1:], color="0.6", width=0.6)
-    ax.plot([], [], "s", color="0.6", label="processor time")
-    top = max(3.0 * seconds.max(), 1e-3)
-    times.set(ylim=(0.0, top), ylabel="Processor time (s)")
     met = [m.harmonic for m in convergence.meetings if m.harmonic <= harmonics[-1]]
     if met:
         ax.plot(met, [0.985] * len(met), "|", color="k", transform=ax.get_xaxis_transform(), label="near a stuck mode")
@@ -164,30 +155,27 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
         What the error is of.
     """
     best, names, richest = result.recommended, result.varied, result.richest
-    alone = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
-    combined: dict[str, Any] = {"color": "k", "marker": "*", "markersize": 9.0}
-    halo = [Stroke(linewidth=2.0, foreground="w"), Normal()]
-    ring: list[Any] = []
+    points = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
+    points[COMBINED] = {"color": "k", "marker": "*", "markersize": 9.0}
     equal = 1e-12  # relative difference below which two answers are the same
+    within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
     for r in result.runs[1:]:
-        look = alone.get(r.part, combined if r.part == COMBINED else {"color": "k", "marker": "P"})
-        k = names.index(r.part) if r.part in alone else -1
+        k = names.index(r.part) if r.part in names else -1
         name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
+        look = points.get(r.part, {"color": "k", "marker": "P"})
         ax.plot([], [], linestyle="none", label=once(ax, name), **look)
         place, y = ax.transData, 100.0 * r.error
         if not r.error > equal:
             known = bool(np.isfinite(r.error))
             place, y, look = ax.get_xaxis_transform(), 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
         ax.plot(r.seconds, y, transform=place, **look)
-        text = r.values[k].removesuffix(" samples") if k >= 0 else ""
-        offset: dict[str, Any] = {"xycoords": place, "textcoords": "offset points", "xytext": (5, 3)}
-        ax.annotate(text, (r.seconds, y), fontsize=6.5, path_effects=halo, **offset)
-        ring = [r.seconds, y, place] if r is best else ring
-    within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
-    if ring:
-        values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
-        ax.plot(*ring[:2], "ok", transform=ring[2], markerfacecolor="none", markersize=12.0,
-                label=f"fastest within {within}:\n{values}")  # fmt: skip
+        if k >= 0:
+            ax.annotate(r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=place, xytext=(5, 3),
+                        textcoords="offset points", fontsize=6.5)  # fmt: skip
+        if r is best:
+            values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
+            ax.plot(r.seconds, y, "ok", transform=place, markerfacecolor="none", markersize=12.0,
+                    label=f"fastest within {within}:\n{values}")  # fmt: skip
     ax.axvline(richest.seconds, linestyle="-.", label="time of the reference", **line)
     if result.uncertainty > equal:
         name = f"uncertainty of the reference, {percent(result.uncertainty)}"

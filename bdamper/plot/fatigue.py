@@ -13,7 +13,7 @@ from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.material import LINES
 from bdamper.model.model import Model
 from bdamper.model.stress import COMPONENTS
-from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, drawing, looks, once, picture, save_figure
+from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, looks, once, picture
 from bdamper.plot.model3d import plot_surfaces, seen
 from bdamper.plot.table import draw_table
 from bdamper.util import validate
@@ -77,48 +77,39 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
            xlim=(MEGA * low, 1.02 * MEGA * right), title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
 
 
-@draws(MarginCurve)
-def plot_margin(
-    curve: MarginCurve, ax: Axes | None = None, *, label: str = "", response: bool | None = None, title: str = ""
-) -> Axes:
-    """The margin over frequency, preload, speed or another quantity; 1 is the limit.
+@picture(MarginCurve)
+def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") -> None:
+    """The margin over frequency, preload, speed or another quantity, 1 is the limit; the amplitude on an axis at the right.
 
     Parameters
     ----------
     curve : MarginCurve
     ax : matplotlib axes, optional
-        Several curves in the same axes differ by lightness, line and marker.
+        Several curves in the same axes differ by lightness, line and marker, and have no amplitudes but those of the first.
     label : str
         Name of the curve in the legend.
-    response : bool, optional
-        Draw also the amplitude of the response, on an axis at the right; by default where there are no axes given.
-    title : str
     """
-    with_response = ax is None if response is None else response
-    with drawing(ax, title=title, legend=7.0) as axes:
-        look, first = looks(6)[sum(line.get_gid() == "margin" for line in axes.lines) % 6], not axes.lines
-        axes.set(xlabel=f"{curve.over.capitalize()} ({curve.unit})", xscale="log" if curve.over == "preload" else "linear")
-        draw_table(axes, curve, "values", "margin", gid="margin", label=label or "margin", **look)
-        known = curve.margin[np.isfinite(curve.margin)]
-        if len(known) and known.max() > 20.0 * known.min():
-            axes.set_yscale("log")
-        if np.isfinite(curve.best_value):
-            _star(axes, curve.best_value, curve.best_margin, "best margin")
-        if curve.in_time:
-            preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
-            axes.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="of the highest blade in time")
-        if first:
-            axes.axhline(1.0, color="0.4", linewidth=1.0)
-        if with_response:
-            other = axes.twinx()
-            other.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
-            other.set(ylabel="Amplitude of the response, dash-dotted (m)", ylim=(0.0, None))
-            other.grid(False)
-    return axes
+    drawn = sum(line.get_gid() == "margin" for line in ax.lines)
+    ax.set(xlabel=f"{curve.over.capitalize()} ({curve.unit})", xscale="log" if curve.over == "preload" else "linear")
+    draw_table(ax, curve, "values", "margin", gid="margin", label=label, **looks(6)[drawn % 6])
+    known = curve.margin[np.isfinite(curve.margin)]
+    if len(known) and known.max() > 20.0 * known.min():
+        ax.set_yscale("log")
+    if np.isfinite(curve.best_value):
+        _star(ax, curve.best_value, curve.best_margin, "best margin")
+    if curve.in_time:
+        preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
+        ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="of the highest blade in time")
+    if not drawn:
+        ax.axhline(1.0, color="0.4", linewidth=1.0)
+        other = ax.twinx()
+        other.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
+        other.set(ylabel="Amplitude of the response, dash-dotted (m)", ylim=(0.0, None))
+        other.grid(False)
 
 
 @draws(Margins, "plot_critical")
-def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
+def plot_critical(margins: Margins, model: Model) -> Axes:
     """The points on the surface of their body: lighter where the factor is larger, a star at the critical one.
 
     Parameters
@@ -126,8 +117,6 @@ def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
     margins : Margins
     model : Model
         With the surface of the body.
-    path : path-like, optional
-        Where to write the picture.
     """
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
@@ -143,6 +132,4 @@ def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
         at[counted, 0], at[counted, 1], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black"
     )
     axes.scatter(at[i, 0], at[i, 1], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
-    if path is not None:
-        save_figure(axes, path)
     return axes

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Hysteresis
-from bdamper.plot.axes import NEW, drawing, legend_beside, looks, picture
+from bdamper.plot.axes import NEW, legend_beside, looks, picture
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.table import draw_table
 from bdamper.util import validate
@@ -99,47 +99,31 @@ def plot_energy(result: Hysteresis) -> NDArray:
     return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
 
 
-@draws(Hysteresis, "dissipation")
-def plot_dissipation(
-    result: Hysteresis, quantity: str = "equivalent", ax: Axes | Sequence[Axes] | NDArray | None = None, *,
-    over: str = "amplitude", title: str = "",
-) -> Axes | NDArray:  # fmt: skip
-    """Equivalent stiffness, damping and energy of the contacts over the amplitude.
+@picture(Hysteresis, "dissipation", size=(5.6, 7.8), rows=3)
+def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "amplitude") -> None:
+    """Equivalent stiffness and damping ratio of the contacts, and below them where the work of the excitation goes.
 
     Parameters
     ----------
     result : Hysteresis
         Of several solutions.
-    quantity : {"equivalent", "energy"}
-        Equivalent stiffness and damping ratio, or where the work of the excitation goes in a cycle.
-    ax : matplotlib axes, optional
-        Two for "equivalent", one below the other.
+    ax : three matplotlib axes, optional
     over : {"amplitude", "frequency", "preload"}
-    title : str
-
-    Returns
-    -------
-    matplotlib axes, an array of two for "equivalent"
     """
-    whole = validate.choice("quantity", quantity, ("equivalent", "energy")) == "energy"
     validate.choice("over", over, ("amplitude", "frequency", "preload"))
+    for one, name in zip(ax, ("stiffness", "damping_ratio")):
+        draw_table(one, result, over, name)
+        one.set_xlabel("")
+    energy = ax[2]
+    energy.set(ylabel="Energy in a cycle (J)", yscale="log")
+    draw_table(energy, result, over, "excitation", color="0.7", marker="", label="work of the excitation")
+    faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
+    for (name, lost), look in zip(faces.items(), looks(len(faces))):
+        look |= {"markevery": max(1, len(lost) // 12), "linestyle": "-", "label": f"friction of the {name} face"}
+        draw_table(energy, replace(result, excitation=lost), over, "excitation", **look)
+    draw_table(energy, result, over, "damping", color="0.35", linestyle="-.", marker="", label="damping of the modes")
     smallest = 1e-4  # energy that is shown, relative to the largest
-    with drawing(ax, title=title, legend=7.0, rows=1 if whole else 2, size=(5.6, 3.6 if whole else 4.8)) as axes:
-        if not whole:
-            for one, name in zip(axes, ("stiffness", "damping_ratio")):
-                draw_table(one, result, over, name)
-            axes[0].set_xlabel("")
-            return np.asarray(axes)
-        axes.set(ylabel="Energy in a cycle (J)", yscale="log")
-        draw_table(axes, result, over, "excitation", color="0.7", marker="", label="work of the excitation")
-        faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
-        for (name, energy), look in zip(faces.items(), looks(len(faces))):
-            own = replace(result, excitation=energy)
-            look |= {"markevery": max(1, len(energy) // 12), "linestyle": "-", "label": f"friction of the {name} face"}
-            draw_table(axes, own, over, "excitation", **look)
-        draw_table(axes, result, over, "damping", color="0.35", linestyle="-.", marker="", label="damping of the modes")
-        axes.set_ylim(smallest * result.excitation.max(), None)
-    return cast(Axes, axes)
+    energy.set_ylim(smallest * result.excitation.max(), None)
 
 
 @draws(Hysteresis)

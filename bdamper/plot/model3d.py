@@ -10,33 +10,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from bdamper.io.built_model import BuiltModel
-from bdamper.model.model import Model, turn
-from bdamper.plot.axes import MARKERS, PAPER, colours, legend_beside, looks, save_figure
+from bdamper.model.model import Model
+from bdamper.plot.axes import PAPER, drawing, looks
 from bdamper.plot.motion import VIEW, sectors_shown
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 
 Surface = tuple[NDArray, NDArray, Any]
 """Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
-MOST_FACES = 100_000
-"""Of more quadrilaterals matplotlib draws every second, third ...: so many take 0.9 s."""
 
 
-def _parts_to_show(model: Model) -> list[tuple[str, int, NDArray]]:
-    """Bodies with a surface, the sectors in which the interfaces show them, and the rotations (3, 3) into these."""
-    return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in sectors_shown(model)]
-
-
-def plot_surfaces(
-    surfaces: Sequence[Surface], points: NDArray | None = None, path: Any = None, *, ax: Axes | None = None, title: str = ""
-) -> Axes:
+def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title: str = "") -> Axes:
     """Draw surfaces of quadrilaterals as seen obliquely from the front, with a bar of the scale.
 
     The faces of all surfaces are painted from the farthest to the nearest, so that they hide what lies behind them.
@@ -44,19 +32,13 @@ def plot_surfaces(
     Parameters
     ----------
     surfaces : sequence of Surface
-    points : (k, 3) float, optional
-        Marked by dots, over everything.
-    path : path-like, optional
-        Where to write a picture.
     ax : matplotlib axes, optional
         In which surfaces of one call cover those of earlier calls.
     title : str
     """
     top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
-    step = max(1, -(-sum(len(quads) for _, quads, _ in surfaces) // MOST_FACES))
     corners, shades = [], []
-    for place, every_quad, colour in surfaces:
-        quads = every_quad[::step]
+    for place, quads, colour in surfaces:
         corners.append(seen(place)[quads])
         values = colour[quads].mean(axis=1) / top if isinstance(colour, np.ndarray) else None
         shades.append(np.tile(to_rgba(colour), (len(quads), 1)) if values is None else plt.get_cmap("viridis")(values))
@@ -67,15 +49,11 @@ def plot_surfaces(
         ax = plt.subplots(figsize=(4.2, 4.6))[1] if ax is None else ax
         look = {"edgecolors": "0.35", "linewidths": 0.15}
         ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]
-        if points is not None and len(points):
-            ax.plot(*seen(points)[:, :2].T, "k.", markersize=3.0)
         if new:
             ax.autoscale_view()
             ax.set(aspect="equal", title=title)
             ax.set_axis_off()
             _scale(ax)
-        if path is not None:
-            save_figure(ax, path)
     return ax
 
 
@@ -101,32 +79,25 @@ def _scale(ax: Axes) -> None:
 
 
 @draws(Model)
-def plot_model(model: Model, path: Any = None) -> Any:
-    """Bodies at rest and contact points; free bodies over the others, between which they would be hidden."""
+def plot_model(model: Model) -> Axes:
+    """Bodies at rest and contact points by their faces; free bodies over the others, between which they would be hidden."""
     tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
     kinds: dict[bool, list[Surface]] = {False: [], True: []}
-    for name, _, turned in _parts_to_show(model):
+    for name, _, turned in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
         kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
     validate.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
-    points = np.concatenate([face.points for face in model.interfaces.values()])
-    ax = plot_surfaces([*kinds[False], *kinds[True]], points)
+    ax = plot_surfaces([*kinds[False], *kinds[True]])
     if kinds[False] and kinds[True]:
-        plot_surfaces(kinds[True], points, ax=ax)
-    if path is not None:
-        save_figure(ax, path)
+        plot_surfaces(kinds[True], ax=ax)
+    with drawing(ax, legend=7.0):
+        for (name, face), look in zip(model.interfaces.items(), looks(len(model.interfaces))):
+            ax.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
     return ax
 
 
 @draws(Model, "plot_mode")
-def plot_mode(
-    model: Model,
-    mode: int = 1,
-    path: Any = None,
-    *,
-    body: str | None = None,
-    nodal_diameter: int | None = None,
-) -> Any:
+def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None) -> Axes:
     """A mode of a constrained body: deformed, coloured by the size of its amplitude.
 
     Parameters
@@ -134,7 +105,6 @@ def plot_mode(
     model : Model
     mode : int
         From 1.
-    path : path-like, optional
     body, nodal_diameter : optional
         The first that carry shapes.
 
@@ -143,62 +113,22 @@ def plot_mode(
     matplotlib axes
         The largest displacement is a twelfth of the body's size.
     """
-    mode = validate.whole("mode (the path is the third argument)", mode, least=1)
     body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
-    shapes = mesh.modes.get(d)
-    if shapes is None or not 1 <= mode <= shapes.shape[2]:
-        have = {key: value.shape[2] for key, value in mesh.modes.items()}
-        raise SettingError(
-            f"plot of a mode: expected one of the modes that the mesh carries, by nodal diameter {have}, "
-            f"found mode {mode} of nodal diameter {d}"
-        )
-    shape = shapes[..., mode - 1]
+    mode = validate.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
+    shape = mesh.modes[d][..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
-    for name, sector, turned in _parts_to_show(model):
+    for name, sector, turned in sectors_shown(model):
         if name == body:
             wave = np.exp(2j * np.pi * d * sector / model.n_blades)
             moved = mesh.points + scale * (shape * wave).real
             surfaces.append((moved @ turned.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
-    return plot_surfaces(surfaces, None, path, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
+    return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 
 
 @draws(BuiltModel)
-def plot_import_report(report: BuiltModel) -> Figure:
-    """Frequencies over nodal diameter beside the bodies with their contact points.
-
-    Parameters
-    ----------
-    report : BuiltModel
-
-    Returns
-    -------
-    Figure
-    """
-    with plt.rc_context(PAPER):
-        figure = plt.figure(figsize=(9.0, 4.2))
-        left, right = figure.subplots(1, 2)
-        diameters = np.array(sorted(report.frequencies))
-        n = min((len(report.frequencies[d]) for d in diameters), default=0)
-        for mode in range(min(n, 8)):
-            values = [report.frequencies[d][mode] for d in diameters]
-            left.plot(diameters, values, marker=MARKERS[mode % len(MARKERS)], color=colours(8)[mode], markersize=4)
-        left.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", ylim=(0.0, None))
-        left.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-        left.set_title("sector", fontsize=9.0)
-        faces, meshes = report.model.interfaces, report.model.meshes.values()
-        surfaces: list[Surface] = [
-            (mesh.points, mesh.quads, ("#dde4ea", "#e8b563")[k % 2]) for k, mesh in enumerate(meshes)
-        ]
-        if surfaces:
-            plot_surfaces(surfaces, ax=right)
-        for (name, face), look in zip(faces.items(), looks(len(faces))):
-            right.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
-        right.autoscale_view()
-        right.set(aspect="equal")
-        right.set_axis_off()
-        _scale(right)
-        legend_beside(right)
-    return figure
+def plot_import_report(report: BuiltModel) -> Axes:
+    """Bodies and contact points of the model (:func:`plot_model`)."""
+    return plot_model(report.model)

@@ -8,13 +8,13 @@ of the damper and its rotation about them (X tangential, Y along the load, Z alo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
 from bdamper.contact.own_law import refuse
-from bdamper.harmonic_balance.cycle import at_angles
 from bdamper.harmonic_balance.system import segments
 from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.model.model import Model, turn
@@ -32,6 +32,9 @@ VIEW = np.array([[0.766, 0.0, 0.643], [0.199, 0.951, -0.237], [-0.611, 0.309, 0.
 STATES = ("stick", "slip", "open")
 STICK, SLIP, OPEN = range(len(STATES))
 """States of a contact point in pictures and maps."""
+PLAIN = (STICK, SLIP, SLIP, OPEN)
+"""The same of the core, which tells the ways of slip apart."""
+Parts = tuple[tuple[float, float, int], ...]
 
 
 @brief
@@ -73,20 +76,14 @@ class ContactStatus:
     points : (n_points, 3) float, m
     interface : tuple of str
         Interface of each point.
-    theta : (n_theta,) float, rad
-    state : (n_points, 2, n_theta) int
-        0 stick, 1 slip, 2 open, for the two tangential directions.
-    normal : (n_points, n_theta) float, N
     parts : tuple of two tuples for each point
-        Exact (start, end, state) of the parts of the period, in each direction; states as above.
+        Exact (start, end, state) of the parts of the period, in the two tangential directions: angles of the excitation in
+        rad, 0 stick, 1 slip, 2 open.
     """
 
     points: NDArray
     interface: tuple[str, ...]
-    theta: NDArray
-    state: NDArray
-    normal: NDArray
-    parts: tuple[tuple[tuple[tuple[float, float, int], ...], ...], ...]
+    parts: tuple[tuple[Parts, ...], ...]
 
     def rows(self, interface: str) -> NDArray:
         """Indices of the points of one interface."""
@@ -161,7 +158,7 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
 
 
 @asked
-def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta: int = 180) -> ContactStatus:
+def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> ContactStatus:
     """Contact states of the points over the cycle: stick, slip or open.
 
     Parameters
@@ -171,51 +168,32 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta:
         One solution of this study, for example ``curve.unknowns[curve.peak.index]``.
     preload : float, N
         Of that solution.
-    n_theta : int
-        Instants at which the states are listed.
     """
     system = problem.system(preload)
     refuse(system.structure.points.own, "the states of a cycle")
     X, _, _ = system.contact(_solutions(problem, unknowns))
     p = system.structure.arrays
-    theta = 2.0 * np.pi * np.arange(n_theta) / n_theta
     model = problem.coupling.model  # with united contact points, if the study asks for that
     names = tuple(name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points))
     points = np.concatenate([model.interfaces[name].points for name in problem.coupling.interfaces])
-    plain = {0: STICK, 1: SLIP, 2: SLIP, 3: OPEN}
-    # points that the equations leave out are open
-    state = np.full((len(points), 2, n_theta), OPEN)
     whole = ((0.0, 2.0 * np.pi, OPEN),)
-    parts: list[tuple[tuple[tuple[float, float, int], ...], ...]] = [(whole, whole)] * len(points)
-    normal = np.zeros((len(points), n_theta))
+    parts: list[tuple[Parts, ...]] = [(whole, whole)] * len(points)  # points that the equations leave out are open
     index = np.arange(len(X)) if system.structure.points.index is None else system.structure.points.index
-    known: set[int] = set()
-    for i, (x, at) in enumerate(zip(X, index.tolist())):
-        level = p["n0"][i] + p["kn"][i] * at_angles(x[2], theta)
-        two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
-        force = level if two_sided else np.maximum(level, 0.0)
-        normal[at] += -force if at in known else force
-        if at in known:
-            continue
-        known.add(at)
+    for at, i in zip(*np.unique(index, return_index=True)):  # of two elements of a point the first
         found = segments(
-            x, p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
+            X[i], p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
             problem.settings.evaluation, float(p["load"][i]),
         )  # fmt: skip
-        both = []
-        for d, listed in enumerate(found):
-            pieces = listed or _without_friction(x, p["kn"][i], p["n0"][i], two_sided)
-            merged: list[tuple[float, float, int]] = []
-            for start, end, kind in pieces:
-                if merged and merged[-1][2] == plain[kind] and abs(merged[-1][1] - start) < 1e-12:
-                    merged[-1] = (merged[-1][0], end, plain[kind])
-                else:
-                    merged.append((start, end, plain[kind]))
-            for start, end, kind in merged:
-                state[at, d, (theta - start) % (2.0 * np.pi) < end - start] = kind
-            both.append(tuple(merged))
-        parts[at] = tuple(both)
-    return ContactStatus(points, names, theta, state, normal, tuple(parts))
+        two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
+        pieces = (listed or _without_friction(X[i], p["kn"][i], p["n0"][i], two_sided) for listed in found)
+        parts[at] = tuple(_joined(listed) for listed in pieces)
+    return ContactStatus(points, names, tuple(parts))
+
+
+def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
+    """Parts of the period in the states of pictures, those of slip in both ways as one."""
+    runs = [list(alike) for _, alike in groupby(pieces, lambda part: PLAIN[part[2]])]
+    return tuple((alike[0][0], alike[-1][1], PLAIN[alike[0][2]]) for alike in runs)
 
 
 def _without_friction(x: NDArray, kn: float, n0: float, two_sided: bool) -> list[tuple[float, float, int]]:
@@ -246,13 +224,8 @@ class SurfaceMotion:
     mean: NDArray
     amplitude: NDArray
 
-    def at(self, theta: float, scale: float = 1.0) -> NDArray:
-        """(n_nodes, 3) positions at one instant of the period, with the displacement magnified."""
-        return self.points + scale * (self.mean + (self.amplitude * np.exp(1j * theta)).real)
 
-
-@asked
-def rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
+def _rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
     """Mean (n, 3) and complex fundamental amplitude (n, 3) in m of points of a free body that moves as a rigid one."""
     motion = rigid_motion(problem, unknowns, body)
     part = problem.model.bodies[body]
@@ -292,7 +265,7 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
         body = problem.model.bodies[name]
         mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
         if body.kind == "free":
-            mean, amplitude = rigid_displacement(problem, unknowns, name, mesh.points)
+            mean, amplitude = _rigid_displacement(problem, unknowns, name, mesh.points)
         elif body.kind == "constrained":
             for target, q, harmonic in ((mean, q0, 0), (amplitude, q1, 1)):
                 d, conjugate = problem.model.folded_nodal_diameter(int(problem.engine_order) * harmonic)
@@ -320,11 +293,12 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
     return out
 
 
-def sectors_shown(model: Model) -> list[tuple[str, int]]:
-    """Bodies with a surface, in the sectors in which the interfaces show them."""
+def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
+    """Bodies with a surface, the sectors in which the interfaces show them, and the rotations (3, 3) into these."""
     places = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
     places |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
-    return sorted(place for place in places if place[0] in model.meshes)
+    shown = sorted(place for place in places if place[0] in model.meshes)
+    return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
 
 
 @brief
@@ -371,12 +345,11 @@ def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
     model, motions = problem.model, surface_motion(problem, unknowns)
     validate.require(motions, "drawing of a motion", "a model with the surface of a body", "none")
     places, moved, faces, names, n = [], [], [], [], 0
-    for name, sector in sectors_shown(model):
-        motion, quads = motions[name], model.meshes[name].quads
-        pitch = 2.0 * np.pi * sector / model.n_blades
-        seen = VIEW @ turn(pitch)
+    for name, sector, turned in sectors_shown(model):
+        motion, quads, seen = motions[name], model.meshes[name].quads, VIEW @ turned
+        phase = 2.0 * np.pi * problem.settings.engine_order * sector / model.n_blades
         places.append(motion.points @ seen.T)
-        moved.append(motion.amplitude @ seen.T * np.exp(1j * problem.settings.engine_order * pitch))
+        moved.append(motion.amplitude @ seen.T * np.exp(1j * phase))
         faces.append(quads + n)
         names += [name] * len(quads)
         n += len(motion.points)

@@ -8,13 +8,11 @@ the same bytes, and printing it gives the same pages anywhere.
 from __future__ import annotations
 
 import base64
-import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from bdamper.continuation.track import track
@@ -23,23 +21,16 @@ from bdamper.design.sensitivity import peak_sensitivities
 from bdamper.effects.hysteresis import hysteresis
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.optimal_curve import ENDS, NEAR_BEST, OptimalCurve
-from bdamper.plot.axes import PAPER, save_figure
-from bdamper.plot.curves import plot_curves, plot_optimal
-from bdamper.plot.fit import plot_fit
 from bdamper.problem.asked import Asking, problem_of
 from bdamper.problem.problem import Problem
 from bdamper.problem.results import check_result
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, needed
 from bdamper.util.hdf5 import FilePath, check_folder
-from bdamper.util.plotting import draw, draws
+from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.status import COMPLETE, word
-from bdamper.util.text import amount, percent, spaced
+from bdamper.util.text import amount, cut, percent, spaced
 
-LARGEST = 40_000
-"""Bytes of an SVG picture from which on a PNG takes its place."""
-DOTS = 130
-"""Of a PNG picture, to the inch."""
 GOOD, FAIR = 0.05, 0.2
 """Relative differences up to which a light is green, and amber."""
 NOISE = 1.5, 3.0
@@ -48,11 +39,6 @@ SAFE = 1.5
 """Margin against fatigue from which on its light is green."""
 BELONG = "harmonics", "blade_modes", "contact_points", "friction_coefficient", "contact_stiffness_factor"
 """Settings that a curve and the fit beside it have in common."""
-GROUPS = {
-    "load": ("preload", "excitation.amplitude"),
-    "contact": ("friction_coefficient", "contact_stiffness_factor"),
-    "structure": ("damping_factor", "damper_mass_factor"),
-}
 NOT_MODELLED = (
     "Blades and dampers are all alike (a wheel of unequal ones: Wheel); the disk is cyclic.",
     "One temperature; friction does not heat.",
@@ -82,20 +68,20 @@ def write_report(
     best = curve.optimum
     known = np.isfinite(best.amplitude) and np.isfinite(best.preload)
     validate.require(known, "report", "an optimal curve with an optimum", f"one without: {best.status}")
-    figures: list[tuple[str, str]] = [("Resonance over preload", _picture(plot_optimal(curve)))]
+    figures: list[tuple[str, str]] = [("Resonance over preload", _picture(curve))]
     rows: list[tuple[str, ...]] = []
     if study is None and curve.curves:
         at = min(curve.curves, key=lambda c: abs(np.log(c.preload / best.preload)))
         title = f"Response over frequency at {amount(at.preload, 'N')}, the nearest preload that was followed"
-        figures.append((title, _picture(plot_curves([at]))))
+        figures.append((title, _picture(at)))
     elif study is not None:
         problem = problem_of(study)
         check_result(problem, curve)
         own, rows = _at_optimum(problem, curve)
         figures += own
-    figures += [("Margin against fatigue", _picture(draw(margins, "plot"))) for margins in curve.margins]
+    figures += [("Margin against fatigue", _picture(margins)) for margins in curve.margins]
     if fit is not None:
-        figures.append(("Measured responses and the model", _picture(plot_fit(validate.instance("fit", fit, Fitted)))))
+        figures.append(("Measured responses and the model", _picture(validate.instance("fit", fit, Fitted))))
     page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(
         Path(__file__).with_name("report.html").read_text(encoding="utf-8")
     )
@@ -148,7 +134,9 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     if marched:
         at = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
         found = f"{at.text} in time, {amount(at.balance, 'm')} by harmonic balance"
-        out.append(Light(_by(abs(at.mean / at.balance - 1.0)), "Harmonic balance against time", found, time_rule))
+        off = abs(at.mean / at.balance - 1.0)
+        colour = "green" if off < GOOD else "amber" if off < FAIR else "red"
+        out.append(Light(colour, "Harmonic balance against time", found, time_rule))
     else:
         why = curve.kept[0].status if curve.kept else "not run"
         out.append(Light("red" if curve.kept else "white", "Harmonic balance against time", why, time_rule))
@@ -177,10 +165,6 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     return out
 
 
-def _by(difference: float) -> str:
-    return "green" if difference < GOOD else "amber" if difference < FAIR else "red"
-
-
 def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:
     """Pictures of the response at the optimum, and rows of its sensitivities."""
     best, mode = curve.optimum, max(0.25 * abs(curve.stuck.frequency - curve.free.frequency), 0.03 * curve.free.frequency)
@@ -189,40 +173,28 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
     tracked = track(problem, best.preload, band)
     peak = highest_peak(problem, best.preload, band)
     where = amount(best.preload, "N")
-    figures = [(f"Response over frequency at {where}", _picture(plot_curves([tracked])))]
+    figures = [(f"Response over frequency at {where}", _picture(tracked))]
     if not peak.converged:
         return figures, []
-    figures.append((f"Stick, slip and separation over a cycle of the peak at {where}", _picture(draw(peak, "plot"))))
-    loop = _picture(draw(hysteresis(problem, peak), "plot"))
+    figures.append((f"Stick, slip and separation over a cycle of the peak at {where}", _picture(peak)))
+    loop = _picture(hysteresis(problem, peak))
     figures.append((f"Contact forces over the motion of the response in a cycle of the peak at {where}", loop))
     rows: list[tuple[str, ...]] = []
     if not peak.corner and problem.settings.evaluation == "exact":
-        found = peak_sensitivities(problem, peak)
-        for group, names in GROUPS.items():
-            for s in (found[name] for name in names if name in found):
-                size, shift = s.value * s.amplitude / peak.amplitude, s.value * s.frequency / peak.frequency
-                known = np.isfinite(size)
-                cells = (f"{size:+.3f} %", f"{shift:+.4f} %") if known else ("not known", s.reason)
-                rows.append((group, spaced(s.name), *cells))
+        for s in peak_sensitivities(problem, peak).values():
+            size, shift = s.value * s.amplitude / peak.amplitude, s.value * s.frequency / peak.frequency
+            cells = (f"{size:+.3f} %", f"{shift:+.4f} %") if np.isfinite(size) else ("not known", s.reason)
+            rows.append((spaced(s.name), *cells))
     return figures, rows
 
 
 def _short(value: Any) -> str:
     """A setting as one line."""
     text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
-    return text if len(text) <= 120 else f"{text[:117]}..."
+    return cut(text, 120)
 
 
-def _picture(drawn: Any) -> str:
-    """A figure inside the page: as SVG, or as PNG where that is large."""
-    figure = np.ravel(np.asarray(drawn, object))[0].figure
-    svg, png = io.BytesIO(), io.BytesIO()
-    with plt.rc_context({**PAPER, "svg.hashsalt": "bdamper"}):
-        figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
-        save_figure(figure, png, format="png", dpi=DOTS, metadata={"Software": None})
-    small = len(svg.getvalue()) < LARGEST
-    kind, content = ("svg+xml", svg.getvalue()) if small else ("png", png.getvalue())
-    width = (
-        "" if small else f' style="width: {72 * int.from_bytes(content[16:20], "big") / DOTS:.0f}pt"'
-    )  # that in inches, as an SVG
-    return f'<img alt="figure"{width} src="data:image/{kind};base64,{base64.b64encode(content).decode()}">'
+def _picture(shown: Plottable) -> str:
+    """The picture of a result inside the page."""
+    svg = draw(shown, "image", format="svg", metadata={"Date": None, "Creator": None})
+    return f'<img alt="figure" src="data:image/svg+xml;base64,{base64.b64encode(svg).decode()}">'

@@ -6,16 +6,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import NEW, OPTIMUM, picture
+from bdamper.plot.axes import NEW, OPTIMUM, highest_on, picture
 from bdamper.plot.curves import FREQUENCY, PRELOAD
 from bdamper.util import validate
 
 
-@picture()
+@picture(OptimalCurve, "map")
 def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     """Highest response over frequency and preload, the ridge of the optimal curve, and where there are several responses.
 
@@ -26,14 +24,14 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     result : OptimalCurve
         With its curves, which files of versions before 0.6 do not have.
     """
-    validate.instance("result", result, OptimalCurve)
     curves = [curve for curve in result.curves if len(curve)]
     validate.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]
     # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
     columns = 400
     frequency = np.linspace(low, high, columns)
-    height, count = (np.array(found) for found in zip(*(highest_at(curve, frequency) for curve in curves)))
+    read = [highest_on(frequency, curve.frequency, curve.amplitude[:, None], curve.branch) for curve in curves]
+    height, count = np.array([best[:, 0] for best, _ in read]), np.array([often for _, often in read])
     preload = np.array([curve.preload for curve in curves])
     shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
     ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
@@ -45,16 +43,3 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
         look: dict[str, Any] = {"color": OPTIMUM, "markeredgecolor": "w", "markersize": 11.0, "linestyle": "none"}
         ax.plot(result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look)
     ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
-
-
-def highest_at(curve: Curve, frequency: NDArray) -> tuple[NDArray, NDArray]:
-    """Highest amplitude (m) of a curve at some frequencies, NaN where it has none, and how often it leads over each."""
-    best, count = np.full(len(frequency), np.nan), np.zeros(len(frequency), int)
-    amplitude = curve.amplitude
-    for i in np.flatnonzero(np.diff(curve.branch) == 0):
-        a, b = curve.frequency[i], curve.frequency[i + 1]
-        on = (frequency >= min(a, b)) & (frequency < max(a, b))
-        share = (frequency[on] - a) / (b - a) if a != b else 0.0
-        best[on] = np.fmax(best[on], amplitude[i] + share * (amplitude[i + 1] - amplitude[i]))
-        count[on] += 1
-    return best, count

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
 from bdamper.design.sweep import SweepResult
 from bdamper.plot.axes import NEW, STYLES, colours, looks, once, picture
 from bdamper.problem.at_speed import RPM
@@ -94,7 +93,7 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
     ax.set_title(f"{omega * RPM:.0f} rpm")
 
 
-@picture()
+@picture(SweepResult, "crossings")
 def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
     """Amplitude or margin at the crossings over speed, a colour and marker for each mass of the damper.
 
@@ -107,7 +106,6 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
     quantity : {"amplitude", "margin"}
     """
     validate.choice("quantity", quantity, ("amplitude", "margin"))
-    validate.instance("found", found, SweepResult)
     value, speed, mass = (found.array(name) for name in (quantity, "speed", "mass"))
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")
@@ -122,21 +120,3 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
         ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
     label = "Resonance amplitude (m)" if quantity == "amplitude" else "Margin against fatigue"
     ax.set(xlabel=SPEED, ylabel=label, yscale="log")
-
-
-@picture()
-def plot_run_up(result: Curve, ax: Axes = NEW) -> None:
-    """Amplitude over speed along the line of an engine order; the highest point is a filled circle.
-
-    Parameters
-    ----------
-    result : Curve
-        As :meth:`bdamper.Study.run_up` returns it.
-    """
-    speed = validate.instance("result", result, Curve).speed
-    if speed is None:
-        raise validate.unfit("result", "a curve of Study.run_up", result)
-    ax.plot(speed * RPM, result.amplitude, color="k", linewidth=1.0, label="run-up")
-    top = result.peak
-    ax.plot(speed[top.index] * RPM, top.amplitude, "o", color="k", markersize=5.0, label="highest")
-    ax.set(xlabel=SPEED, ylabel="Amplitude (m)", yscale="log", title=f"engine order {result.settings['engine_order']}")

@@ -13,7 +13,7 @@ from bdamper.effects.comparison import Comparison
 from bdamper.effects.hysteresis import Hysteresis
 from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import NEW, looks, once, picture
+from bdamper.plot.axes import LIMITS, NEW, looks, once, picture
 from bdamper.plot.curves import plot_curves, plot_measurement
 from bdamper.plot.hysteresis import OF_WHOLE
 from bdamper.plot.table import draw_table
@@ -59,8 +59,8 @@ def plot_together(
     if isinstance(measured, Measurement) or (measured and kind is not Curve):
         raise validate.unfit("measured", "a sequence of Measurement, over tracking curves", measured)
     if kind is Curve:
-        tracking = [name for name, curve in results.items() if curve.kind == "tracking"]  # type: ignore[union-attr]
-        plot_curves(list(results.values()), ax, labels=tracking)
+        curves = cast(Mapping[str, Curve], results)
+        plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
         for one in measured:
             plot_measurement(one, ax)
     result: Any

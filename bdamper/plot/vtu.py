@@ -20,11 +20,13 @@ def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, wha
     """Body and nodal diameter whose shapes are shown: those asked for, or the first that the meshes carry."""
     carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
     body = carriers[0] if body is None and carriers else body
-    if not carriers:
-        raise SettingError(f"{what}: expected a model with mode shapes on the mesh of a body, this one has none")
+    validate.require(carriers, what, "a model with mode shapes on the mesh of a body", "none")
     if body not in carriers:
         raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
-    return body, next(iter(model.meshes[body].modes)) if nodal_diameter is None else nodal_diameter
+    modes = model.meshes[body].modes
+    d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
+    validate.require(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
+    return body, d
 
 
 def export_modes(
@@ -54,7 +56,6 @@ def export_modes(
     meshio = needed("meshio", "export to VTU", "viz")
     body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
-    validate.require(d in mesh.modes, "export of modes", f"a nodal diameter out of {sorted(mesh.modes)}", d)
     frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
     fields: dict[str, NDArray] = {}
     for k in range(mesh.modes[d].shape[2]):

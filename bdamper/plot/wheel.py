@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,12 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import NEW, STYLES, band, colours, limit_line, looks, picture
-from bdamper.plot.response_map import highest_at
+from bdamper.plot.axes import NEW, STYLES, band, colours, highest_on, limit_line, looks, picture
 from bdamper.plot.table import draw_table
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.kept import Marched
-from bdamper.util.plotting import draws
 from bdamper.util.tables import label
 from bdamper.util.text import amount
 from bdamper.wheel.mistuning import Mistuning
@@ -47,7 +44,7 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 def plot_wheel_map(curve: Curve, ax: Axes = NEW) -> None:
     """Amplitude of every blade over frequency as a map, light where it is high.
 
-    Of several solutions at one frequency the highest amplitude of each blade is shown; a circle marks the highest of all.
+    Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
 
     Parameters
     ----------
@@ -57,14 +54,14 @@ def plot_wheel_map(curve: Curve, ax: Axes = NEW) -> None:
     response = validate.instance("curve", curve, Curve).blades
     if response is None:
         raise validate.unfit("curve", "a curve of Wheel.track", curve)
-    top, blades = curve.peak, response.transpose(1, 0, 2)
+    top, blades = curve.peak, np.abs(response[..., 1])
     frequency = np.linspace(curve.frequency.min(), curve.frequency.max(), 400)
-    amplitude = [highest_at(replace(curve, harmonics=blade), frequency)[0] for blade in blades]
+    amplitude, _ = highest_on(frequency, curve.frequency, blades, curve.branch)
     ax.grid(False)
     look: dict[str, Any] = {"cmap": "viridis", "vmin": 0.0, "rasterized": True, "shading": "nearest"}
-    image = ax.pcolormesh(frequency, np.arange(len(blades)), np.array(amplitude), **look)
+    image = ax.pcolormesh(frequency, np.arange(blades.shape[1]), amplitude.T, **look)
     circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
-    highest = int(np.abs(blades[:, top.index, 1]).argmax())
+    highest = int(blades[top.index].argmax())
     ax.plot(top.frequency, highest, "o", **circle, clip_on=False)
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
     ax.set(xlabel=label(Curve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))
@@ -165,41 +162,58 @@ def _of(sample: MistunedSample, i: int, n: int) -> str:
     return f"{n} wheels, blade frequencies {100.0 * sample.standard_deviation[i]:g} % (standard deviation)"
 
 
-@draws(MistunedSample)
-def plot_sample(sample: MistunedSample, ax: Axes | None = None, **options: Any) -> Any:
-    """Percentiles of the amplification factor over the standard deviation of mistuning (:func:`plot_sample_mistuning`).
+@picture(MistunedSample)
+def plot_sample(
+    sample: MistunedSample, over: str | None = None, ax: Axes = NEW, *, quantity: str = "amplification",
+    standard_deviation: float | None = None, percentiles: Sequence[float] = PERCENTILES,
+) -> None:  # fmt: skip
+    """Percentiles of the worst blade over the standard deviation of mistuning, a colour for each preload, or over this.
 
-    A sample of one standard deviation is drawn over the preload (:func:`plot_sample_preload`).
-    """
-    if len(sample.standard_deviation) == 1:
-        return plot_sample_preload(sample, ax=ax, quantity="amplification", **options)
-    return plot_sample_mistuning(sample, ax, **options)
-
-
-@picture()
-def plot_sample_mistuning(sample: MistunedSample, ax: Axes = NEW, *, percentiles: Sequence[float] = PERCENTILES) -> None:
-    """Percentiles of the amplification factor over the standard deviation of mistuning, a colour for each preload.
+    Bands are intervals of 95 % with the errors of the peaks, of the last percentile where there are several colours; they
+    end where the sample does not bound them.  Over the preload stars mark the least value of each line among those asked.
 
     Parameters
     ----------
     sample : MistunedSample
+    over : {"standard_deviation", "preload"}, optional
+        The preload by default where the sample has one standard deviation.
+    quantity : {"amplification", "amplitude"}
+        Amplification factor, or resonance amplitude beside that of the tuned wheel.
+    standard_deviation : float, optional
+        Of a picture over the preload; the last one by default.
     percentiles : sequence of float
-        Up to four, the last one with its confidence interval of 95 %, which has the errors of the peaks, as far as the
-        sample bounds it.
+        Up to six.
     """
-    x, styles = 100.0 * sample.standard_deviation, STYLES[3::-1][-len(percentiles) :]
-    bands = [(sample.percentile(q), f"{q:g} % of wheels", style) for q, style in zip(percentiles[-4:], styles)]
-    for j, (preload, look) in enumerate(zip(sample.preload, looks(len(sample.preload)))):
-        for (_, value, _), _, style in bands:
-            ax.plot(x, value[:, j], color=look["color"], linestyle=style)
-        low, value, high = bands[-1][0][..., j]
-        ax.plot(x, value, **{**look, "linestyle": ""}, label=amount(float(preload), "N"))
-        band(ax, x, low, high, look["color"])
-    for _, name, style in bands:
-        ax.plot([], [], color="0.3", linestyle=style, label=name)
+    over = over or ("preload" if len(sample.standard_deviation) == 1 else "standard_deviation")
+    preloads = validate.choice("over", over, ("standard_deviation", "preload")) == "preload"
+    relative = validate.choice("quantity", quantity, ("amplification", "amplitude")) == "amplification"
+    i, _ = sample.cell(standard_deviation, None)
+    order = np.argsort(sample.preload)
+    found = np.array([sample.percentile(q, quantity)[..., order] for q in percentiles])
+    preload = sample.preload[order]
+    x, lines, names = 100.0 * sample.standard_deviation, found.swapaxes(2, 3), [amount(p, "N") for p in preload.tolist()]
+    if preloads:
+        x, lines, names = preload, found[:, :, [i]], [""]
+    for k, (name, look) in enumerate(zip(names, looks(len(names)))):
+        for q, (low, value, high), style in zip(percentiles, lines[:, :, k], STYLES):
+            ax.plot(x, value, **{**look, "linestyle": style})
+            if preloads or q == percentiles[-1]:
+                band(ax, x, low, high, look["color"])
+            if preloads:
+                best = int(np.argmin(value))
+                ax.plot(x[best], value[best], "*", color=look["color"], markersize=9.0)
+        ax.plot([], [], **{**look, "linestyle": ""}, label=name or None)
+    for q, style in zip(percentiles, STYLES):
+        ax.plot([], [], color="0.3", linestyle=style, label=f"at most, in {q:g} % of wheels")
     if sample.held:
         ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
-    ax.set(xlabel="Standard deviation of blade frequencies (%)", ylabel=_FACTOR, title=f"{len(sample)} wheels")
+    if preloads:
+        tuned = sample.tuned_amplitude[order] / (sample.tuned_amplitude[order] if relative else 1.0)
+        limit_line(ax, "tuned wheel", x, tuned, x[-1])
+    across = label(MistunedSample, "preload") if preloads else "Standard deviation of blade frequencies (%)"
+    ax.set(xlabel=across, ylabel=_FACTOR if relative else label(MistunedSample, "amplitude"))
+    ax.set(xscale="log" if preloads else "linear", yscale="linear" if relative else "log")
+    ax.set_title(_of(sample, i, len(sample)) if preloads else f"{len(sample)} wheels")
 
 
 @picture(MistunedSample, "plot_tail")
@@ -238,35 +252,3 @@ def plot_sample_tail(
     ax.set_title(f"{_of(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}")
 
 
-@picture(MistunedSample, "plot_preload")
-def plot_sample_preload(
-    sample: MistunedSample, standard_deviation: float | None = None, ax: Axes = NEW, *, quantity: str = "amplitude",
-    percentiles: Sequence[float] = PERCENTILES,
-) -> None:  # fmt: skip
-    """Percentiles of the worst blade's amplitude over the preload, beside the tuned wheel, or of its amplification.
-
-    Stars mark the least value of each line among the preloads asked.
-
-    Parameters
-    ----------
-    sample : MistunedSample
-    standard_deviation : float, optional
-        The last one by default.
-    quantity : {"amplitude", "amplification"}
-    percentiles : sequence of float
-        Bands are their intervals of 95 % with the errors of the peaks, and end where the sample does not bound them.
-    """
-    i, _ = sample.cell(standard_deviation, None)
-    order = np.argsort(sample.preload)
-    x = sample.preload[order]
-    for q, look in zip(percentiles, looks(len(percentiles))[::-1]):
-        low, value, high = sample.percentile(q, quantity)[:, i, order]
-        ax.plot(x, value, **look, label=f"at most, in {q:g} % of wheels")
-        band(ax, x, low, high, look["color"])
-        best = int(np.argmin(value))
-        ax.plot(x[best], value[best], "*", color=look["color"], markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)
-    relative = quantity == "amplification"
-    tuned = sample.tuned_amplitude[order] / (sample.tuned_amplitude[order] if relative else 1.0)
-    limit_line(ax, "tuned wheel", x, tuned, x[-1])
-    ax.set(xscale="log", yscale="linear" if relative else "log", xlabel=label(MistunedSample, "preload"))
-    ax.set(ylabel=_FACTOR if relative else label(MistunedSample, "amplitude"), title=_of(sample, i, len(sample)))

@@ -145,8 +145,8 @@ class BestPreload:
 class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
     """Highest blades of many wheels; arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no answer.
 
-    ``plot`` draws percentiles of the amplification factor over the standard deviation (:func:`bdamper.plot.plot_sample`),
-    ``plot_tail`` the distribution with its tail, ``plot_preload`` percentiles of the amplitude over the preload.
+    ``plot`` draws percentiles over the standard deviation or the preload (:func:`bdamper.plot.plot_sample`), ``plot_tail``
+    the distribution with its tail.
 
     Parameters
     ----------
@@ -303,10 +303,6 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     def plot_tail(self, *arguments: Any, **options: Any) -> Any:
         """Draw the distribution of one cell with its tail (:func:`bdamper.plot.plot_sample_tail`)."""
         return draw(self, "plot_tail", *arguments, **options)
-
-    def plot_preload(self, *arguments: Any, **options: Any) -> Any:
-        """Draw percentiles of the amplitude over the preload (:func:`bdamper.plot.plot_sample_preload`)."""
-        return draw(self, "plot_preload", *arguments, **options)
 
     def _grid(self) -> dict[str, Any]:
         return {"wheel": self.wheels, "standard_deviation": self.standard_deviation, "preload": self.preload}

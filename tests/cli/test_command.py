@@ -12,23 +12,22 @@ from bdamper.cli.command import main, parser
 QUICK = {
     "track": ["--preload", "104", "--band", "630", "690"],
     "optimum": ["--preloads", "80", "160", "-n", "4"],
-    "report": ["--preloads", "80", "160", "-n", "4"],
     "crossings": ["--speeds", "9000", "9500", "--orders", "5"],
     "margin": ["--preload", "104", "--endurance=300", "--ultimate=1200", "--yield=900"],
 }
 
 
-@pytest.mark.parametrize("command", [pytest.param(c, marks=[pytest.mark.slow] * (c == "report")) for c in QUICK])
+@pytest.mark.parametrize("command", [pytest.param(c, marks=[pytest.mark.slow] * (c == "optimum")) for c in QUICK])
 def test_answers_are_printed_and_written(command, tmp_path, capsys):
     files = [f"--{kind}={tmp_path / f'out.{kind}'}" for kind in ("csv", "h5", "png")]
-    files += [f"--html={tmp_path / 'out.html'}"] * (command == "report")
+    files += [f"--html={tmp_path / 'out.html'}"] * (command == "optimum")
     assert main([command, "--demo", "--harmonics", "1", *QUICK[command], *files]) == 0
     out = capsys.readouterr().out
     result = bd.load(tmp_path / "out.h5")
     assert str(result).splitlines()[0] in out
     assert (tmp_path / "out.csv").read_text().count("\n") > 2
     assert (tmp_path / "out.png").read_bytes()[1:4] == b"PNG"
-    assert (tmp_path / "out.html").exists() == (command == "report")
+    assert (tmp_path / "out.html").exists() == (command == "optimum")
 
 
 def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):

@@ -161,7 +161,7 @@ def test_pictures(study, curve, cycle):
     found = study.dissipation(curve)
     axes = [
         cycle.plot(), cycle.plot(["left", "right"], direction="n"), cycle.plot(12), *cycle.plot_history(12),
-        *cycle.plot_energy()[:1], *found.plot(), found.plot("energy", over="frequency"),
+        *cycle.plot_energy()[:1], *found.plot(), *found.plot(over="frequency"),
     ]  # fmt: skip
     for ax in axes:
         units = "(N)", "(mN)", "(mJ)", "(µJ)", "(nm)", "(µm)", "(m)", "(mm)", "(kN/m)", "(%)", "(J)", "(Hz)", "(periods)"
@@ -175,24 +175,23 @@ def test_pictures(study, curve, cycle):
 def test_wide_ranges_have_a_logarithmic_abscissa(study, curve):
     found = study.dissipation(curve)
     wide = replace(found, preload=np.geomspace(100.0, 1000.0, len(found.preload)))
-    for quantity in ("equivalent", "energy"):
-        scales = [{ax.get_xscale() for ax in np.ravel(result.plot(quantity, over="preload"))} for result in (wide, found)]
-        assert scales == [{"log"}, {"linear"}], quantity
-    pair = plt.subplots(2)[1]  # which do not share their abscissa
-    assert list(wide.plot(ax=pair, over="preload")) == list(pair)
-    assert [ax.get_xscale() for ax in pair] == ["log", "log"]
+    scales = [{ax.get_xscale() for ax in result.plot(over="preload")} for result in (wide, found)]
+    assert scales == [{"log"}, {"linear"}]
+    given = plt.subplots(3)[1]  # which do not share their abscissa
+    assert list(wide.plot(ax=given, over="preload")) == list(given)
+    assert [ax.get_xscale() for ax in given] == ["log"] * 3
     plt.close("all")
 
 
 def test_as_many_axes_are_given_as_a_picture_has(study, curve):
-    found, (one, other) = study.dissipation(curve), plt.subplots(2)[1]
-    assert found.plot("energy", ax=one) is one
+    found, (one, other) = study.hysteresis(curve), plt.subplots(2)[1]
+    assert found.plot(ax=one) is one
     with pytest.raises(bd.SettingError, match=r"^ax: expected two axes, found \['Axes'\]$"):
-        found.plot(ax=one)
+        found.plot_history(12, ax=one)
     with pytest.raises(bd.SettingError, match=r"^ax: expected two axes, found \['Axes', 'str'\]$"):
-        found.plot(ax=(one, "left"))
+        found.plot_history(12, ax=(one, "left"))
     with pytest.raises(bd.SettingError, match=r"^ax: expected one axes, found \['Axes', 'Axes'\]$"):
-        found.plot("energy", ax=(one, other))
+        found.plot(ax=(one, other))
     plt.close("all")
 
 

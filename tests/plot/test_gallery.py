@@ -15,7 +15,7 @@ PICTURES = {
     "Margins": ("plot", "plot_critical"),
     "Hysteresis": ("plot", "plot_history", "plot_energy"),
     "Model": ("plot", "plot_mode"),
-    "MistunedSample": ("plot", "plot_tail", "plot_preload"),
+    "MistunedSample": ("plot", "plot_tail"),
     "Marched": ("plot", "mark"),
     "WheelPeak": ("plot", "plot_wheel"),
 }

@@ -9,7 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.curve import Curve
 from bdamper.peaks.newton import amplitude_at
-from bdamper.plot import plot_crossings, plot_run_up
+from bdamper.plot import plot_crossings
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.variation import vary
 from bdamper.speed.family import SpeedFamily
@@ -102,8 +102,6 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
     assert again.details() == run.details()
     with pytest.raises(bd.SettingError, match=r"curve: expected a tracking curve .study.track., found a run-up curve"):
         study.hysteresis(run)
-    with pytest.raises(bd.SettingError, match=r"result: expected a curve of Study\.run_up"):
-        plot_run_up(study.free((300.0, 400.0)))
 
 
 @pytest.mark.slow

@@ -293,7 +293,6 @@ def tracked(study):
     [
         lambda s, c, st: plotting.plot_status_map(st, s.model, "lft"),
         lambda s, c, st: plotting.plot_status_map(st, s.model, "left", direction=3),
-        lambda s, c, st: plotting.plot_status_map(st, s.model, "left", instant=10**4),
         lambda s, c, st: plotting.plot_status_bars(st, [500]),
         lambda s, c, st: plotting.plot_status_bars(st, 5),
         lambda s, c, st: plotting.plot_status_bars(st, [0], direction=2),
