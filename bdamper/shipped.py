@@ -45,7 +45,7 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
         "paper_disk": another disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
         driven at "tip_trailing_edge") finds the numbers of its Figs 8 and 9; with 9 and 48 points modes of one harmonic.
         "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
-        prescribed (:func:`bdamper.prescribe_preload`).
+        settings of a study (``fixed_loads``, ``gap``).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
         "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for engine order 4.
     contact_points : int, optional

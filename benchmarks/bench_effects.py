@@ -84,7 +84,7 @@ def scenes(n: int) -> Iterator[Scene]:
         if ground:
             z = models[name].interfaces["platform"].points[:, 2]
             share = 1.0 + 1.1 * z / np.abs(z).max()
-            study = bd.prescribe_preload(study, {"platform": load * share / share[share > 0.0].sum()})
+            study = study.with_(fixed_loads={"platform": load * share / share[share > 0.0].sum()})
         interval = (560.0, 760.0) if direction == "axial" else (250.0, 400.0)
         text = f"{i}: {name}, {level}, {load:.0f} N, engine order {order}, {direction}, mu {friction:.2f}"
         yield Scene(text, study, 0.0 if ground else load, interval, tolerance)

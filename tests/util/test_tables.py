@@ -279,8 +279,6 @@ class TestMistakenArguments:
 
     def test_a_model_in_the_place_of_a_study(self, study):
         with pytest.raises(bd.SettingError, match="study: expected a Study, found a Model"):
-            bd.prescribe_preload(study.model, {})
-        with pytest.raises(bd.SettingError, match="study: expected a Study, found a Model"):
             rigid_motion(study.model, np.zeros(3))
 
     @pytest.mark.parametrize("kind", ["save", "to_csv"])
