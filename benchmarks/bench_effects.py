@@ -79,8 +79,7 @@ def scenes(n: int) -> Iterator[Scene]:
         study = bd.Study(
             models[name], bd.Excitation("tip", direction), order, friction_coefficient=friction,
             contact_stiffness="unit_traction",
-            effects=bd.Effects(harmonics=5, damper_modes=0 if ground else 2),
-        )  # fmt: skip
+        ).with_effects(bd.Effects(harmonics=5, damper_modes=0 if ground else 2))  # fmt: skip
         if ground:
             z = models[name].interfaces["platform"].points[:, 2]
             share = 1.0 + 1.1 * z / np.abs(z).max()
@@ -149,9 +148,8 @@ def table() -> None:
             print("|---|---|---|---|---|---|---|")
             whole = None
             for off, effects in OFF.items():
-                study = bd.Study(
-                    model, excitation, 5, friction_coefficient=0.4, contact_stiffness="unit_traction", effects=effects
-                )
+                study = bd.Study(model, excitation, 5, friction_coefficient=0.4, contact_stiffness="unit_traction")
+                study = study.with_effects(effects)
                 system = study.problem.system(preload)
                 begin = time.process_time()
                 curve = study.track(preload, interval)

@@ -24,7 +24,7 @@ from bdamper.effects.indicator import embed, estimate_change
 from bdamper.effects.richer import Change, Tops, compare, whole_curve
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.problem.asked import asked
-from bdamper.problem.effects import AXES, Effects
+from bdamper.problem.effects import AXES, SWITCHES, Effects
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -332,8 +332,7 @@ def fullest(problem: Problem) -> Effects:
             break
         most = l
     numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
-    switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
-    on: dict[str, Any] = dict.fromkeys(switches, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
+    on: dict[str, Any] = dict.fromkeys(SWITCHES, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
     least = min(2, problem.settings.most_modes("free"))
     modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}

@@ -152,7 +152,7 @@ class Problem:
 
     def with_effects(self, effects: Effects) -> Problem:
         """The same problem with other effects; what does not depend on them is shared."""
-        settings = self.settings.settings_for(validate.instance("effects", effects, Effects))
+        settings = validate.instance("effects", effects, Effects).settings()
         return self.with_(**{name: value for name, value in settings.items() if value != getattr(self.settings, name)})
 
     # ---- parts, made once ----

@@ -154,7 +154,7 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
 
 def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
     study = full.with_effects(effects(full, variable_normal_load=False, bias=True, constraints=False))
-    assert bd.Effects.of(study).odd_symmetry
+    assert not bd.Effects.of(study).variable_normal_load
     curve = study.track(20.0, (780.0, 880.0))
     assert curve.complete
     assert curve.shares[:, 1].max() > 0.01
@@ -233,17 +233,17 @@ def test_given_gap_is_that_of_the_points_of_the_model(full):
 
 def test_effects_and_settings_are_one(full):
     chosen = bd.Effects(harmonics=(1, 3), rotation=("Z",), blade_modes=3, contact_points=3, bias=False)
-    study = plain_study(full.model, bd.Excitation("tip"), engine_order=2, effects=chosen)
+    study = plain_study(full.model, bd.Excitation("tip"), engine_order=2).with_effects(chosen)
     assert bd.Effects.of(study) == chosen
     assert study.settings.harmonics == (1, 3) and study.settings.rigid_modes == ("TX", "TY", "TZ", "RZ")
     assert bd.Effects.of(study.with_(harmonics=2)).harmonics == 2
     assert bd.Effects.of(study.with_effects(bd.Effects.of(full))) == bd.Effects.of(full)
 
 
-def test_every_effect_has_a_meaning_and_an_assumption():
+def test_every_effect_has_an_assumption():
     text = bd.Effects().describe()
     for f in fields(bd.Effects):
-        assert f.metadata["meaning"] in text and f.metadata["off"] in text
+        assert f.metadata["off"] in text
     assert "variable normal load excites them" in bd.Effects(harmonics=(1, 3)).describe()
     assert "excites them" not in bd.Effects(harmonics=(1, 3), variable_normal_load=False).describe()
 
@@ -301,15 +301,11 @@ def test_bad_effects_are_named(wrong):
 
 def test_coupled_friction_brings_a_sampled_evaluation(full):
     assert full.settings.evaluation == "exact"
+    assert isinstance(full.with_(friction_law="coupled").settings.evaluation, bd.Sampled)
     coupled = full.with_effects(effects(full, friction_law="coupled"))
     assert isinstance(coupled.settings.evaluation, bd.Sampled) and coupled.settings.friction_law == "coupled"
     kept = full.with_(evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
     assert kept.settings.evaluation == bd.Sampled(256)
-
-
-def test_an_effect_given_twice_is_refused(full):
-    with pytest.raises(bd.SettingError, match="harmonics: expected only one of effects and harmonics"):
-        plain_study(full.model, bd.Excitation("tip"), engine_order=2, harmonics=5, effects=bd.Effects(harmonics=2))
 
 
 # ---- settings together ----

@@ -35,13 +35,12 @@ def test_law_of_each_point(study):
     for settings, law in (
         ({"friction_law": "coupled", "evaluation": bd.Sampled(64)}, LAW_COUPLED),
         ({"friction_law": "bonded"}, LAW_BONDED),
-        ({"friction_law": "constant_normal_load"}, LAW_CONSTANT),
+        ({"variable_normal_load": False}, LAW_CONSTANT),
         ({"friction_law": "coupled", "evaluation": bd.Sampled(64), "variable_normal_load": False}, LAW_COUPLED_CONSTANT),
     ):
         points = study.with_(**settings).problem.system(200.0).structure.points
         assert set(points.law[: friction.sum()]) == {law}
         assert set(points.law[friction.sum() :]) <= {LAW_NORMAL}
-    assert not study.with_(friction_law="constant_normal_load").settings.variable_normal_load
 
 
 def test_a_law_for_each_interface(study):
@@ -110,7 +109,7 @@ def test_comparison_of_laws(study, tmp_path):
 
     def under(one):
         coupled = one.with_(friction_law="coupled", evaluation=bd.Sampled(128))
-        other = one.with_(friction_axes="major"), one.with_(friction_law="constant_normal_load")
+        other = one.with_(friction_axes="major"), one.with_(variable_normal_load=False)
         return dict(zip(laws, (coupled, one, *other)))
 
     low = bd.compare(under(study), lambda one: one.track(200.0, INTERVAL))
@@ -168,7 +167,6 @@ class TestMajorAxes:
     [
         ({"friction_law": "viscous"}, r"friction_law: expected one of .* found 'viscous'"),
         ({"friction_law": {"nowhere": "bonded"}}, r"friction_law: expected one of .* for each interface"),
-        ({"friction_law": "coupled"}, r"evaluation: expected Sampled\(n_time\) with friction_law"),
         ({"friction_axes": "minor"}, r"friction_axes: expected"),
     ],
 )

@@ -96,7 +96,7 @@ FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "vari
     ("name", "value"),
     [
         *((flag, value) for flag in FLAGS for value in ("off", 1, None)),
-        ("excitation", "tip"), ("excitation", None), ("response", "tip"), ("effects", "auto"),
+        ("excitation", "tip"), ("excitation", None), ("response", "tip"),
         ("friction_coefficient", [0.3, 0.4]), ("friction_coefficient", None), ("friction_coefficient", "0.3"),
         ("friction_coefficient", {"left": "0.3", "right": 0.3}), ("friction_coefficient", True),
         ("engine_order", "5"), ("engine_order", 2.5), ("engine_order", True),
