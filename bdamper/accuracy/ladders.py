@@ -83,7 +83,7 @@ class Run:
 
 @brief
 @dataclass(frozen=True)
-class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3, oldest=3):
+class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3):
     """Errors and times of settings, one at a time and combined, against the richest that was run.
 
     ``plot`` draws error over time (:func:`bdamper.plot.plot_accuracy`).

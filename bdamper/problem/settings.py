@@ -20,7 +20,7 @@ from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import PerArea
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
-from bdamper.model.model import Model
+from bdamper.model.model import Interface, Model
 from bdamper.model.validation import check_model_once
 from bdamper.problem.effects import (
     BLADE_MODES,
@@ -277,11 +277,15 @@ class Settings:
         return {body: given.get(body, 0) if isinstance(given, Mapping) else given for body in self.free_bodies}
 
     @property
+    def friction_faces(self) -> tuple[Interface, ...]:
+        """Interfaces with friction."""
+        return tuple(face for face in self.model.interfaces.values() if face.kind == "friction")
+
+    @property
     def constrained_faces(self) -> tuple[str, ...]:
         """Friction interfaces that no free body takes part in: shrouds, roots, a platform pressed on the ground."""
         free = self.free_bodies
-        faces = [face for face in self.model.interfaces.values() if face.kind == "friction"]
-        return tuple(face.name for face in faces if face.body_a not in free and face.body_b not in free)
+        return tuple(face.name for face in self.friction_faces if face.body_a not in free and face.body_b not in free)
 
     @property
     def loaded(self) -> tuple[str, ...]:
@@ -340,7 +344,7 @@ class Settings:
     @property
     def most_points(self) -> int:
         """Contact points of the friction face of the model that has most of them; 0 without such a face."""
-        return max((face.n_points for face in self.model.interfaces.values() if face.kind == "friction"), default=0)
+        return max((face.n_points for face in self.friction_faces), default=0)
 
     def most_modes(self, kind: str) -> int:
         """Modes that every body of a kind has at every nodal diameter, elastic ones of free bodies; 0 without a body."""
@@ -349,27 +353,22 @@ class Settings:
         return modes - len(RIGID_NAMES) if bodies and kind == "free" else modes
 
     def _check_friction(self) -> None:
-        given, faces = self.friction_law, list(self._laws())
+        given, faces = self.friction_law, [face.name for face in self.friction_faces]
         if isinstance(given, Mapping) and set(given) != set(faces):
             raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
-        if self.own_laws():
-            self._check_own_laws()
+        # settings that laws of the user's own do not go with
+        served = {"friction_axes": "contact", "separation": True, "variable_normal_load": True, "stability": False}
+        for name, value in served.items() if self.own_laws() else ():
+            validate.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
         sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
         if sampled and isinstance(self.evaluation, str) and self.evaluation == "exact":  # neither has a closed form
             object.__setattr__(self, "evaluation", Sampled(max(128, 8 * self.harmonic_numbers[-1] + 8)))
         _ = self.friction_by_interface()
 
-    def _check_own_laws(self) -> None:
-        """Settings that laws of the user's own do not go with."""
-        served = {"friction_axes": "contact", "separation": True, "variable_normal_load": True, "stability": False}
-        for name, value in served.items():
-            validate.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
-
     def _laws(self) -> dict[str, str | ContactLaw]:
         """Of each friction interface."""
         given = self.friction_law
-        names = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
-        return {name: given[name] if isinstance(given, Mapping) else given for name in names}
+        return {face.name: given[face.name] if isinstance(given, Mapping) else given for face in self.friction_faces}
 
     def own_laws(self) -> dict[str, ContactLaw]:
         """The user's own laws of friction interfaces."""

@@ -68,8 +68,8 @@ def setting_names(problem: Problem) -> list[str]:
     names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
     names += [f"excitation.{f.name}" for f in fields(problem.excitation) if f.name != "beside"]
     names += [f"response.{f.name}" for f in fields(problem.excitation) if f.name in ("location", "direction")]
-    faces = [name for name, face in problem.model.interfaces.items() if face.kind == "friction"]
-    names += [f"{setting}.{face}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
+    faces = problem.settings.friction_faces
+    names += [f"{setting}.{face.name}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
     names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
     names += [f"{item}.{part}" for item in OF_LOAD for part in problem.settings.loaded]
     return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]

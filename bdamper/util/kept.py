@@ -25,7 +25,7 @@ others are not named."""
 @brief
 @dataclass(frozen=True)
 class Marched(
-    Plottable, Tabular, Recorded, Storable, kind="bdamper-kept", former={"bdamper-wheel-kept": 1}, row="period"
+    Plottable, Tabular, Recorded, Storable, kind="bdamper-kept", former=("bdamper-wheel-kept",), row="period"
 ):
     """What was marched in time at one preload: the highest amplitude toward the tip of the response, or one motion.
 

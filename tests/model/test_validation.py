@@ -521,22 +521,22 @@ RIGID: list[Case] = [
     (
         "not mass-normalised",
         lambda: mix_rigid(WEDGE, np.diag([1, 1, 1, 1, 1.01, 1])),
-        "damper/nd000/modes: expected u4^T M u4 = 1 of the mass-normalised rigid-body modes, found 1.0201",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "not orthogonal",
         lambda: mix_rigid(WEDGE, np.eye(6) + 0.01 * np.eye(6, k=1)),
-        "damper/nd000/modes: expected u0^T M u1 = 0 of the mass-normalised rigid-body modes, found 0.01",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "not independent",
         lambda: mix_rigid(WEDGE, np.eye(6)[:, [0, 1, 2, 3, 4, 4]]),
-        "/bodies/damper/nd000/modes: expected six independent rigid-body modes, found 5",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "a mode of zeros",
         lambda: mix_rigid(WEDGE, np.diag([1.0, 1, 1, 0, 1, 1])),
-        "/bodies/damper/nd000/modes: expected six independent rigid-body modes, found 5",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "not rigid",
@@ -551,17 +551,17 @@ RIGID: list[Case] = [
     (
         "other mass",
         lambda: body(WEDGE, "damper", mass=1.1 * DAMPER.mass),
-        "damper/nd000/modes: expected u0^T M u0 = 1 of the mass-normalised rigid-body modes, found 1.1",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "other centre",
         lambda: body(WEDGE, "damper", centre=DAMPER.centre + [0.0, 0.001, 0.0]),
-        "/bodies/damper/nd000/modes: expected u",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "other inertia",
         lambda: body(WEDGE, "damper", inertia=1.2 * DAMPER.inertia),
-        "damper/nd000/modes: expected u3^T M u3 = 1 of the mass-normalised rigid-body modes, found 1.2",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "a moved point",
