@@ -133,12 +133,9 @@ def _check_interface(interface: Interface, model: Model, item: str) -> None:
 
 def _check_frame(frame: NDArray, item: str) -> None:
     error = np.abs(frame @ frame.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    worst = int(np.argmax(error))
-    found = f"an error of {error[worst]:.3g} in their products at point {worst}"
-    require(error[worst] <= SINGLE, item, "orthonormal rows t1, t2, n", found)
-    left = np.flatnonzero(np.linalg.det(frame) < 0)
-    if len(left):
-        raise mismatch(item, "right-handed rows t1, t2, n", f"left-handed ones at point {left[0]}")
+    check_all(error <= SINGLE, error, "orthonormal rows t1, t2, n (errors of their products)", item)
+    determinant = np.linalg.det(frame)
+    check_all(determinant > 0, determinant, "right-handed rows t1, t2, n (determinants)", item)
 
 
 def _check_ports(body: Body, model: Model, item: str) -> None:

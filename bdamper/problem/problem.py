@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.friction_axes import major_angles, turned
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.own_law import OwnLaws
@@ -160,10 +159,6 @@ class Problem:
     @part
     def static_states(self) -> dict[tuple[float, ...], PreloadState]:
         """Static states so far, by preload and load history; problems that agree in all that they depend on share them."""
-        return {}
-
-    @part
-    def _angles(self) -> dict[float, NDArray]:
         return {}
 
     @part
@@ -433,24 +428,21 @@ class Problem:
             self.static_states[key] = replace(state, cost=cost, interface=names)
         return self.static_states[key]
 
-    def equilibrium(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
+    def equilibrium(self, preload: float) -> PreloadState:
         """The static state that a result is built on, an error where there is none."""
-        state = self.static(preload, history)
+        state = self.static(preload)
         if not state.converged:
             raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
         return state
 
-    def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
+    def contact_map(self, preload: float) -> ContactMap:
         """Pressure, gap and state over the faces in the static state.
 
         Parameters
         ----------
         preload : float, N
-        history : sequence of float, optional
-            Load factors through which the preload is reached; those of the settings by default.
         """
-        factors = self.settings.load_history if history is None else check_history("history", history)
-        return ContactMap.make(self.coupling, self.equilibrium(preload, factors), self.friction, factors)
+        return ContactMap.make(self.coupling, self.equilibrium(preload), self.friction, self.settings.load_history)
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
         """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
@@ -546,8 +538,6 @@ class Problem:
             memory=state.memory,
         )
         bases = self.bases
-        if self.settings.friction_axes == "major":
-            bases, points = turned(bases, points, self.major_directions(preload))
         if not self.settings.separation or not self.settings.variable_normal_load:
             bases, points = without_separation(
                 bases, points, state, self.friction_points, constant_load=not self.settings.variable_normal_load
@@ -557,17 +547,6 @@ class Problem:
         scale = (static or 1.0, vibration or static or 1.0)
         springs = self.point_stiffness * self.coupling.spring_points[:, None]
         return Sector(bases, points, force, self.response_rows, self.settings.evaluation, scale, springs, self.bases)
-
-    def major_directions(self, preload: float) -> NDArray:
-        """(n_points,) float, rad: from the first contact axis to the major direction of the stuck motion."""
-        if preload in self._angles:
-            return self._angles[preload]
-        springs = stuck_springs(self, self.equilibrium(preload))
-        linear = self.sharing(self.parts, friction_axes="contact").sector(preload).linear
-        motions = [linear.response(w, springs) for w in linear.modes(springs)[0] if w > 0.0]
-        largest = max(motions, key=lambda motion: abs(motion @ self.response_rows[1]))
-        self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ largest)
-        return self._angles[preload]
 
 
 def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = False) -> NDArray:

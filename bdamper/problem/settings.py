@@ -102,9 +102,6 @@ class Settings:
         springs in all directions and both senses.  A :class:`~bdamper.ContactLaw` is a compiled function, with springs of
         its own in place of the contact stiffness.  It and "coupled" are sampled, at 128 instants unless ``evaluation``
         says otherwise.
-    friction_axes : {"contact", "major"}
-        Axes of the separable law: those of the interface, or at each point the major directions of its motion at the
-        resonance of the stuck contact with the largest response (:mod:`bdamper.contact.friction_axes`).
     bias, variable_normal_load, separation : bool
         Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
         otherwise stands in :class:`~bdamper.problem.effects.Effects`.
@@ -142,10 +139,10 @@ class Settings:
     """
 
     model: Model = field(repr=False)
-    excitation: Excitation
+    excitation: Annotated[Excitation, partial(validate.instance, kind=Excitation)]
     engine_order: validate.Natural = None  # type: ignore[assignment]  # 1 without cyclic symmetry
     friction_coefficient: float | Mapping[str, float | NDArray] = 0.3
-    response: Response | None = None
+    response: Annotated[Response, partial(validate.instance, kind=Response)] | None = None
     harmonics: Harmonics = HARMONICS
     contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] | None = None
     blade_modes: validate.Count = BLADE_MODES
@@ -158,7 +155,6 @@ class Settings:
     damper_drag: Annotated[float | Mapping[str, float], validate.each(validate.Limits(least=0.0, unit="N s/m"))] = 0.0
     evaluation: str | Sampled = "exact"
     friction_law: Law = "separable"
-    friction_axes: Annotated[str, partial(validate.choice, choices=("contact", "major"))] = "contact"
     bias: bool = True
     variable_normal_load: bool = True
     separation: bool = True
@@ -176,18 +172,17 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_model_once(self.model)
-        validate.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
-        if self.response is not None:
-            validate.instance("response", self.response, Response, "a Response(location, direction)")
-        self._check_places()
         if self.engine_order is None:
             expected = f"that of the excitation, since the model has {self.model.n_blades} sectors"
             validate.require(self.model.n_blades <= 1, "engine_order", expected, "none")
             object.__setattr__(self, "engine_order", 1)
         validate.checked(self)
+        self._check_places()
         validate.whole("blade_modes", self.blade_modes, 1, max(BLADE_MODES, self.most_modes("constrained")))
         self._check_friction()
-        self._check_contact_points()
+        most = max(self.most_points, 1)
+        expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
+        validate.that((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
         check_evaluation(self.evaluation, self.harmonic_numbers[-1])
         validate.require(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
         for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
@@ -335,12 +330,6 @@ class Settings:
                 "not follow it; make the model with other contacts instead"
             )
 
-    def _check_contact_points(self) -> None:
-        """Patches are united, never split: no more contact points than the model has."""
-        most = max(self.most_points, 1)
-        expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
-        validate.that((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
-
     @property
     def most_points(self) -> int:
         """Contact points of the friction face of the model that has most of them; 0 without such a face."""
@@ -357,7 +346,7 @@ class Settings:
         if isinstance(given, Mapping) and set(given) != set(faces):
             raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
         # settings that laws of the user's own do not go with
-        served = {"friction_axes": "contact", "separation": True, "variable_normal_load": True, "stability": False}
+        served = {"separation": True, "variable_normal_load": True, "stability": False}
         for name, value in served.items() if self.own_laws() else ():
             validate.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
         sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())

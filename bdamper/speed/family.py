@@ -20,7 +20,6 @@ from bdamper.problem.aligned import like
 from bdamper.problem.at_speed import Conditions, preload_at, under
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
-from bdamper.util.errors import SettingError
 
 
 def with_needed_bases(problem: Problem) -> Problem:
@@ -52,8 +51,6 @@ class SpeedFamily:
     """
 
     def __init__(self, problem: Problem, conditions: Conditions) -> None:
-        if problem.settings.friction_axes != "contact":
-            raise SettingError(f'over speed: expected friction_axes="contact", found "{problem.settings.friction_axes}"')
         self.whole = problem
         self.base = with_needed_bases(problem)
         self.conditions = conditions

@@ -117,13 +117,9 @@ class Storable:
         BdamperError
             If no file can be written there.
         """
-        check_folder(path)
-        try:
-            with written(path) as file:
-                file.attrs["format"], file.attrs["version"] = self._format
-                _put(file, self)
-        except OSError as error:
-            raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
+        with written(path) as file:
+            file.attrs["format"], file.attrs["version"] = self._format
+            _put(file, self)
 
 
 @dataclass(frozen=True)
@@ -152,13 +148,22 @@ def check_folder(path: FilePath) -> None:
 
 @contextmanager
 def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
-    """A new HDF5 file, which replaces an existing one in a single step once all of it is written."""
+    """A new HDF5 file, which replaces an existing one in a single step once all of it is written.
+
+    Raises
+    ------
+    BdamperError
+        If no file can be written there.
+    """
+    check_folder(path)
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
         with h5py.File(temporary, "x", **options) as file:
             yield file
         os.replace(temporary, target)
+    except OSError as error:
+        raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -183,9 +188,9 @@ def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperErro
 def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
     with opened(path, f"a file written by {cls.__name__}.save") as file:
         made_with = Versions.stored(file.attrs)
-        if file.attrs["version"] != version:
+        if (own := file.attrs["version"]) != version:
             expected = f"version {version} of the format '{_text(file.attrs['format'])}'"
-            raise BdamperError(f"{path}: expected {expected}, found version {file.attrs['version']}, written by {made_with}")
+            raise BdamperError(f"{path}: expected {expected}, found version {own}, written by {made_with}")
         return _take(cls, file, made_with)
 
 

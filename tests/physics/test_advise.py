@@ -13,7 +13,8 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture(scope="module")
 def disk():
     model = bd.reference_model("bladed_disk", 9)
-    return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4).with_effects(Effects(harmonics=5))
+    study = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+    return study.with_effects(Effects(harmonics=5))
 
 
 def compared(study, advice):

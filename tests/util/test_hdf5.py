@@ -1,4 +1,4 @@
-"""Result files: one function reads every kind, those of earlier versions as well, and refuses what is none with one error."""
+"""Result files: one function reads every kind, of earlier versions as well, and refuses what is none with one error."""
 
 import ast
 import importlib
@@ -19,7 +19,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.effects.comparison import Comparison
 from bdamper.util.hdf5 import Storable, opened
 from bdamper.util.status import current
-from bdamper.util.versions import HERE, Versions
+from bdamper.util.versions import HERE
 from tests.plain import plain_study
 
 OF_0_5 = Path(__file__).parents[1] / "data" / "version_0_5"

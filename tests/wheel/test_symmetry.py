@@ -214,8 +214,8 @@ def test_bad_input_is_refused_at_once():
         Wheel(study(), mistuning=np.zeros(5))
     with pytest.raises(bd.SettingError, match="forces: expected 6 finite complex numbers"):
         Wheel(study(), forces=np.ones(3))
-    with pytest.raises(bd.SettingError, match="friction_axes"):
-        Wheel(study().with_(friction_axes="major"))
+    with pytest.raises(bd.SettingError, match="separation"):
+        Wheel(study().with_(separation=False))
     bare = study().model
     blade = replace(bare.bodies["blade"], local=None)
     with pytest.raises(bd.ModelError, match="local basis"):
