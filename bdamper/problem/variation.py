@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.model import Body, Model, feed_digest
 from bdamper.model.validation import as_checked
 from bdamper.problem.asked import asked
@@ -35,32 +34,6 @@ FACTORS = (
 OF_LOAD = ("loads", "fixed_loads")
 OF_MASS = ("damper_mass_factor", "damper_mass")
 SIDES = ("tangential", "normal")
-
-
-_CONTACT = ("contact", "stiffness")
-_EXCITATION = (
-    "coupling", "bases", "friction", *_CONTACT, "point_stiffness", "point_gaps", "tangential_stiffness", "damper_load",
-    "fixed_load",
-    "response_rows",
-)  # fmt: skip
-_KEPT = {
-    "friction_coefficient": ("coupling",),
-    "excitation.amplitude": _EXCITATION,
-    "excitation.phase": _EXCITATION,
-    "damping_ratio": ("coupling", "friction", *_CONTACT),
-    "damper_damping_ratio": ("coupling", "friction", *_CONTACT),
-    "damper_drag": ("coupling", "friction", *_CONTACT),
-    "contact_stiffness_factor": ("coupling", "friction", "contact"),
-    "damping_factor": ("friction",),
-    "damper_mass_factor": ("friction", *_CONTACT),
-    "damper_mass": ("friction", *_CONTACT),
-    **{f"contact_stiffness_factor.{side}": ("coupling", "friction") for side in SIDES},
-    "frequency_factor": ("friction",),
-    "gap_factor": ("coupling", "friction", *_CONTACT),
-}
-"""Parts of a problem, made once and kept, that a change of a setting leaves as they are."""
-_VIBRATION = ("excitation.amplitude", "excitation.phase", "damping_ratio", "damper_damping_ratio", "damper_drag")
-"""Settings that static states do not depend on."""
 
 
 def setting_names(problem: Problem) -> list[str]:
@@ -105,30 +78,6 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     """
     for name in settings:
         check_name(problem, name)
-    return _with_kept_parts(problem, _varied(problem, settings), list(settings))
-
-
-def _with_kept_parts(old: Problem, new: Problem, names: list[str]) -> Problem:
-    """Hands the parts on that need not be made again."""
-    of_part = "friction_coefficient", "gap_factor", *OF_MASS
-    names = [head if (head := name.partition(".")[0]) in of_part else name for name in names]
-    if new is old or not all(name in _KEPT for name in names):
-        return new
-    kept = set.intersection(*(set(_KEPT[name]) for name in names))
-    method = old.stiffness_method
-    residual = isinstance(method, ResidualModes) or (isinstance(method, str) and method == "residual_modes")
-    if residual and not set(OF_MASS).isdisjoint(names):
-        kept -= set(_CONTACT)  # the patterns are those of stuck modes
-    if "friction_coefficient" in names and not residual and not (isinstance(method, str) and method == "eq4"):
-        others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
-        kept |= set(_CONTACT).intersection(*others)
-    if all(name in _VIBRATION for name in names):
-        kept.add("static_states")
-    parts = {name: old.parts[name] for name in kept & old.parts.keys() - new.parts.keys()}
-    return new.given(**parts) if parts else new
-
-
-def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     if settings.get("speed") is not None:
         speed = validate.number("speed", settings["speed"], above=0.0, unit="rad/s")
         problem = under(problem, speed, Conditions())
@@ -139,7 +88,8 @@ def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
             place: Any = problem.excitation if part == "excitation" else problem.settings.response_location
-            problem = problem.anew(**{part: replace(place, **inner)})
+            shared = problem.parts.keys() if inner.keys() <= {"amplitude", "phase"} else ()
+            problem = problem.sharing(shared, **{part: replace(place, **inner)})
     for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
