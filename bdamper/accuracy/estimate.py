@@ -204,7 +204,7 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     for name, body in model.bodies.items():
         lent = {d: body.bases[own] for d in others if body.kind == "constrained" and d not in body.bases}
         bodies[name] = replace(body, bases={**body.bases, **lent})
-    return problem.anew(model=replace(model, bodies=bodies), harmonics=harmonics)
+    return problem.with_(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer | str:
@@ -224,7 +224,7 @@ def _exact_events(problem: Problem) -> Richer | None:
     if finer.settings.evaluation == "exact":
         return Richer(finer, "exact events")
     dense = Sampled(4 * problem.settings.evaluation.n_time)
-    return Richer(problem.anew(evaluation=dense), f"{dense.n_time} samples")
+    return Richer(problem.with_(evaluation=dense), f"{dense.n_time} samples")
 
 
 def finer_evaluation(problem: Problem, harmonics: int) -> Problem:
@@ -232,16 +232,16 @@ def finer_evaluation(problem: Problem, harmonics: int) -> Problem:
     if not isinstance(problem.settings.evaluation, Sampled):
         return problem
     try:
-        return problem.anew(evaluation="exact")
+        return problem.with_(evaluation="exact")
     except SettingError:
-        return problem.anew(evaluation=Sampled(max(problem.settings.evaluation.n_time, 128, 32 * harmonics)))
+        return problem.with_(evaluation=Sampled(max(problem.settings.evaluation.n_time, 128, 32 * harmonics)))
 
 
 def _more_points(problem: Problem) -> Richer | str:
     full = problem.settings.most_points
     if problem.settings.contact_points is None or problem.settings.contact_points >= full:
         return "the model has no more contact points"
-    return Richer(problem.anew(contact_points=None), f"{full} contact points on a face")
+    return Richer(problem.with_(contact_points=None), f"{full} contact points on a face")
 
 
 def _more_modes(problem: Problem) -> Richer | str:
@@ -256,13 +256,13 @@ def _more_modes(problem: Problem) -> Richer | str:
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
     text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
     modes = rich if len(set(rich.values())) > 1 else max(rich.values(), default=0)
-    return Richer(problem.anew(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
+    return Richer(problem.with_(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
     if problem.stiffness_method not in ("unit_traction", "eq4"):
         return None
-    return Richer(problem.anew(contact_stiffness="residual_modes"), "residual modes")
+    return Richer(problem.with_(contact_stiffness="residual_modes"), "residual modes")
 
 
 Estimated = TypeVar("Estimated", Curve, OptimalCurve)

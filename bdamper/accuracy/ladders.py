@@ -247,7 +247,7 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     points = changes.get("contact_points")
     if points is not None and points >= problem.settings.most_points:
         changes["contact_points"] = None
-    return problem.anew(**changes) if changes else problem
+    return problem.with_(**changes) if changes else problem
 
 
 def slipping_preload(problem: Problem, frequency: tuple[float, float], share: float = 0.3) -> float:

@@ -6,7 +6,7 @@ equations of the harmonic balance at one preload are ``system(preload)``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -114,35 +114,13 @@ class Problem:
     # ---- other settings ----
 
     def with_(self, /, **settings: Any) -> Problem:
-        """The same problem under other settings, given by name; what does not depend on them is shared.
+        """The same problem under other settings, given by name.
 
         Raises
         ------
         SettingError
             If a value does not fit.
         """
-        own = self.settings
-        changed = {name for name, value in settings.items() if not hasattr(own, name) or value is not getattr(own, name)}
-        if not changed <= {"harmonics", "bias", "stability"}:
-            return self.anew(**settings)
-        out = self.sharing(self.parts.keys() - {"bases", "modal_bases", "response_rows"}, **settings)
-        if own.contact_stiffness is None and not changed <= {"stability"}:
-            if self.contact.note:
-                return self.anew(**settings)
-            try:
-                _ = out.bases
-            except ModelError:  # no flexibility at the nodal diameters of these harmonics
-                return self.anew(**settings)
-        _ = out.bases
-        return out
-
-    def sharing(self, names: Iterable[str], **settings: Any) -> Problem:
-        """The same problem under other settings, which the parts of these names must not depend on."""
-        given = {name: self.parts[name] for name in tuple(names) if name in self.parts}
-        return Problem(replace(self.settings, **settings), given)
-
-    def anew(self, **settings: Any) -> Problem:
-        """The same problem under other settings, which shares nothing with it."""
         return Problem(replace(self.settings, **settings))
 
     def given(self, **parts: Any) -> Problem:
@@ -150,15 +128,14 @@ class Problem:
         return Problem(self.settings, self.parts | parts)
 
     def with_effects(self, effects: Effects) -> Problem:
-        """The same problem with other effects; what does not depend on them is shared."""
-        settings = validate.instance("effects", effects, Effects).settings()
-        return self.with_(**{name: value for name, value in settings.items() if value != getattr(self.settings, name)})
+        """The same problem with other effects."""
+        return self.with_(**validate.instance("effects", effects, Effects).settings())
 
     # ---- parts, made once ----
 
     @part
     def static_states(self) -> dict[tuple[float, ...], PreloadState]:
-        """Static states so far, by preload and load history; problems that agree in all that they depend on share them."""
+        """Static states so far, by preload and load history."""
         return {}
 
     @part
@@ -258,8 +235,6 @@ class Problem:
         """Contact stiffness of each interface."""
         factor = float(self.settings.contact_stiffness_factor)
         own = self.settings.own_laws()
-        if factor == 1.0 and not own:
-            return self.contact.stiffness
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
         scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
         made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}

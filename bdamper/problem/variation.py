@@ -88,16 +88,15 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
             place: Any = problem.excitation if part == "excitation" else problem.settings.response_location
-            shared = problem.parts.keys() if inner.keys() <= {"amplitude", "phase"} else ()
-            problem = problem.sharing(shared, **{part: replace(place, **inner)})
+            problem = problem.with_(**{part: replace(place, **inner)})
     for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
             own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
-            problem = problem.anew(friction_coefficient=own)
+            problem = problem.with_(friction_coefficient=own)
         elif head in OF_LOAD and part:
-            problem = problem.anew(**{head: {**problem.settings.given_loads(head), part: value}})
+            problem = problem.with_(**{head: {**problem.settings.given_loads(head), part: value}})
         elif head in FACTORS:
             problem = _scaled(problem, head, part, value)
     return problem
@@ -108,7 +107,7 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps
         changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
-        return problem.anew(gap=changed)
+        return problem.with_(gap=changed)
     if name in OF_MASS:
         return _of_mass(problem, name, part, factor)
     if part:
@@ -117,16 +116,16 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
         way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
         kinds = problem.settings.law_by_interface()
         values = {f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()}
-        return problem.anew(contact_stiffness=values, contact_stiffness_factor=1.0)
+        return problem.with_(contact_stiffness=values, contact_stiffness_factor=1.0)
     if name == "contact_stiffness_factor":
-        return problem.anew(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
+        return problem.with_(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
     if name == "damping_factor":
         if problem.settings.damping_ratio is not None:
-            return problem.anew(damping_ratio=factor * problem.settings.damping_ratio)
+            return problem.with_(damping_ratio=factor * problem.settings.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
-        return problem.anew(model=as_checked(replace(problem.model, bodies=bodies)))
+        return problem.with_(model=as_checked(replace(problem.model, bodies=bodies)))
     whole = denser(problem.model, factor**-2, tuple(problem.model.bodies), whole=True)  # frequency_factor
-    return problem.anew(model=as_checked(whole))
+    return problem.with_(model=as_checked(whole))
 
 
 def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
@@ -145,8 +144,8 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     elif part and settings.speed is None:
         loads = settings.given_loads("loads").items()
         scaled = {key: factor * share if key == part else share for key, share in loads}
-        return problem.anew(model=as_checked(model), loads=scaled or None)
-    return problem.anew(model=as_checked(model))
+        return problem.with_(model=as_checked(model), loads=scaled or None)
+    return problem.with_(model=as_checked(model))
 
 
 def _damped(body: Body, factor: float) -> Body:

@@ -37,7 +37,7 @@ def with_needed_bases(problem: Problem) -> Problem:
         )
         for name, rows in problem.model.stress.items()
     }
-    return problem.anew(model=as_checked(replace(problem.model, bodies=bodies, stress=stress)))
+    return problem.with_(model=as_checked(replace(problem.model, bodies=bodies, stress=stress)))
 
 
 class SpeedFamily:

@@ -269,7 +269,14 @@ def _translated(cls: Any, found: dict[str, Any]) -> dict[str, Any]:
 
 
 def typed(hint: Any, value: Any) -> Any:
-    """Convert a value read from JSON to the annotated type of its field."""
+    """Convert a value read from JSON to the annotated type of its field.
+
+    Parameters
+    ----------
+    hint : type
+    value
+        Of plain types, as JSON has them.
+    """
     origin, inner = get_origin(hint), get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value

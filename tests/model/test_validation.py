@@ -212,7 +212,8 @@ INTERFACES: list[Case] = [
     (
         "body without that port",
         lambda: face(WEDGE, "front", body_b="blade"),
-        "/interfaces/front/@body_b: expected 'front.b' in the ports of 'blade', found ['left.b', 'right.b']",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('front', 'b'), ('left', 'b'), ('right', 'b')], found",
     ),
     (
         "shroud in one sector",
@@ -240,7 +241,8 @@ PORTS: list[Case] = [
     (
         "unknown interface",
         lambda: body(WEDGE, "blade", ports=(("up", "b"), ("right", "b"))),
-        "/bodies/blade/@ports: expected an interface of ['left', 'right', 'front', 'back'], found 'up'",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('left', 'b'), ('right', 'b')], found [('up', 'b')",
     ),
     (
         "unknown side",
@@ -250,17 +252,19 @@ PORTS: list[Case] = [
     (
         "wrong side",
         lambda: body(WEDGE, "blade", ports=(("left", "a"), ("right", "b"))),
-        "/bodies/blade/@ports: expected 'left.a' to be a side of this body, found body_a = 'damper' there",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('left', 'b'), ('right', 'b')], found [('left', 'a')",
     ),
     (
         "twice",
         lambda: body(WEDGE, "blade", ports=(("left", "b"), ("left", "b"))),
-        "/bodies/blade/@ports: expected each port once",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body",
     ),
     (
         "missing",
         lambda: body(WEDGE, "blade", ports=(("left", "b"),)),
-        "/interfaces/right/@body_b: expected 'right.b' in the ports of 'blade', found ['left.b']",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('left', 'b'), ('right', 'b')], found [('left', 'b')]",
     ),
     (
         "text",

@@ -230,7 +230,7 @@ class TestDifferences:
         found = study.compare(other)
         assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
         assert "friction_coefficient.right  0.4  0.2  -50 %" in str(found) and "+100 %" in found._repr_html_()
-        again = study.another(study.problem.anew())
+        again = study.another(study.problem.with_())
         assert not study.compare(again) and "no difference" in str(study.compare(again))
 
     def test_of_curves(self, study, curve):
