@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from bdamper.model.model import Model as Model
     from bdamper.peaks.newton import PeakOptions as PeakOptions
     from bdamper.problem.effects import Effects as Effects
-    from bdamper.problem.prescribed import prescribe_preload as prescribe_preload
     from bdamper.problem.settings import PAPER as PAPER
     from bdamper.shipped import reference_model as reference_model
     from bdamper.study import Study as Study
@@ -76,7 +75,6 @@ HOMES = {
     "save_model": "io",
     "lumped": "masses",
     "Contact": "masses",
-    "prescribe_preload": "problem.prescribed",
     "misfit": "model.misfit",
     # many variants of a question
     "compare": "effects.comparison",

@@ -6,7 +6,6 @@ BDAMPER_MODELS names; from ``models/`` of a checkout; or from the user's cache f
 
 from __future__ import annotations
 
-import hashlib
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -45,7 +44,7 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
         "paper_disk": another disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
         driven at "tip_trailing_edge") finds the numbers of its Figs 8 and 9; with 9 and 48 points modes of one harmonic.
         "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
-        prescribed (:func:`bdamper.prescribe_preload`).
+        settings of a study (``fixed_loads``, ``gap``).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
         "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for engine order 4.
     contact_points : int, optional
@@ -71,32 +70,23 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
 
 
 def _kept(name: str, points: int) -> Model:
-    """From the cache folder of this version, where the name of a file holds the digest of its contents."""
+    """From the cache folder of this version."""
     folder = user_cache_path("bdamper", version=HERE.bdamper)
     folder.mkdir(parents=True, exist_ok=True)
-    stem = f"{name}_{points}"
-    with open(folder / f"{stem}.lock", "w") as lock:
+    path = folder / f"{name}_{points}.h5"
+    with open(path.with_suffix(".lock"), "w") as lock:
         with suppress(ImportError):  # on Windows two may make it at once, each a whole file
             import fcntl
 
             fcntl.flock(lock, fcntl.LOCK_EX)
-        for path in folder.glob(f"{stem}-*.h5"):
-            if path.stem == f"{stem}-{_digest(path)}":
-                return load_model(path)
-            path.unlink()  # damaged
+        if path.is_file():
+            return load_model(path)
         try:
             from bdamper.fe.large import MAKERS
         except ImportError as error:
             raise BdamperError(
                 f"reference model '{name}' with {points} contact points: not in the wheel, and making it needs scikit-fem: "
-                f"pip install 'bdamper[fe]', or name a folder that has {stem}.h5 in BDAMPER_MODELS"
+                f"pip install 'bdamper[fe]', or name a folder that has {path.name} in BDAMPER_MODELS"
             ) from error
-        temporary = folder / f"{stem}.tmp"
-        save_model(MAKERS[name](points, progress=True), temporary)
-        temporary.replace(path := folder / f"{stem}-{_digest(temporary)}.h5")
+        save_model(MAKERS[name](points, progress=True), path)
     return load_model(path)
-
-
-def _digest(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()[:16]

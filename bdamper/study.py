@@ -50,7 +50,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError
-from bdamper.util.hdf5 import FilePath, check_folder, enter_reader, load, opened, written
+from bdamper.util.hdf5 import FilePath, enter_reader, load, opened, written
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief, plain
@@ -180,11 +180,8 @@ class Study(Comparable):
     def _outcomes(self) -> tuple[Fact, ...]:
         return ()  # what the settings come to is seen in results
 
-    def _settings(self) -> dict[str, Any]:
-        return self.problem.record()
-
-    def _model(self) -> dict[str, str]:
-        return {"model": self.model.hash}
+    def _asked(self) -> dict[str, Any]:
+        return {"model": self.model.hash, **self.problem.record()}
 
     # linear limits
     free = analysis(linear_curve.free)
@@ -395,7 +392,6 @@ class Study(Comparable):
         include_model : bool
             Without it the file holds the model's hash alone, and the model must be given when the study is loaded.
         """
-        check_folder(path)
         check_model_once(self.model)
         settings = self.problem.record() | ({"contact_stiffness": None} if self.settings.contact_stiffness is None else {})
         with written(path, track_order=True) as file:

@@ -122,7 +122,6 @@ def damper_modes() -> AccuracyCost:
 def friction_laws() -> AccuracyCost:
     laws = {
         "separable, exact events": {},
-        "separable along major axes, exact events": {"friction_axes": "major"},
         "separable, 128 samples": {"evaluation": bd.Sampled(128)},
         "coupled, 64 samples": {"friction_law": "coupled", "evaluation": bd.Sampled(64)},
         "coupled, 128 samples": {"friction_law": "coupled", "evaluation": bd.Sampled(128)},

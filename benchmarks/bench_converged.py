@@ -44,7 +44,7 @@ def run(kind: str, modes: int, harmonics: int, preload: float) -> dict[str, Any]
     for _ in range(REPEATS):
         started = time.process_time()
         if kind == "optimal":
-            fresh = study.another(study.problem.anew())
+            fresh = study.another(study.problem.with_())
             curve: Any = fresh.optimal_curve((100.0, 25e3), 20, frequency=(270.0, 380.0), **alone)
         else:
             curve = study.track(preload, (300.0, 380.0) if kind == "converged" else (270.0, 370.0))

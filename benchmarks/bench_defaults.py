@@ -136,7 +136,7 @@ def on_the_ground() -> None:
     z = model.interfaces["platform"].points[:, 2]
     share = 1.0 + 1.1 * z / np.abs(z).max()
     for load in (2000.0, 300.0):
-        held = bd.prescribe_preload(study, {"platform": load * share / share[share > 0.0].sum()})
+        held = study.with_(fixed_loads={"platform": load * share / share[share > 0.0].sum()})
         found = held.converge(held.peak(0.0, (260.0, 400.0)))
         print(f"blade on the ground, {load:g} N: {found}")
 

@@ -79,12 +79,11 @@ def scenes(n: int) -> Iterator[Scene]:
         study = bd.Study(
             models[name], bd.Excitation("tip", direction), order, friction_coefficient=friction,
             contact_stiffness="unit_traction",
-            effects=bd.Effects(harmonics=5, damper_modes=0 if ground else 2),
-        )  # fmt: skip
+        ).with_effects(bd.Effects(harmonics=5, damper_modes=0 if ground else 2))  # fmt: skip
         if ground:
             z = models[name].interfaces["platform"].points[:, 2]
             share = 1.0 + 1.1 * z / np.abs(z).max()
-            study = bd.prescribe_preload(study, {"platform": load * share / share[share > 0.0].sum()})
+            study = study.with_(fixed_loads={"platform": load * share / share[share > 0.0].sum()})
         interval = (560.0, 760.0) if direction == "axial" else (250.0, 400.0)
         text = f"{i}: {name}, {level}, {load:.0f} N, engine order {order}, {direction}, mu {friction:.2f}"
         yield Scene(text, study, 0.0 if ground else load, interval, tolerance)
@@ -150,9 +149,8 @@ def table() -> None:
             print("|---|---|---|---|---|---|---|")
             whole = None
             for off, effects in OFF.items():
-                study = bd.Study(
-                    model, excitation, 5, friction_coefficient=0.4, contact_stiffness="unit_traction", effects=effects
-                )
+                study = bd.Study(model, excitation, 5, friction_coefficient=0.4, contact_stiffness="unit_traction")
+                study = study.with_effects(effects)
                 system = study.problem.system(preload)
                 begin = time.process_time()
                 curve = study.track(preload, interval)

@@ -40,7 +40,7 @@ def on_the_ground(name: str) -> dict[str, Any]:
     loads = {"platform": 800.0 * share / share[share > 0.0].sum()}
     tip, plain = bd.Excitation("tip", direction="tangential"), bd.ResidualModes(inertia=modes == 10)
     free = bd.Study(model, tip, friction_coefficient=0.4, blade_modes=modes, contact_stiffness=plain)
-    held = bd.prescribe_preload(free, loads)
+    held = free.with_(fixed_loads=loads)
     curves = {n: held.with_(harmonics=n).track(0.0, (260.0, 400.0)) for n in (3, 5, 7, 9, 13)}
     tops = {str(n): 1e6 * float(curve.amplitude.max()) for n, curve in curves.items()}
     return {**record(held.march(curves[3])), "tops": tops}

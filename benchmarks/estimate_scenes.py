@@ -81,7 +81,7 @@ def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
         begin = time.process_time()
         estimate = study.estimate_errors(curve, sources=[source])[source]
         middle = time.process_time()
-        rich = study.another(richer.problem.anew())
+        rich = study.another(richer.problem.with_())
         whole = rich.track(preload, interval)
         if whole.peak_at_end and not curve.peak_at_end:
             whole = rich.track(preload, (interval[0] / BEYOND, interval[1] * BEYOND))

@@ -91,7 +91,7 @@ with plt.rc_context(PAPER):
 for ax, (name, method), marker in zip(axes, METHODS.items(), "os"):
     driven = bd.Excitation("tip_trailing_edge")
     study = bd.Study(model, driven, friction_coefficient=FRICTION, contact_stiffness=method, blade_modes=10, harmonics=1)
-    loaded = [bd.prescribe_preload(study, {"platform": load * share}) for load in LOADS]
+    loaded = [study.with_(fixed_loads={"platform": load * share}) for load in LOADS]
     curves[name] = [[s.with_(harmonics=h).track(0.0, BAND) for s in loaded] for h in HARMONICS]
     states = [contact_status(s, c.unknowns[c.peak.index], 0.0) for s, c in zip(loaded, curves[name][0])]
     opens[name] = [bool((state.share[share > 0.0, 0, 2] > 0.0).any()) for state in states]

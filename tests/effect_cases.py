@@ -80,13 +80,13 @@ def everything_on(case: Case) -> Effects:
 
 def study_of(case: Case, effects: Effects | None = None) -> bd.Study:
     """The study of a case, with everything on by default."""
-    return plain_study(
+    study = plain_study(
         _model(case),
         bd.Excitation("tip", case.direction),
         engine_order=case.engine_order,
         friction_coefficient=case.friction,
-        effects=effects or everything_on(case),
     )
+    return study.with_effects(effects or everything_on(case))
 
 
 def resonances(curve: Curve) -> list[float]:

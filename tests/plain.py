@@ -13,6 +13,5 @@ PLAIN = {"contact_stiffness": "unit_traction", "blade_modes": 10, "harmonics": 1
 
 
 def plain_study(*args: Any, **settings: Any) -> bd.Study:
-    """A study with these settings, unless others are given; effects bring their own harmonics and blade modes."""
-    plain = {name: value for name, value in PLAIN.items() if "effects" not in settings or name == "contact_stiffness"}
-    return bd.Study(*args, **(plain | settings))
+    """A study with these settings, unless others are given."""
+    return bd.Study(*args, **(PLAIN | settings))

@@ -149,7 +149,7 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     for name, body in model.bodies.items():
         lent = {d: body.bases[own] for d in others if body.kind == "constrained" and d not in body.bases}
         bodies[name] = replace(body, bases={**body.bases, **lent})
-    return problem.anew(model=replace(model, bodies=bodies), harmonics=harmonics)
+    return problem.with_(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer | str:
@@ -167,16 +167,16 @@ def _exact_events(problem: Problem) -> Richer | None:
     if not isinstance(own, Sampled):
         return None
     try:
-        return Richer(problem.anew(evaluation="exact"), "exact events")
+        return Richer(problem.with_(evaluation="exact"), "exact events")
     except SettingError:  # there are none with coupled friction
-        return Richer(problem.anew(evaluation=Sampled(4 * own.n_time)), f"{4 * own.n_time} samples")
+        return Richer(problem.with_(evaluation=Sampled(4 * own.n_time)), f"{4 * own.n_time} samples")
 
 
 def _more_points(problem: Problem) -> Richer | str:
     full = problem.settings.most_points
     if problem.settings.contact_points is None or problem.settings.contact_points >= full:
         return "the model has no more contact points"
-    return Richer(problem.anew(contact_points=None), f"{full} contact points on a face")
+    return Richer(problem.with_(contact_points=None), f"{full} contact points on a face")
 
 
 def _more_modes(problem: Problem) -> Richer | str:
@@ -191,13 +191,13 @@ def _more_modes(problem: Problem) -> Richer | str:
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
     text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
     modes = rich if len(set(rich.values())) > 1 else max(rich.values(), default=0)
-    return Richer(problem.anew(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
+    return Richer(problem.with_(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
     if problem.stiffness_method not in ("unit_traction", "eq4"):
         return None
-    return Richer(problem.anew(contact_stiffness="residual_modes"), "residual modes")
+    return Richer(problem.with_(contact_stiffness="residual_modes"), "residual modes")
 
 
 @one_thread

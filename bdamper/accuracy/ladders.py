@@ -82,7 +82,7 @@ class Run:
 
 @brief
 @dataclass(frozen=True)
-class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3, oldest=3):
+class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3):
     """Errors and times of settings, one at a time and combined, against the richest that was run.
 
     ``plot`` draws error over time (:func:`bdamper.plot.plot_accuracy`).
@@ -227,7 +227,7 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     points = changes.get("contact_points")
     if points is not None and points >= problem.settings.most_points:
         changes["contact_points"] = None
-    return problem.anew(**changes) if changes else problem
+    return problem.with_(**changes) if changes else problem
 
 
 # ---- the search ----

@@ -83,7 +83,7 @@ class EffectAdvice:
 
 @brief
 @dataclass(frozen=True)
-class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, oldest=4):
+class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
     """Change of the peak without each effect, and which effects are needed.
 
     ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_advice`).

@@ -31,7 +31,7 @@ from bdamper.util.text import aligned, amount, height, percent
 @brief
 @dataclass(frozen=True)
 class Comparison(
-    Plottable, Tabular, Storable, kind="bdamper-comparison", former={"bdamper-designs": 1, "bdamper-law-comparison": 2}
+    Plottable, Tabular, Storable, kind="bdamper-comparison", former=("bdamper-designs", "bdamper-law-comparison")
 ):
     """Tracking curves or optimal curves of several problems.
 

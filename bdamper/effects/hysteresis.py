@@ -87,9 +87,8 @@ class Hysteresis(
         Rows t1, t2, n.
     area : (n_points,) float, m2
     displacement : (n_points, 3, n_theta) float, m
-        Of the contact elements, along the axes in which friction acts, t1 and t2 or the major directions of the motion, and
-        closing along n; the elasticity around the contacts that residual modes hold adds to it.  NaN at points that the
-        settings leave out.
+        Of the contact elements, along t1 and t2 and closing along n; the elasticity around the contacts that residual modes
+        hold adds to it.  NaN at points that the settings leave out.
     force : (n_points, 3, n_theta) float, N
     gap : (n_points, n_theta) float, m
         Distance of the surfaces, 0 in contact; NaN at points without a normal spring.

@@ -17,7 +17,6 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.friction_axes import turned
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.points import PointArrays
 from bdamper.fatigue import criteria
@@ -294,8 +293,6 @@ def _contact_axes(problem: Problem, preload: float) -> NDArray:
         law=problem.point_laws.copy(), shift=np.zeros((n, 3)),
     )  # fmt: skip
     bases = [basis]
-    if problem.settings.friction_axes == "major":
-        bases, points = turned(bases, points, problem.major_directions(preload))
     if not problem.settings.separation or not problem.settings.variable_normal_load:
         state = problem.equilibrium(preload)
         constant = not problem.settings.variable_normal_load

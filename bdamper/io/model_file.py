@@ -39,7 +39,7 @@ from bdamper.model.checks import layout, require
 from bdamper.model.model import Body, Model
 from bdamper.model.validation import as_checked, check_model
 from bdamper.util.errors import ModelError
-from bdamper.util.hdf5 import check_folder, enter_reader, opened, written
+from bdamper.util.hdf5 import enter_reader, opened, written
 
 FORMAT = "bdamper-model"
 VERSION = 1
@@ -68,13 +68,10 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     ModelError
         If the model does not pass ``bdamper.model.validation.check_model``.
     BdamperError
-        If its directory does not exist.
-    OSError
         If the file cannot be written; an existing file is then unchanged.
     """
     check_model(model)
     _check_attribute_lengths(model)
-    check_folder(path)
     with written(path, track_order=True) as file:
         write_model(file, model)
 

@@ -130,9 +130,10 @@ def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:
     return replace(body, bases=bases, load=load, spin=spin, local=local)
 
 
-def united_stiffness(face: Interface, n_points: int, stiffness: NDArray) -> NDArray:
-    """(n_groups, 3) stiffness of the groups of a face from those of its patches, (n_points, 3)."""
-    return _Groups(face, n_points).sum @ np.broadcast_to(stiffness, (face.n_points, 3))
+def united_sum(face: Interface, n_points: int, values: NDArray) -> NDArray:
+    """(n_groups, ...) sums over the groups of a face of values at its patches, (n_points, ...): stiffness, loads."""
+    sums: NDArray = _Groups(face, n_points).sum @ values
+    return sums
 
 
 def united_mean(face: Interface, n_points: int | None, values: NDArray) -> NDArray:

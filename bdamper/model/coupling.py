@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from bdamper.model.model import Body, ModalBasis, Model
 from bdamper.util import validate
@@ -103,15 +104,9 @@ def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
     assert body.inertia is not None
     axes = body_axes(body)
     moments, principal = np.linalg.eigh(body.inertia)
-    rows = principal.T
-    order = [0, 1, 2]
-    best = -1.0
-    for candidate in ([0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]):
-        score = float(np.sum(np.abs(np.einsum("ij,ij->i", rows[candidate], axes))))
-        if score > best + 1e-12:
-            best, order = score, candidate
-    turn = rows[order] * np.sign(np.einsum("ij,ij->i", rows[order], axes))[:, None]
-    return moments[order], turn
+    along = axes @ principal
+    order = linear_sum_assignment(-np.abs(along))[1]
+    return moments[order], (principal[:, order] * np.sign(along[range(3), order])).T
 
 
 def standard_rigid_modes(model: Model, body: Body) -> Body:
@@ -168,15 +163,6 @@ class Coupling:
     engine_order: int
     single_basis: bool = False
 
-    def __str__(self) -> str:
-        modes = ", ".join(f"{name} {len(index)}" for name, index in self.modes.items())
-        faces = ", ".join(f"{name} {self.model.interfaces[name].n_points}" for name in self.interfaces)
-        basis = ", one basis for all harmonics" if self.single_basis else ""
-        return (
-            f"coupling of {len(self.model.bodies)} bodies, engine order {self.engine_order}{basis}\n"
-            f"  modes: {modes or 'none'}\n  contact points: {faces or 'none'}"
-        )
-
     @cached_property
     def n_points(self) -> int:
         return sum(self.model.interfaces[name].n_points for name in self.interfaces)
@@ -186,14 +172,10 @@ class Coupling:
         """(n_points,) name of the interface of each contact point."""
         return tuple(name for name in self.interfaces for _ in range(self.model.interfaces[name].n_points))
 
-    @cached_property
-    def _rows(self) -> dict[str, slice]:
-        n = [self.model.interfaces[name].n_points for name in self.interfaces]
-        return {name: slice(sum(n[:i]), sum(n[: i + 1])) for i, name in enumerate(self.interfaces)}
-
     def rows(self, interface: str) -> slice:
         """Rows of one interface among the stacked contact points."""
-        return self._rows[interface]
+        first = self.interface_of.index(interface)
+        return slice(first, first + self.model.interfaces[interface].n_points)
 
     @property
     def friction_faces(self) -> tuple[str, ...]:

@@ -217,4 +217,4 @@ def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
     force = conditions.excitation_at(omega, int(problem.engine_order))
     if force is not None:
         changes["excitation"] = replace(problem.excitation, amplitude=force)
-    return problem.anew(**changes)
+    return problem.with_(**changes)

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
 from bdamper.contact.own_law import ContactLaw
-from bdamper.model.coupling import RIGID_NAMES
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
-from bdamper.util.text import aligned
+from bdamper.util.text import aligned, spaced
 
 AXES = ("X", "Y", "Z")
 LAW_NAMES = ("separable", "coupled", "bonded")
@@ -33,8 +32,8 @@ AS_NAMED = (
 """Effects that are settings of a study of the same name."""
 
 
-def _effect(default: Any, meaning: str, off: str) -> Any:
-    return field(default=default, metadata={"meaning": meaning, "off": off})
+def _effect(default: Any, off: str) -> Any:
+    return field(default=default, metadata={"off": off})
 
 
 @validate.spelt
@@ -46,7 +45,7 @@ class Effects:
     ----------
     harmonics : int or sequence of int
         How many harmonics of the engine order, or which: ``(1, 3)`` leaves the second out.  The first is always there.
-        Even harmonics vanish only where the normal load is constant (:attr:`odd_symmetry`).
+        Even harmonics vanish only where the normal load is constant: friction with a constant limit is odd in the motion.
     bias : bool
         Mean motion as unknowns.  Off: the mean stays at its static value.
     variable_normal_load : bool
@@ -72,38 +71,23 @@ class Effects:
         Modes of each constrained body (at most what the model has).
     """
 
-    harmonics: Annotated[int | tuple[int, ...], check_harmonics] = _effect(
-        HARMONICS, "further harmonics of the engine order", "the response is sinusoidal, with or without a mean"
-    )
-    bias: bool = _effect(True, "mean motion under vibration", "the mean stays at its static value")
-    variable_normal_load: bool = _effect(
-        True, "friction limit follows the normal load", "friction limit of the static normal load, no separation"
-    )
-    separation: bool = _effect(
-        True, "surfaces open and close within the cycle", "closed points stay closed, open points stay open"
-    )
-    friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = _effect(
-        "separable", "friction in the contact plane", "separable: each tangential direction slips for itself"
-    )
-    rotation: Axes = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
-    translation: Axes = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
-    damper_modes: ByBody = _effect(0, "elastic damper modes", "the damper is rigid apart from contact stiffness")
-    harmonic_nodal_diameters: bool = _effect(
-        True, "each harmonic vibrates in its own nodal diameter", "every harmonic has the modes of the first"
-    )
-    constraints: bool = _effect(True, "constraint planes", "nothing limits the axial motion of the damper")
-    contact_points: validate.Count | None = _effect(
-        None, "contact points on each face", "neighbouring patches slip and open together"
-    )
-    stability: bool = _effect(
-        False, "stability of every solution", "a curve that runs back between two folds counts as unstable"
-    )
+    harmonics: Harmonics = _effect(HARMONICS, "the response is sinusoidal, with or without a mean")
+    bias: bool = _effect(True, "the mean stays at its static value")
+    variable_normal_load: bool = _effect(True, "friction limit of the static normal load, no separation")
+    separation: bool = _effect(True, "closed points stay closed, open points stay open")
+    friction_law: Law = _effect("separable", "separable: each tangential direction slips for itself")
+    rotation: Axes = _effect(AXES, "the damper does not turn about this axis")
+    translation: Axes = _effect(AXES, "the damper does not move along this axis")
+    damper_modes: ByBody = _effect(0, "the damper is rigid apart from contact stiffness")
+    harmonic_nodal_diameters: bool = _effect(True, "every harmonic has the modes of the first")
+    constraints: bool = _effect(True, "nothing limits the axial motion of the damper")
+    contact_points: validate.Count | None = _effect(None, "neighbouring patches slip and open together")
+    stability: bool = _effect(False, "a curve that runs back between two folds counts as unstable")
     blade_modes: validate.Count = _effect(
-        BLADE_MODES, "modes of the blade", "higher modes act through the contact stiffness and residual modes alone"
+        BLADE_MODES, "higher modes act through the contact stiffness and residual modes alone"
     )
 
     def __post_init__(self) -> None:
-        check_law(self.friction_law)
         validate.checked(self)
         if not self.variable_normal_load:
             object.__setattr__(self, "separation", False)
@@ -113,32 +97,22 @@ class Effects:
         """Harmonics besides the mean, ascending."""
         return harmonic_numbers(self.harmonics)
 
-    @property
-    def rigid_modes(self) -> tuple[str, ...]:
-        """Names of the rigid-body modes, as in :data:`bdamper.RIGID_NAMES`."""
-        return tuple(f"T{a}" for a in self.translation) + tuple(f"R{a}" for a in self.rotation)
-
-    @property
-    def odd_symmetry(self) -> bool:
-        """Whether even harmonics vanish by symmetry: friction with a constant limit is odd in the motion."""
-        return not self.variable_normal_load
-
     @classmethod
     def of(cls, problem: Any) -> Effects:
         """The effects that a study, a problem or settings include."""
         own = getattr(problem, "settings", problem)
-        rigid = [name for name in RIGID_NAMES if name in own.rigid_modes]
         return cls(
             **{name: getattr(own, name) for name in AS_NAMED},
-            rotation=tuple(name[1] for name in rigid if name[0] == "R"),
-            translation=tuple(name[1] for name in rigid if name[0] == "T"),
+            rotation=tuple(name[1] for name in own.rigid_modes if name[0] == "R"),
+            translation=tuple(name[1] for name in own.rigid_modes if name[0] == "T"),
             harmonic_nodal_diameters=not own.single_basis,
         )
 
     def settings(self) -> dict[str, Any]:
         """The settings of a study that carry these effects, by name."""
         same = {name: getattr(self, name) for name in AS_NAMED}
-        return same | {"rigid_modes": self.rigid_modes, "single_basis": not self.harmonic_nodal_diameters}
+        rigid = *(f"T{axis}" for axis in self.translation), *(f"R{axis}" for axis in self.rotation)
+        return same | {"rigid_modes": rigid, "single_basis": not self.harmonic_nodal_diameters}
 
     def without(self, name: str) -> Effects:
         """This set without one effect; the set itself where the effect is off already.
@@ -155,36 +129,33 @@ class Effects:
         SettingError
             If there is no such effect.
         """
-        what, beyond, most = name.partition(" beyond ")
-        field_name = what.replace(" ", "_")
-        motion, _, axis = name.partition(" ")
+        what, _, most = name.partition(" beyond ")
+        motion, _, axis = what.partition(" ")
+        key, changed = what.replace(" ", "_"), dict[str, Any]()
         if name.replace(" ", "_") in SWITCHES:
-            return self._with(name.replace(" ", "_"), False)
-        if motion in ("rotation", "translation") and axis in AXES:
-            return self._with(motion, tuple(a for a in getattr(self, motion) if a != axis))
-        if beyond and most.isdigit() and field_name == "harmonics":
+            changed[key] = False
+        elif name == what and motion in ("rotation", "translation") and axis in AXES:
+            changed[motion] = tuple(a for a in getattr(self, motion) if a != axis)
+        elif most.isdigit() and key == "harmonics":
             left = tuple(l for l in self.harmonic_numbers if l <= int(most))
-            return self if left == self.harmonic_numbers else self._with("harmonics", _as_count(left))
-        if beyond and most.isdigit() and field_name == "damper_modes" and isinstance(self.damper_modes, Mapping):
-            return self._with(field_name, {body: min(count, int(most)) for body, count in self.damper_modes.items()})
-        if beyond and most.isdigit() and field_name in ("damper_modes", "blade_modes", "contact_points"):
-            present = getattr(self, field_name)
-            return self if present is not None and present <= int(most) else self._with(field_name, int(most))
-        raise validate.unfit("effect", "the name of an effect that can be left out", name)
-
-    def _with(self, name: str, value: Any) -> Effects:
-        changes: dict[str, Any] = {name: value}
-        return replace(self, **changes)
+            if left != self.harmonic_numbers:
+                changed[key] = len(left) if left[-1] == len(left) else left
+        elif most.isdigit() and key in ("damper_modes", "blade_modes", "contact_points"):
+            own = getattr(self, key)
+            if isinstance(own, Mapping):
+                changed[key] = {body: min(count, int(most)) for body, count in own.items()}
+            else:
+                changed[key] = min(int(most), own or int(most)) if key == "contact_points" else min(int(most), own)
+        else:
+            raise validate.unfit("effect", "the name of an effect that can be left out", name)
+        return replace(self, **changed)
 
     def describe(self) -> str:
-        """A table of all effects: the setting, what it means, and what is assumed where it is off or reduced."""
-        rows = [
-            (f.name.replace("_", " "), _text(getattr(self, f.name)), f.metadata["meaning"], f.metadata["off"])
-            for f in fields(self)
-        ]
-        lines = aligned([("effect", "setting", "meaning", "assumed where off or reduced"), *rows])
+        """A table of all effects: the setting, and what is assumed where it is off or reduced."""
+        rows = [(spaced(f.name), _text(getattr(self, f.name)), f.metadata["off"]) for f in fields(self)]
+        lines = aligned([("effect", "setting", "assumed where off or reduced"), *rows])
         evens = [l for l in range(2, max(self.harmonic_numbers)) if l % 2 == 0 and l not in self.harmonic_numbers]
-        if evens and not self.odd_symmetry:
+        if evens and self.variable_normal_load:
             lines.append(f"harmonics {evens} are left out although the variable normal load excites them")
         return "\n".join(lines)
 
@@ -202,12 +173,12 @@ def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[in
     return known if several else known[0]
 
 
-def check_law(law: object, names: tuple[str, ...] = LAW_NAMES) -> None:
-    """Refuse anything but the name of a friction law, a law of the user's own, or a mapping of interface names to them."""
+def check_law(name: str, law: Any) -> Any:
+    """The name of a friction law, a law of the user's own, or a mapping of interface names to them."""
     given = law.values() if isinstance(law, Mapping) else [law]
-    expected = f"one of {names}, a ContactLaw or a mapping of interface names to {LAW_NAMES} and these"
-    good = all(isinstance(name, ContactLaw) or (isinstance(name, str) and name in LAW_NAMES) for name in given)
-    validate.that(good, "friction_law", expected, law)
+    good = all(isinstance(one, ContactLaw) or (isinstance(one, str) and one in LAW_NAMES) for one in given)
+    validate.that(good, name, f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these", law)
+    return law
 
 
 def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
@@ -217,16 +188,14 @@ def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
     return tuple(range(1, int(harmonics) + 1))
 
 
-def _as_count(numbers: tuple[int, ...]) -> int | tuple[int, ...]:
-    return len(numbers) if numbers == tuple(range(1, len(numbers) + 1)) else numbers
-
-
 def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
     given = validate.names(name, value, AXES)
     return tuple(axis for axis in AXES if axis in given)
 
 
 Axes = Annotated[tuple[str, ...], _axes]
+Harmonics = Annotated[int | tuple[int, ...], check_harmonics]
+Law = Annotated[str | ContactLaw | Mapping[str, str | ContactLaw], check_law]
 ByBody = Annotated[int | Mapping[str, int], validate.each(validate.whole)]
 
 

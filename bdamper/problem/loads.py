@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.contact.preload import StaticSystem, static_state
-from bdamper.model.coarsening import united_mean, united_stiffness
+from bdamper.model.coarsening import united_mean, united_sum
 from bdamper.model.coupling import Coupling
 from bdamper.model.model import Interface
 from bdamper.problem.settings import Settings
@@ -70,15 +70,11 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
     item : {"loads", "fixed_loads"}
         Newtons per newton of preload, or fixed ones.
     """
-
-    def united(face: Interface, n_points: int, load: NDArray) -> NDArray:
-        return united_stiffness(face, n_points, load[:, None])[:, 0]
-
     out = np.full(coupling.n_points, np.nan)
     for name, load in (getattr(settings, item) or {}).items():
         if name in coupling.interfaces:
             face, whole = coupling.model.interfaces[name], settings.model.interfaces[name]
-            values = at_points(f"{item} of '{name}'", load, face, whole, united)
+            values = at_points(f"{item} of '{name}'", load, face, whole, united_sum)
             out[coupling.rows(name)] = values * face.area / face.area.sum() if np.ndim(load) == 0 else values
     return out
 

@@ -94,10 +94,9 @@ def check_question(
         check_interval(problem, frequency, float(np.max(preload)) if problem.carries_load else 0.0)
 
 
-def check_load(problem: Problem, low: float, high: float | None = None) -> None:
+def check_load(problem: Problem, low: float, high: float) -> None:
     """Warn of an excitation that is extreme for preloads from ``low`` to ``high`` (N)."""
     amplitude = problem.excitation.amplitude if problem.settings.acts_at_location else 0.0
-    high = low if high is None else high
     # amplitude of the excitation over the preload: below, nothing slips; above, the damper does not stay in its seat
     excitation = (1e-6, 1.0)
     if amplitude > 0.0 and high > 0.0 and (amplitude > excitation[1] * high or amplitude < excitation[0] * low):

@@ -6,7 +6,7 @@ equations of the harmonic balance at one preload are ``system(preload)``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.friction_axes import major_angles, turned
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.own_law import OwnLaws
@@ -115,35 +114,13 @@ class Problem:
     # ---- other settings ----
 
     def with_(self, /, **settings: Any) -> Problem:
-        """The same problem under other settings, given by name; what does not depend on them is shared.
+        """The same problem under other settings, given by name.
 
         Raises
         ------
         SettingError
             If a value does not fit.
         """
-        own = self.settings
-        changed = {name for name, value in settings.items() if not hasattr(own, name) or value is not getattr(own, name)}
-        if not changed <= {"harmonics", "bias", "stability"}:
-            return self.anew(**settings)
-        out = self.sharing(self.parts.keys() - {"bases", "modal_bases", "response_rows"}, **settings)
-        if own.contact_stiffness is None and not changed <= {"stability"}:
-            if self.contact.note:
-                return self.anew(**settings)
-            try:
-                _ = out.bases
-            except ModelError:  # no flexibility at the nodal diameters of these harmonics
-                return self.anew(**settings)
-        _ = out.bases
-        return out
-
-    def sharing(self, names: Iterable[str], **settings: Any) -> Problem:
-        """The same problem under other settings, which the parts of these names must not depend on."""
-        given = {name: self.parts[name] for name in tuple(names) if name in self.parts}
-        return Problem(replace(self.settings, **settings), given)
-
-    def anew(self, **settings: Any) -> Problem:
-        """The same problem under other settings, which shares nothing with it."""
         return Problem(replace(self.settings, **settings))
 
     def given(self, **parts: Any) -> Problem:
@@ -151,19 +128,14 @@ class Problem:
         return Problem(self.settings, self.parts | parts)
 
     def with_effects(self, effects: Effects) -> Problem:
-        """The same problem with other effects; what does not depend on them is shared."""
-        settings = self.settings.settings_for(validate.instance("effects", effects, Effects))
-        return self.with_(**{name: value for name, value in settings.items() if value != getattr(self.settings, name)})
+        """The same problem with other effects."""
+        return self.with_(**validate.instance("effects", effects, Effects).settings())
 
     # ---- parts, made once ----
 
     @part
     def static_states(self) -> dict[tuple[float, ...], PreloadState]:
-        """Static states so far, by preload and load history; problems that agree in all that they depend on share them."""
-        return {}
-
-    @part
-    def _angles(self) -> dict[float, NDArray]:
+        """Static states so far, by preload and load history."""
         return {}
 
     @part
@@ -264,8 +236,6 @@ class Problem:
         """Contact stiffness of each interface."""
         factor = float(self.settings.contact_stiffness_factor)
         own = self.settings.own_laws()
-        if factor == 1.0 and not own:
-            return self.contact.stiffness
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
         scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
         made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
@@ -442,9 +412,9 @@ class Problem:
             self.static_states[key] = replace(state, cost=cost, **self._surfaces)
         return self.static_states[key]
 
-    def equilibrium(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
+    def equilibrium(self, preload: float) -> PreloadState:
         """The static state that a result is built on, an error where there is none."""
-        state = self.static(preload, history)
+        state = self.static(preload)
         if not state.converged:
             raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
         return state
@@ -543,8 +513,6 @@ class Problem:
             memory=state.memory,
         )
         bases = self.bases
-        if self.settings.friction_axes == "major":
-            bases, points = turned(bases, points, self.major_directions(preload))
         if not self.settings.separation or not self.settings.variable_normal_load:
             bases, points = without_separation(
                 bases, points, state, self.friction_points, constant_load=not self.settings.variable_normal_load
@@ -554,17 +522,6 @@ class Problem:
         scale = (static or 1.0, vibration or static or 1.0)
         springs = self.point_stiffness * self.coupling.spring_points[:, None]
         return Sector(bases, points, force, self.response_rows, self.settings.evaluation, scale, springs, self.bases)
-
-    def major_directions(self, preload: float) -> NDArray:
-        """(n_points,) float, rad: from the first contact axis to the major direction of the stuck motion."""
-        if preload in self._angles:
-            return self._angles[preload]
-        springs = stuck_springs(self, self.equilibrium(preload))
-        linear = self.sharing(self.parts, friction_axes="contact").sector(preload).linear
-        motions = [linear.response(w, springs) for w in linear.modes(springs)[0] if w > 0.0]
-        largest = max(motions, key=lambda motion: abs(motion @ self.response_rows[1]))
-        self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ largest)
-        return self._angles[preload]
 
 
 def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = False) -> NDArray:

@@ -20,16 +20,15 @@ from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import PerArea
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
-from bdamper.model.model import Model
+from bdamper.model.model import Interface, Model
 from bdamper.model.validation import check_model_once
 from bdamper.problem.effects import (
     BLADE_MODES,
     HARMONICS,
     LAW_NAMES,
     ByBody,
-    Effects,
-    check_harmonics,
-    check_law,
+    Harmonics,
+    Law,
     harmonic_numbers,
 )  # fmt: skip
 from bdamper.util import validate
@@ -97,16 +96,12 @@ class Settings:
         Viscous force on the translation of free bodies over its velocity, in proportion to mass on all their motions.
     evaluation : {"exact"} or Sampled
         How contact forces are found over a cycle.
-    friction_law : {"separable", "coupled", "constant_normal_load", "bonded"}, ContactLaw or mapping of interface to these
+    friction_law : {"separable", "coupled", "bonded"}, ContactLaw or mapping of interface to these
         "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
-        radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law, see
-        :mod:`bdamper.contact.preload`).  "bonded": linear springs in all directions and both senses.
-        "constant_normal_load": separable with ``variable_normal_load=False``; together with "coupled" give the latter.
-        A :class:`~bdamper.ContactLaw` is a compiled function, with springs of its own in place of the contact stiffness; it
-        is sampled, at 128 instants unless ``evaluation`` says otherwise.
-    friction_axes : {"contact", "major"}
-        Axes of the separable law: those of the interface, or at each point the major directions of its motion at the
-        resonance of the stuck contact with the largest response (:mod:`bdamper.contact.friction_axes`).
+        radius mu N (the static analysis uses the separable law, see :mod:`bdamper.contact.preload`).  "bonded": linear
+        springs in all directions and both senses.  A :class:`~bdamper.ContactLaw` is a compiled function, with springs of
+        its own in place of the contact stiffness.  It and "coupled" are sampled, at 128 instants unless ``evaluation``
+        says otherwise.
     bias, variable_normal_load, separation : bool
         Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
         otherwise stands in :class:`~bdamper.problem.effects.Effects`.
@@ -128,9 +123,6 @@ class Settings:
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
     stability : bool
         Whether tracking curves come with the stability of every point.
-    effects : Effects, optional
-        All settings that decide which effects take part, at once; the settings hold them afterwards, and
-        ``Effects.of(study)`` reads them.
     speed : float, rad/s, optional
         Rotor speed that the model belongs to, as :meth:`bdamper.Study.at_speed` sets it.  The static analysis then takes
         the displacement of the faces by rotation, per newton of the damper's own centrifugal load.
@@ -147,13 +139,13 @@ class Settings:
     """
 
     model: Model = field(repr=False)
-    excitation: Excitation
+    excitation: Annotated[Excitation, partial(validate.instance, kind=Excitation)]
     engine_order: validate.Natural = None  # type: ignore[assignment]  # 1 without cyclic symmetry
     friction_coefficient: float | Mapping[str, float | NDArray] = 0.3
-    response: Response | None = None
-    harmonics: Annotated[int | tuple[int, ...], check_harmonics] = HARMONICS
+    response: Annotated[Response, partial(validate.instance, kind=Response)] | None = None
+    harmonics: Harmonics = HARMONICS
     contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] | None = None
-    blade_modes: int = BLADE_MODES
+    blade_modes: validate.Count = BLADE_MODES
     damper_modes: ByBody = 0
     rigid_modes: Annotated[tuple[str, ...], partial(validate.names, choices=RIGID_NAMES)] = RIGID_NAMES
     constraints: bool = True
@@ -162,18 +154,16 @@ class Settings:
     damper_damping_ratio: Annotated[float | Mapping[str, float], validate.each(validate.Limits(least=0.0, below=1.0))] = 0.0
     damper_drag: Annotated[float | Mapping[str, float], validate.each(validate.Limits(least=0.0, unit="N s/m"))] = 0.0
     evaluation: str | Sampled = "exact"
-    friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = "separable"
-    friction_axes: Annotated[str, partial(validate.choice, choices=("contact", "major"))] = "contact"
+    friction_law: Law = "separable"
     bias: bool = True
     variable_normal_load: bool = True
     separation: bool = True
-    contact_points: int | None = None
+    contact_points: validate.Count | None = None
     gap: Mapping[str, float | NDArray] | None = None
     loads: Mapping[str, float] | None = None
     fixed_loads: Mapping[str, float | NDArray] | None = None
     load_history: Annotated[tuple[float, ...], check_history] = (1.0,)
     stability: bool = False
-    effects: Effects | None = None
     contact_stiffness_factor: validate.Positive = 1.0
     speed: validate.Speed | None = None
     slip_offset: validate.Length = 0.0
@@ -181,22 +171,18 @@ class Settings:
     aerodynamic_damping: complex | Mapping[int, complex] | None = None
 
     def __post_init__(self) -> None:
-        if self.effects is not None:
-            self._take_effects(validate.instance("effects", self.effects, Effects))
         check_model_once(self.model)
-        validate.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
-        if self.response is not None:
-            validate.instance("response", self.response, Response, "a Response(location, direction)")
-        self._check_places()
         if self.engine_order is None:
             expected = f"that of the excitation, since the model has {self.model.n_blades} sectors"
             validate.require(self.model.n_blades <= 1, "engine_order", expected, "none")
             object.__setattr__(self, "engine_order", 1)
         validate.checked(self)
-        validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self.most_modes("constrained")))
+        self._check_places()
+        validate.whole("blade_modes", self.blade_modes, 1, max(BLADE_MODES, self.most_modes("constrained")))
         self._check_friction()
-        _ = Effects.of(self)
-        self._check_contact_points()
+        most = max(self.most_points, 1)
+        expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
+        validate.that((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
         check_evaluation(self.evaluation, self.harmonic_numbers[-1])
         validate.require(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
         for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
@@ -286,11 +272,15 @@ class Settings:
         return {body: given.get(body, 0) if isinstance(given, Mapping) else given for body in self.free_bodies}
 
     @property
+    def friction_faces(self) -> tuple[Interface, ...]:
+        """Interfaces with friction."""
+        return tuple(face for face in self.model.interfaces.values() if face.kind == "friction")
+
+    @property
     def constrained_faces(self) -> tuple[str, ...]:
         """Friction interfaces that no free body takes part in: shrouds, roots, a platform pressed on the ground."""
         free = self.free_bodies
-        faces = [face for face in self.model.interfaces.values() if face.kind == "friction"]
-        return tuple(face.name for face in faces if face.body_a not in free and face.body_b not in free)
+        return tuple(face.name for face in self.friction_faces if face.body_a not in free and face.body_b not in free)
 
     @property
     def loaded(self) -> tuple[str, ...]:
@@ -340,16 +330,10 @@ class Settings:
                 "not follow it; make the model with other contacts instead"
             )
 
-    def _check_contact_points(self) -> None:
-        """Patches are united, never split: no more contact points than the model has."""
-        most = max(self.most_points, 1)
-        expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
-        validate.that((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
-
     @property
     def most_points(self) -> int:
         """Contact points of the friction face of the model that has most of them; 0 without such a face."""
-        return max((face.n_points for face in self.model.interfaces.values() if face.kind == "friction"), default=0)
+        return max((face.n_points for face in self.friction_faces), default=0)
 
     def most_modes(self, kind: str) -> int:
         """Modes that every body of a kind has at every nodal diameter, elastic ones of free bodies; 0 without a body."""
@@ -357,53 +341,23 @@ class Settings:
         modes = min((basis.n_natural for body in bodies for basis in body.bases.values()), default=0)
         return modes - len(RIGID_NAMES) if bodies and kind == "free" else modes
 
-    def _take_effects(self, effects: Effects) -> None:
-        own = {f.name: f.default for f in fields(self)}
-        for name, value in self.settings_for(effects).items():
-            given = getattr(self, name)
-            found = f"effects with {value!r} and {given!r}; use with_effects to change the effects of a study"
-            validate.require(given in (own[name], value), name, f"only one of effects and {name}", found)
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "effects", None)
-
-    def settings_for(self, effects: Effects) -> dict[str, Any]:
-        """Settings that carry some effects, by name."""
-        settings = effects.settings()
-        law = effects.friction_law
-        if self.evaluation == "exact" and "coupled" in (law.values() if isinstance(law, Mapping) else [law]):
-            settings["evaluation"] = Sampled(max(128, 8 * effects.harmonic_numbers[-1] + 8))
-        return settings
-
     def _check_friction(self) -> None:
-        given = self.friction_law
-        if isinstance(given, str) and given == "constant_normal_load":
-            object.__setattr__(self, "friction_law", "separable")
-            object.__setattr__(self, "variable_normal_load", False)
-        else:
-            check_law(given, (*LAW_NAMES, "constant_normal_load"))
-            faces = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
-            if isinstance(given, Mapping) and set(given) != set(faces):
-                raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
-        laws = set(self.law_by_interface().values())
-        if self.own_laws():
-            self._check_own_laws()
-            if isinstance(self.evaluation, str) and self.evaluation == "exact":
-                object.__setattr__(self, "evaluation", Sampled(max(128, 8 * self.harmonic_numbers[-1] + 8)))
-        expected = 'Sampled(n_time) with friction_law="coupled", which has no closed form'
-        validate.require(not (isinstance(self.evaluation, str) and LAW_COUPLED in laws), "evaluation", expected, '"exact"')
-        _ = self.friction_by_interface()
-
-    def _check_own_laws(self) -> None:
-        """Settings that laws of the user's own do not go with."""
-        served = {"friction_axes": "contact", "separation": True, "variable_normal_load": True, "stability": False}
-        for name, value in served.items():
+        given, faces = self.friction_law, [face.name for face in self.friction_faces]
+        if isinstance(given, Mapping) and set(given) != set(faces):
+            raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
+        # settings that laws of the user's own do not go with
+        served = {"separation": True, "variable_normal_load": True, "stability": False}
+        for name, value in served.items() if self.own_laws() else ():
             validate.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
+        sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
+        if sampled and isinstance(self.evaluation, str) and self.evaluation == "exact":  # neither has a closed form
+            object.__setattr__(self, "evaluation", Sampled(max(128, 8 * self.harmonic_numbers[-1] + 8)))
+        _ = self.friction_by_interface()
 
     def _laws(self) -> dict[str, str | ContactLaw]:
         """Of each friction interface."""
         given = self.friction_law
-        names = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
-        return {name: given[name] if isinstance(given, Mapping) else given for name in names}
+        return {face.name: given[face.name] if isinstance(given, Mapping) else given for face in self.friction_faces}
 
     def own_laws(self) -> dict[str, ContactLaw]:
         """The user's own laws of friction interfaces."""
@@ -474,7 +428,7 @@ class Settings:
             Of the continuation, kept beside them.
         """
         places = {"excitation": self.excitation, "response": self.response_location}
-        out = {f.name: getattr(self, f.name) for f in fields(Settings) if f.name not in ("model", "effects", *places)}
+        out = {f.name: getattr(self, f.name) for f in fields(Settings) if f.name not in ("model", *places)}
         out |= {"harmonics": self.harmonic_numbers, "friction_coefficient": self.friction_by_interface(), **places}
         out["contact_stiffness"] = _stiffness_setting(stiffness_method)
         if options is not None:

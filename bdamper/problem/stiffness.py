@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import Contact, PerArea, contact_stiffness
-from bdamper.model.coarsening import united_stiffness
+from bdamper.model.coarsening import united_sum
 from bdamper.model.coupling import Coupling
 from bdamper.problem.settings import Settings
 from bdamper.util.errors import ModelError, SettingError
@@ -52,8 +52,9 @@ def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, metho
     if settings.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
         # numbers are given for the points of the model
         whole = method if isinstance(method, Mapping) else dict.fromkeys(coupling.interfaces, method)
-        method = {
-            name: united_stiffness(settings.model.interfaces[name], settings.contact_points, np.asarray(k, float))
-            for name, k in whole.items()
-        }
+        method = {}
+        for name, k in whole.items():
+            face = settings.model.interfaces[name]
+            values = np.broadcast_to(np.asarray(k, float), (face.n_points, 3))
+            method[name] = united_sum(face, settings.contact_points, values)
     return replace(contact_stiffness(coupling, method, friction), method=given)

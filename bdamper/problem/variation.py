@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.model import Body, Model, feed_digest
 from bdamper.model.validation import as_checked
 from bdamper.problem.asked import asked
@@ -37,39 +36,13 @@ OF_MASS = ("damper_mass_factor", "damper_mass")
 SIDES = ("tangential", "normal")
 
 
-_CONTACT = ("contact", "stiffness")
-_EXCITATION = (
-    "coupling", "bases", "friction", *_CONTACT, "point_stiffness", "point_gaps", "tangential_stiffness", "damper_load",
-    "fixed_load",
-    "response_rows",
-)  # fmt: skip
-_KEPT = {
-    "friction_coefficient": ("coupling",),
-    "excitation.amplitude": _EXCITATION,
-    "excitation.phase": _EXCITATION,
-    "damping_ratio": ("coupling", "friction", *_CONTACT),
-    "damper_damping_ratio": ("coupling", "friction", *_CONTACT),
-    "damper_drag": ("coupling", "friction", *_CONTACT),
-    "contact_stiffness_factor": ("coupling", "friction", "contact"),
-    "damping_factor": ("friction",),
-    "damper_mass_factor": ("friction", *_CONTACT),
-    "damper_mass": ("friction", *_CONTACT),
-    **{f"contact_stiffness_factor.{side}": ("coupling", "friction") for side in SIDES},
-    "frequency_factor": ("friction",),
-    "gap_factor": ("coupling", "friction", *_CONTACT),
-}
-"""Parts of a problem, made once and kept, that a change of a setting leaves as they are."""
-_VIBRATION = ("excitation.amplitude", "excitation.phase", "damping_ratio", "damper_damping_ratio", "damper_drag")
-"""Settings that static states do not depend on."""
-
-
 def setting_names(problem: Problem) -> list[str]:
     """All names that :func:`vary` understands."""
     names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
     names += [f"excitation.{f.name}" for f in fields(problem.excitation) if f.name != "beside"]
     names += [f"response.{f.name}" for f in fields(problem.excitation) if f.name in ("location", "direction")]
-    faces = [name for name, face in problem.model.interfaces.items() if face.kind == "friction"]
-    names += [f"{setting}.{face}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
+    faces = problem.settings.friction_faces
+    names += [f"{setting}.{face.name}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
     names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
     names += [f"{item}.{part}" for item in OF_LOAD for part in problem.settings.loaded]
     return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
@@ -105,30 +78,6 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     """
     for name in settings:
         check_name(problem, name)
-    return _with_kept_parts(problem, _varied(problem, settings), list(settings))
-
-
-def _with_kept_parts(old: Problem, new: Problem, names: list[str]) -> Problem:
-    """Hands the parts on that need not be made again."""
-    of_part = "friction_coefficient", "gap_factor", *OF_MASS
-    names = [head if (head := name.partition(".")[0]) in of_part else name for name in names]
-    if new is old or not all(name in _KEPT for name in names):
-        return new
-    kept = set.intersection(*(set(_KEPT[name]) for name in names))
-    method = old.stiffness_method
-    residual = isinstance(method, ResidualModes) or (isinstance(method, str) and method == "residual_modes")
-    if residual and not set(OF_MASS).isdisjoint(names):
-        kept -= set(_CONTACT)  # the patterns are those of stuck modes
-    if "friction_coefficient" in names and not residual and not (isinstance(method, str) and method == "eq4"):
-        others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
-        kept |= set(_CONTACT).intersection(*others)
-    if all(name in _VIBRATION for name in names):
-        kept.add("static_states")
-    parts = {name: old.parts[name] for name in kept & old.parts.keys() - new.parts.keys()}
-    return new.given(**parts) if parts else new
-
-
-def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     if settings.get("speed") is not None:
         speed = validate.number("speed", settings["speed"], above=0.0, unit="rad/s")
         problem = under(problem, speed, Conditions())
@@ -139,15 +88,15 @@ def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
             place: Any = problem.excitation if part == "excitation" else problem.settings.response_location
-            problem = problem.anew(**{part: replace(place, **inner)})
+            problem = problem.with_(**{part: replace(place, **inner)})
     for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
             own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
-            problem = problem.anew(friction_coefficient=own)
+            problem = problem.with_(friction_coefficient=own)
         elif head in OF_LOAD and part:
-            problem = problem.anew(**{head: {**problem.settings.given_loads(head), part: value}})
+            problem = problem.with_(**{head: {**problem.settings.given_loads(head), part: value}})
         elif head in FACTORS:
             problem = _scaled(problem, head, part, value)
     return problem
@@ -158,7 +107,7 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps
         changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
-        return problem.anew(gap=changed)
+        return problem.with_(gap=changed)
     if name in OF_MASS:
         return _of_mass(problem, name, part, factor)
     if part:
@@ -167,16 +116,16 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
         way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
         kinds = problem.settings.law_by_interface()
         values = {f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()}
-        return problem.anew(contact_stiffness=values, contact_stiffness_factor=1.0)
+        return problem.with_(contact_stiffness=values, contact_stiffness_factor=1.0)
     if name == "contact_stiffness_factor":
-        return problem.anew(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
+        return problem.with_(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
     if name == "damping_factor":
         if problem.settings.damping_ratio is not None:
-            return problem.anew(damping_ratio=factor * problem.settings.damping_ratio)
+            return problem.with_(damping_ratio=factor * problem.settings.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
-        return problem.anew(model=as_checked(replace(problem.model, bodies=bodies)))
+        return problem.with_(model=as_checked(replace(problem.model, bodies=bodies)))
     whole = denser(problem.model, factor**-2, tuple(problem.model.bodies), whole=True)  # frequency_factor
-    return problem.anew(model=as_checked(whole))
+    return problem.with_(model=as_checked(whole))
 
 
 def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
@@ -195,8 +144,8 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     elif part and settings.speed is None:
         loads = settings.given_loads("loads").items()
         scaled = {key: factor * share if key == part else share for key, share in loads}
-        return problem.anew(model=as_checked(model), loads=scaled or None)
-    return problem.anew(model=as_checked(model))
+        return problem.with_(model=as_checked(model), loads=scaled or None)
+    return problem.with_(model=as_checked(model))
 
 
 def _damped(body: Body, factor: float) -> Body:

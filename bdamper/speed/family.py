@@ -22,7 +22,6 @@ from bdamper.problem.aligned import like
 from bdamper.problem.at_speed import Conditions, preload_at, under
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
-from bdamper.util.errors import SettingError
 
 T = TypeVar("T")
 
@@ -36,7 +35,7 @@ def with_needed_bases(problem: Problem) -> Problem:
 
     bodies = {n: b if b.kind == "free" else replace(b, bases=needed(b.bases)) for n, b in model.bodies.items()}
     stress = {n: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact)) for n, rows in model.stress.items()}
-    return problem.anew(model=as_checked(replace(model, bodies=bodies, stress=stress)))
+    return problem.with_(model=as_checked(replace(model, bodies=bodies, stress=stress)))
 
 
 class SpeedFamily:
@@ -50,8 +49,6 @@ class SpeedFamily:
     """
 
     def __init__(self, problem: Problem, conditions: Conditions) -> None:
-        if problem.settings.friction_axes != "contact":
-            raise SettingError(f'over speed: expected friction_axes="contact", found "{problem.settings.friction_axes}"')
         self.whole = problem
         self.base = with_needed_bases(problem)
         self.conditions = conditions

@@ -8,16 +8,13 @@ work, and is taken back then.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache, wraps
+from functools import cache
 from threading import Lock
-from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-P = ParamSpec("P")
-T = TypeVar("T")
 _held = Lock()
 
 
@@ -40,12 +37,5 @@ def single_thread() -> Iterator[None]:
         _held.release()
 
 
-def one_thread(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, with one thread for linear algebra."""
-
-    @wraps(function)
-    def limited(*args: P.args, **keywords: P.kwargs) -> T:
-        with single_thread():
-            return function(*args, **keywords)
-
-    return limited
+one_thread = single_thread()
+"""Decorator of a function that has one thread for linear algebra."""

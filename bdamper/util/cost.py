@@ -76,10 +76,6 @@ class Cost:
         """What both have taken, one after the other."""
         return Cost(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
 
-    def __sub__(self, before: Cost) -> Cost:
-        """What was spent since an earlier reading."""
-        return Cost(**{f.name: getattr(self, f.name) - getattr(before, f.name) for f in fields(self)})
-
     def __str__(self) -> str:
         processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
         return (

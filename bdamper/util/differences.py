@@ -82,7 +82,7 @@ class Comparable(Summarised):
         if not isinstance(other, Comparable):
             raise SettingError(f"other: expected a study or a result to compare with, found a {type(other).__name__}")
         same = type(self) is type(other)
-        own, others = ({**one._model(), **one._settings()} for one in (self, other))
+        own, others = (one._asked() for one in (self, other))
         # results of different kinds have settings of their own beside those of the study
         names = own.keys() | others.keys() if same else own.keys() & others.keys()
         first, second = (_flat({k: v for k, v in one.items() if k in names}) for one in (own, others))
@@ -101,13 +101,10 @@ class Comparable(Summarised):
     def _outcomes(self) -> tuple[Fact, ...]:
         return self.facts()
 
-    def _settings(self) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = getattr(self, "settings", {})
-        return found
-
-    def _model(self) -> dict[str, str]:
-        digest = getattr(self, "model_hash", "")  # what is made without a problem has none
-        return {"model": digest} if digest else {}
+    def _asked(self) -> dict[str, Any]:
+        """Model, except where no problem was asked, and settings."""
+        digest = getattr(self, "model_hash", "")
+        return ({"model": digest} if digest else {}) | getattr(self, "settings", {})
 
 
 def _flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:

@@ -3,7 +3,7 @@
 A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An array becomes a
 dataset, a mapping of names to arrays a group, results within a result groups of their own, and everything else a text in
 JSON; a field that is None is left out.  Reading goes by the annotated types of the fields.  A file says which versions of
-bdamper, NumPy and SciPy made the result; those of bdamper 0.1 do not, and hold their texts in attributes.
+bdamper, NumPy and SciPy made the result.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def enter_former(kind: str, mark: str, today: type[Storable], fields_of: Callabl
     fields_of : callable
         From the group of a file the fields that are not there as they are today.
     """
-    _READERS[kind], _FORMER[mark] = partial(_read, today, 1, 2), fields_of
+    _READERS[kind], _FORMER[mark] = partial(_read, today, 2), fields_of
 
 
 def load(path: FilePath) -> Any:
@@ -92,24 +92,22 @@ class Storable:
     -----------------------
     kind : str
         Name of the format.
-    version, oldest : int
-        Version of the format that is written, and the oldest one that is read; bdamper 0.1 wrote version 1.
-    former : mapping of str to int
-        Formats of earlier versions of bdamper that hold the same fields, and the oldest version of each that is read.
+    version : int
+        Of the format.
+    former : tuple of str
+        Formats of earlier versions of bdamper that hold the same fields.
     """
 
     _format: ClassVar[tuple[str, int]]
     made_with: Versions = field(default=HERE, kw_only=True, repr=False, compare=False)
     """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
 
-    def __init_subclass__(
-        cls, *, kind: str = "", version: int = 2, oldest: int = 1, former: Mapping[str, int] | None = None, **options: Any
-    ) -> None:
+    def __init_subclass__(cls, *, kind: str = "", version: int = 2, former: tuple[str, ...] = (), **options: Any) -> None:
         super().__init_subclass__(**options)
         if kind:  # what derives from a result is saved as that
             cls._format = kind, version
-            for name, least in {kind: oldest, **(former or {})}.items():
-                enter_reader(name, partial(_read, cls, least, version))
+            for name in (kind, *former):
+                enter_reader(name, partial(_read, cls, version))
 
     def save(self, path: FilePath) -> None:
         """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
@@ -119,13 +117,9 @@ class Storable:
         BdamperError
             If no file can be written there.
         """
-        check_folder(path)
-        try:
-            with written(path) as file:
-                file.attrs["format"], file.attrs["version"] = self._format
-                _put(file, self)
-        except OSError as error:
-            raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
+        with written(path) as file:
+            file.attrs["format"], file.attrs["version"] = self._format
+            _put(file, self)
 
 
 @dataclass(frozen=True)
@@ -154,13 +148,22 @@ def check_folder(path: FilePath) -> None:
 
 @contextmanager
 def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
-    """A new HDF5 file, which replaces an existing one in a single step once all of it is written."""
+    """A new HDF5 file, which replaces an existing one in a single step once all of it is written.
+
+    Raises
+    ------
+    BdamperError
+        If no file can be written there.
+    """
+    check_folder(path)
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
         with h5py.File(temporary, "x", **options) as file:
             yield file
         os.replace(temporary, target)
+    except OSError as error:
+        raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -182,14 +185,12 @@ def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperErro
         raise kind(f"{path}: expected {expected}, found something else ({found})") from error
 
 
-def _read(cls: type[Storable], oldest: int, newest: int, path: FilePath) -> Storable:
+def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
     with opened(path, f"a file written by {cls.__name__}.save") as file:
         made_with = Versions.stored(file.attrs)
-        version = int(file.attrs.get("version", 0))
-        if not oldest <= version <= newest:
-            known, kind = f"{oldest} to {newest}" if oldest < newest else f"{newest}", _text(file.attrs["format"])
-            found = f"version {version}, written by {made_with}"
-            raise BdamperError(f"{path}: expected version {known} of the format '{kind}', found {found}")
+        if (own := file.attrs["version"]) != version:
+            expected = f"version {version} of the format '{_text(file.attrs['format'])}'"
+            raise BdamperError(f"{path}: expected {expected}, found version {own}, written by {made_with}")
         return _take(cls, file, made_with)
 
 
@@ -258,8 +259,6 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
         elif item is not None:
             text = h5py.check_string_dtype(item.dtype) is not None
             found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
-        elif name in group.attrs:
-            found[name] = _typed(hints[name], _from_attribute(hints[name], group.attrs[name]))
     return cls(**_translated(cls, found))
 
 
@@ -267,13 +266,6 @@ def _translated(cls: Any, found: dict[str, Any]) -> dict[str, Any]:
     """Fields of a result in today's words for statuses."""
     marks = {name: own.mark(Translated) for name, own in declarations(cls).items() if name in found}
     return found | {name: mark.read(found[name]) for name, mark in marks.items() if mark is not None}
-
-
-def _from_attribute(hint: Any, value: Any) -> Any:
-    """What bdamper 0.1 stored in an attribute: a text as it is or in JSON, a number, or a list of texts or numbers."""
-    if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    return value if hint is str and not value.startswith('"') else json.loads(value)
 
 
 def typed(hint: object, value: object) -> Any:

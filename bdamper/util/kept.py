@@ -25,7 +25,7 @@ others are not named."""
 @brief
 @dataclass(frozen=True)
 class Marched(
-    Plottable, Tabular, Recorded, Storable, kind="bdamper-kept", former={"bdamper-wheel-kept": 1}, row="period"
+    Plottable, Tabular, Recorded, Storable, kind="bdamper-kept", former=("bdamper-wheel-kept",), row="period"
 ):
     """What was marched in time at one preload: the highest amplitude toward the tip of the response, or one motion.
 
@@ -204,7 +204,7 @@ class Marched(
         return f"time {self.verdict} with the solution of {amount(self.balance, 'm')}: {comes} ({self.reason}).{alike}"
 
     def facts(self) -> tuple[Fact, ...]:
-        """Facts of the time integration, with the energy of a period, the waves, and the admitted patterns."""
+        """Facts of the time integration, with the energy of a period and the waves."""
         unequal = self.blades.size and not self.waves.size
         out = [Fact("blade", self.blade)] * bool(unequal) + list(super().facts())
         if self.energy:
@@ -217,7 +217,6 @@ class Marched(
             told = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
             ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in told]
             out.append(Fact("waves, nodal diameters", ", ".join(ways)))
-            out.append(Fact("patterns admitted", f"those that repeat after {self.blades.shape[1]} blades"))
         return tuple(out)
 
 

@@ -194,14 +194,9 @@ def _facts(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
     elif several and isinstance(value, Mapping):
         yield from (Fact(f"{label} {key}", item, unit) for key, item in value.items())
     elif several and isinstance(value, tuple | list):
-        texts = [_in_words(item) for item in value]
+        texts = [item.bottom_line() if isinstance(item, Summarised) else str(item) for item in value]
         texts = [", ".join(texts)] if all(isinstance(item, int) for item in value) else texts
         yield from (Fact(f"{label} {i}" if len(texts) > 1 else label, text) for i, text in enumerate(texts, 1))
-
-
-def _in_words(value: Any) -> str:
-    """One line of a part of a result: its bottom line, or its text."""
-    return value.bottom_line() if isinstance(value, Summarised) else str(value)
 
 
 def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -42,7 +42,7 @@ BEFORE = {
     "undecided": INCOMPLETE,
     "no start": NOT_FOUND,
 }
-"""Words of versions 0.1 to 0.5, and what they are called now."""
+"""Words of versions up to 0.5, and what they are called now."""
 
 
 def word(status: str) -> str:

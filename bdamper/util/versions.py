@@ -15,10 +15,9 @@ class Versions:
     Parameters
     ----------
     bdamper, numpy, scipy : str
-        Files of version 0.1 do not name theirs, so what is not given is that.
     """
 
-    bdamper: str = "0.1"
+    bdamper: str = "unknown"
     numpy: str = "unknown"
     scipy: str = "unknown"
 

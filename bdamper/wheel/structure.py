@@ -237,7 +237,7 @@ def tuned_problem(study: Problem) -> Problem:
     blades: divided by ``(1 + eps)**2`` as it should be, what is left out moves the stuck frequencies of wheels of five to
     eight blades with deviations of 5 % by at most 0.05 % (family 1: 0.01 %).
     """
-    served = {"single_basis": False, "friction_axes": "contact", "separation": True, "variable_normal_load": True}
+    served = {"single_basis": False, "separation": True, "variable_normal_load": True}
     for name, value in served.items():
         if getattr(study.settings, name) != value:
             raise SettingError(f"{name}: expected {value!r} for a wheel, found {getattr(study.settings, name)!r}")

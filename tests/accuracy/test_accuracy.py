@@ -232,7 +232,7 @@ def test_stand_ins_leave_present_modes_alone(study):
 
 def test_change_between_equal_studies_is_nothing(study, place, peak):
     for by_newton in (True, False):
-        change = compare(study.problem, study.problem.anew(), place[0], Tops((peak,)), by_newton)
+        change = compare(study.problem, study.problem.with_(), place[0], Tops((peak,)), by_newton)
         assert change.known and abs(change.amplitude) < 1e-8 and abs(change.frequency) < 1e-8
 
 

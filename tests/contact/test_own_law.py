@@ -267,7 +267,7 @@ class TestRefused:
 
     @pytest.mark.parametrize(
         ("name", "value"),
-        [("separation", False), ("variable_normal_load", False), ("friction_axes", "major"), ("stability", True)],
+        [("separation", False), ("variable_normal_load", False), ("stability", True)],
     )
     def test_settings(self, name, value):
         with pytest.raises(bd.SettingError, match=f"{name}: expected .* with a ContactLaw"):

@@ -38,9 +38,7 @@ def test_the_equations_are_not_those_of_another_load(study):
     assert study.problem.system(LAST).n_unknowns == study.problem.n_unknowns
     for ask in (
         study.problem.system,
-        study.problem.major_directions,
         lambda load: study.stuck(INTERVAL, load),
-        study.with_(friction_axes="major").problem.system,
     ):
         with pytest.raises(StaticError, match="under 800 N, found none: no equilibrium beyond 500 N"):
             ask(800.0)

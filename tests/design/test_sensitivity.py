@@ -123,7 +123,7 @@ def test_a_kink_has_no_derivative(above, below):
 def test_every_default_parameter_of_shipped_models(name, preload):
     study, least = shipped(name), 4
     if name == "blade_to_ground":  # nothing but excitation and damping can be varied
-        study, preload, least = bd.prescribe_preload(study, {"platform": preload / 24.0}), 0.0, 2
+        study, preload, least = study.with_(fixed_loads={"platform": np.full(24, preload / 24.0)}), 0.0, 2
     wrong, compared = compare(study, preload, PARAMETERS)
     assert wrong == {}
     assert compared >= least

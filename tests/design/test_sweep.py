@@ -483,7 +483,7 @@ class TestResultsFile:
         ]
         prints = [study_fingerprint(s) for s in others]
         assert len({base, *prints}) == len(prints) + 1
-        assert study_fingerprint(study.another(study.problem.anew()).problem) == base
+        assert study_fingerprint(study.another(study.problem.with_()).problem) == base
 
 
 DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_factor": stats.lognorm(0.1)}
@@ -644,7 +644,7 @@ def test_models_without_a_loaded_body_say_so():
 def test_answers_do_not_depend_on_order(study):
     """To the last bit, also where only the preload varies and all points share one study."""
     loads = [5000.0, 700.0, 1500.0]
-    fresh = study.another(study.problem.anew())
+    fresh = study.another(study.problem.with_())
     first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
-    again = bd.sweep(study.another(study.problem.anew()), over={"preload": loads[::-1]}, frequency=INTERVAL)
+    again = bd.sweep(study.another(study.problem.with_()), over={"preload": loads[::-1]}, frequency=INTERVAL)
     assert first.values == again.values[::-1]

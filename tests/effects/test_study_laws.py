@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.friction_axes import major_angles, turned
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
-from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import STICK
 from bdamper.continuation.track import self_locking
-from bdamper.problem.problem import stuck_springs
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
@@ -35,13 +30,12 @@ def test_law_of_each_point(study):
     for settings, law in (
         ({"friction_law": "coupled", "evaluation": bd.Sampled(64)}, LAW_COUPLED),
         ({"friction_law": "bonded"}, LAW_BONDED),
-        ({"friction_law": "constant_normal_load"}, LAW_CONSTANT),
+        ({"variable_normal_load": False}, LAW_CONSTANT),
         ({"friction_law": "coupled", "evaluation": bd.Sampled(64), "variable_normal_load": False}, LAW_COUPLED_CONSTANT),
     ):
         points = study.with_(**settings).problem.system(200.0).structure.points
         assert set(points.law[: friction.sum()]) == {law}
         assert set(points.law[friction.sum() :]) <= {LAW_NORMAL}
-    assert not study.with_(friction_law="constant_normal_load").settings.variable_normal_load
 
 
 def test_a_law_for_each_interface(study):
@@ -106,12 +100,11 @@ def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
 
 def test_comparison_of_laws(study, tmp_path):
     """At high preload nothing slips, and all laws agree; at a low one they differ, most of all from constant load."""
-    laws = ("coupled", "separable", "major", "constant_normal_load")
+    laws = ("coupled", "separable", "constant_normal_load")
 
     def under(one):
         coupled = one.with_(friction_law="coupled", evaluation=bd.Sampled(128))
-        other = one.with_(friction_axes="major"), one.with_(friction_law="constant_normal_load")
-        return dict(zip(laws, (coupled, one, *other)))
+        return dict(zip(laws, (coupled, one, one.with_(variable_normal_load=False))))
 
     low = bd.compare(under(study), lambda one: one.track(200.0, INTERVAL))
     assert all(curve.complete for curve in low.curves)
@@ -122,45 +115,11 @@ def test_comparison_of_laws(study, tmp_path):
     low.save(tmp_path / "laws.h5")
     again = bd.load(tmp_path / "laws.h5")
     assert str(again) == str(low) and again.names == laws and {curve.preload for curve in again.curves} == {200.0}
-    assert [curve.settings["friction_law"] for curve in again.curves] == ["coupled"] + ["separable"] * 3
-    assert [curve.settings["friction_axes"] for curve in again.curves] == ["contact", "contact", "major", "contact"]
+    assert [curve.settings["friction_law"] for curve in again.curves] == ["coupled", "separable", "separable"]
+    assert [curve.settings["variable_normal_load"] for curve in again.curves] == [True, True, False]
     high = bd.compare(under(study.with_(damping_ratio=0.02)), lambda one: one.track(50000.0, INTERVAL))
-    # turned axes leave out what couples them, so "major" is another linear structure
     for law in ("separable", "constant_normal_load"):
         assert abs(high.change(law)) < 1e-3
-
-
-class TestMajorAxes:
-    def test_angles_of_known_ellipses(self):
-        a = np.array([0.3, -1.2, np.pi / 2, 0.0])
-        turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
-        motion = np.einsum("dcp,c->pd", turn, np.array([2.0, 0.5j])) * np.exp(0.7j)
-        np.testing.assert_allclose(np.mod(major_angles(motion), np.pi), np.mod(a, np.pi), atol=1e-12)
-        assert major_angles(np.array([[1.0, 1j], [0.0, 0.0]]))[1] == 0.0
-
-    def test_turning_keeps_motion_and_isotropic_stiffness(self, study):
-        system = study.problem.system(200.0)
-        angles = np.linspace(-1, 1, system.n_points)
-        points = replace(system.structure.points, kt=np.ones((system.n_points, 2)))
-        bases, new = turned(study.problem.bases, points, angles)
-        assert isinstance(new, PointArrays)
-        np.testing.assert_allclose(new.kt, 1.0)
-        size = [np.linalg.norm(b.G[:, :2], axis=1) for b in (bases[1], study.problem.bases[1])]
-        np.testing.assert_allclose(*size)
-        back, _ = turned(bases, new, -angles)
-        np.testing.assert_allclose(back[1].G, study.problem.bases[1].G, atol=1e-12)
-
-    def test_stuck_motion_is_along_the_major_axes(self, study):
-        angles = study.with_(friction_axes="major").problem.major_directions(500.0)
-        springs = stuck_springs(study.problem, study.static(500.0))
-        sector = study.problem.system(500.0).structure
-        stuck = sector.linear
-        motions = [stuck.response(w, springs) for w in stuck.modes(springs)[0] if w > 0.0]
-        linear = motions[int(np.argmax([abs(motion @ study.problem.response_rows[1]) for motion in motions]))]
-        bases, _ = turned(study.problem.bases, sector.points, angles)
-        u = bases[1].G[:, :2] @ linear
-        assert (np.abs(u[:, 0]) >= np.abs(u[:, 1])).all()
-        np.testing.assert_allclose((u[:, 0] * u[:, 1].conj()).real, 0.0, atol=1e-9 * np.abs(u).max() ** 2)
 
 
 @pytest.mark.parametrize(
@@ -168,8 +127,6 @@ class TestMajorAxes:
     [
         ({"friction_law": "viscous"}, r"friction_law: expected one of .* found 'viscous'"),
         ({"friction_law": {"nowhere": "bonded"}}, r"friction_law: expected one of .* for each interface"),
-        ({"friction_law": "coupled"}, r"evaluation: expected Sampled\(n_time\) with friction_law"),
-        ({"friction_axes": "minor"}, r"friction_axes: expected"),
     ],
 )
 def test_wrong_settings_are_named(study, settings, message):

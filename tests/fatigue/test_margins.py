@@ -187,9 +187,7 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
     assert study.margin(bare, AISI_1050).least == pytest.approx(study.margin(peak, AISI_1050).least, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "settings", [{}, {"friction_axes": "major"}, {"separation": False}, {"variable_normal_load": False}]
-)
+@pytest.mark.parametrize("settings", [{}, {"separation": False}, {"variable_normal_load": False}])
 def test_contact_forces_are_those_of_the_equations_in_the_axes_of_the_model(study, settings):
     other = study.with_(**settings)
     system = other.problem.system(200.0)

@@ -84,7 +84,7 @@ def rig(law, evaluation="exact", harmonics=5):
 
 
 LAWS = {
-    "constant normal load": {"friction_law": "constant_normal_load", "harmonics": 13},
+    "constant normal load": {"variable_normal_load": False, "harmonics": 13},
     "constant load in a disk": {"friction_law": "coupled", "variable_normal_load": False, "evaluation": bd.Sampled(128)},
     "bonded": {"friction_law": "bonded"},
     "sampled": {"evaluation": bd.Sampled(128), "harmonics": 9},

@@ -69,7 +69,6 @@ def test_the_history_of_a_jenkins_element_is_a_parallelogram():
         ({}, 2e-6),
         ({"separation": False}, 2e-6),
         ({"variable_normal_load": False}, 2e-6),
-        ({"friction_axes": "major"}, 2e-6),
         ({"friction_coefficient": {"left": 0.3, "right": 0.0}}, 2e-6),
         ({"friction_law": "bonded"}, 1e-12),
         ({"friction_law": "coupled", "evaluation": bd.Sampled(256)}, 2e-3),  # of order 1/n_time with separation

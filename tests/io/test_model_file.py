@@ -37,7 +37,7 @@ from bdamper.model.model import (
 )
 from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.stress import StressSet
-from bdamper.util.errors import ModelError
+from bdamper.util.errors import BdamperError, ModelError
 from tests.models import ALL_MODELS, lumped_local, shroud_model, wedge_model
 
 
@@ -203,7 +203,7 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
         raise OSError("no space left")
 
     monkeypatch.setattr(model_file, "write_record", fail)
-    with pytest.raises(OSError, match="no space left"):
+    with pytest.raises(BdamperError, match="expected a file that can be written, found no space left"):
         save_model(shroud_model(), copy)
     assert copy.read_bytes() == before
     assert [path.name for path in copy.parent.iterdir()] == ["copy.h5"]
@@ -847,7 +847,7 @@ def test_damaged_numbers(tmp_path):
 CHILD = """
 import random, sys
 from pathlib import Path
-from bdamper.util.errors import ModelError
+from bdamper.util.errors import BdamperError, ModelError
 from bdamper.io import load_model
 raw = Path(sys.argv[1]).read_bytes()
 path = Path(sys.argv[2])

@@ -182,12 +182,12 @@ INTERFACES: list[Case] = [
     (
         "frame scaled",
         lambda: face(WEDGE, "left", frame=at(LEFT.frame, 1, 1.001 * LEFT.frame[1])),
-        "frame: expected orthonormal rows t1, t2, n, found an error of 0.002 in their products at point 1",
+        "frame: expected orthonormal rows t1, t2, n (errors of their products), found 0.00200",
     ),
     (
         "frame left-handed",
         lambda: face(WEDGE, "left", frame=at(LEFT.frame, 3, -LEFT.frame[3])),
-        "left/frame: expected right-handed rows t1, t2, n, found left-handed ones at point 3",
+        "left/frame: expected right-handed rows t1, t2, n (determinants), found -",
     ),
     (
         "sector 2",
@@ -212,7 +212,8 @@ INTERFACES: list[Case] = [
     (
         "body without that port",
         lambda: face(WEDGE, "front", body_b="blade"),
-        "/interfaces/front/@body_b: expected 'front.b' in the ports of 'blade', found ['left.b', 'right.b']",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('front', 'b'), ('left', 'b'), ('right', 'b')], found",
     ),
     (
         "shroud in one sector",
@@ -240,7 +241,8 @@ PORTS: list[Case] = [
     (
         "unknown interface",
         lambda: body(WEDGE, "blade", ports=(("up", "b"), ("right", "b"))),
-        "/bodies/blade/@ports: expected an interface of ['left', 'right', 'front', 'back'], found 'up'",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('left', 'b'), ('right', 'b')], found [('up', 'b')",
     ),
     (
         "unknown side",
@@ -250,17 +252,19 @@ PORTS: list[Case] = [
     (
         "wrong side",
         lambda: body(WEDGE, "blade", ports=(("left", "a"), ("right", "b"))),
-        "/bodies/blade/@ports: expected 'left.a' to be a side of this body, found body_a = 'damper' there",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('left', 'b'), ('right', 'b')], found [('left', 'a')",
     ),
     (
         "twice",
         lambda: body(WEDGE, "blade", ports=(("left", "b"), ("left", "b"))),
-        "/bodies/blade/@ports: expected each port once",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body",
     ),
     (
         "missing",
         lambda: body(WEDGE, "blade", ports=(("left", "b"),)),
-        "/interfaces/right/@body_b: expected 'right.b' in the ports of 'blade', found ['left.b']",
+        "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
+        "[('left', 'b'), ('right', 'b')], found [('left', 'b')]",
     ),
     (
         "text",
@@ -521,22 +525,22 @@ RIGID: list[Case] = [
     (
         "not mass-normalised",
         lambda: mix_rigid(WEDGE, np.diag([1, 1, 1, 1, 1.01, 1])),
-        "damper/nd000/modes: expected u4^T M u4 = 1 of the mass-normalised rigid-body modes, found 1.0201",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "not orthogonal",
         lambda: mix_rigid(WEDGE, np.eye(6) + 0.01 * np.eye(6, k=1)),
-        "damper/nd000/modes: expected u0^T M u1 = 0 of the mass-normalised rigid-body modes, found 0.01",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "not independent",
         lambda: mix_rigid(WEDGE, np.eye(6)[:, [0, 1, 2, 3, 4, 4]]),
-        "/bodies/damper/nd000/modes: expected six independent rigid-body modes, found 5",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "a mode of zeros",
         lambda: mix_rigid(WEDGE, np.diag([1.0, 1, 1, 0, 1, 1])),
-        "/bodies/damper/nd000/modes: expected six independent rigid-body modes, found 5",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "not rigid",
@@ -551,17 +555,17 @@ RIGID: list[Case] = [
     (
         "other mass",
         lambda: body(WEDGE, "damper", mass=1.1 * DAMPER.mass),
-        "damper/nd000/modes: expected u0^T M u0 = 1 of the mass-normalised rigid-body modes, found 1.1",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "other centre",
         lambda: body(WEDGE, "damper", centre=DAMPER.centre + [0.0, 0.001, 0.0]),
-        "/bodies/damper/nd000/modes: expected u",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "other inertia",
         lambda: body(WEDGE, "damper", inertia=1.2 * DAMPER.inertia),
-        "damper/nd000/modes: expected u3^T M u3 = 1 of the mass-normalised rigid-body modes, found 1.2",
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
     (
         "a moved point",

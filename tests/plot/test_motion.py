@@ -99,7 +99,6 @@ def test_status_agrees_with_the_curve_and_with_itself(solved):
     [
         {"separation": False},
         {"variable_normal_load": False},
-        {"friction_axes": "major"},
         {"friction_law": "coupled", "evaluation": bd.Sampled(64)},
         {"friction_law": "bonded"},
         {"friction_coefficient": {"left": 0.3, "right": 0.0}},

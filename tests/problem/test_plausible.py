@@ -76,7 +76,7 @@ def test_shipped_scenes_are_plausible(name, points):
         for f in np.sqrt(omega2[omega2 > 0.0][:6]) / (2.0 * np.pi):
             check_interval(s.problem, (0.9 * f, 1.1 * f), preload)
         check_load(s.problem, 10.0, 25e3)
-        check_load(s.problem, preload)
+        check_load(s.problem, preload, preload)
 
 
 def test_engine_order_0_of_a_wheel_is_named():

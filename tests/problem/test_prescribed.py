@@ -1,11 +1,9 @@
-"""Prescribed normal loads and gaps."""
-
+"""Normal loads of interfaces at rest."""
 
 import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.problem.problem import Problem
 from bdamper.problem.settings import settings_of
 from tests.plain import plain_study
 
@@ -19,7 +17,7 @@ def study():
 
 def test_loads_at_rest_are_the_prescribed_ones(study):
     target = np.linspace(-5.0, 60.0, 24)
-    pressed = bd.prescribe_preload(study, {"platform": target})
+    pressed = study.with_(fixed_loads={"platform": target})
     state = pressed.static(0.0)
     assert state.converged and np.abs(state.q).max() > 0.0
     assert state.force[:, 2] == pytest.approx(np.maximum(target, 0.0), abs=1e-7)
@@ -30,54 +28,21 @@ def test_loads_at_rest_are_the_prescribed_ones(study):
     assert np.all(friction <= 0.4 * state.force[:, 2] * (1 + 1e-9) + 1e-9)
 
 
-def test_unsettled_loads_are_those_of_a_structure_held_in_place(study):
-    pressed = bd.prescribe_preload(study, {"platform": 40.0}, settled=False)
-    kn = pressed.problem.stiffness["platform"].stiffness[:, 2]
-    assert -pressed.settings.gap["platform"] * kn == pytest.approx(40.0)
-    # the blade gives way
-    assert pressed.static(0.0).force[:, 2].sum() < 0.99 * 24 * 40.0
-
-
 def test_response_scales_with_load_and_excitation(study):
     """Only the ratio of preload and excitation matters."""
-    one = bd.prescribe_preload(study, {"platform": 20.0}).track(0.0, (300.0, 380.0))
-    ten = study.with_(excitation=bd.Excitation("tip", amplitude=10.0))
-    ten = bd.prescribe_preload(ten, {"platform": 200.0}).track(0.0, (300.0, 380.0))
+    one = study.with_(fixed_loads={"platform": np.full(24, 20.0)}).track(0.0, (300.0, 380.0))
+    ten = study.with_(excitation=bd.Excitation("tip", amplitude=10.0), fixed_loads={"platform": np.full(24, 200.0)})
+    ten = ten.track(0.0, (300.0, 380.0))
     assert one.complete and ten.complete
     assert ten.peak.amplitude == pytest.approx(10.0 * one.peak.amplitude, rel=1e-6)
     assert ten.peak.frequency == pytest.approx(one.peak.frequency, rel=1e-7)
 
 
 def test_high_load_is_the_stuck_limit(study):
-    pressed = bd.prescribe_preload(study, {"platform": 2000.0})
+    pressed = study.with_(fixed_loads={"platform": np.full(24, 2000.0)})
     curve, stuck = pressed.track(0.0, (340.0, 390.0)), pressed.stuck((340.0, 390.0))
     assert curve.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-6)
     assert stuck.peak.frequency > 1.2 * study.free((250.0, 350.0)).peak.frequency
-
-
-@pytest.mark.parametrize(
-    ("loads", "message"),
-    [
-        ({"left": 1.0}, "expected interfaces out of"),
-        ({"platform": [1.0, 2.0]}, "expected a number or 24 numbers"),
-        ({"platform": np.nan}, "expected finite newtons"),
-    ],
-)
-def test_bad_input_is_named(study, loads, message):
-    with pytest.raises(bd.SettingError, match=message):
-        bd.prescribe_preload(study, loads)
-
-
-def test_free_bodies_need_a_load():
-    study = plain_study(bd.reference_model(contact_points=9), engine_order=5, excitation=bd.Excitation("tip"))
-    with pytest.raises(bd.SettingError, match="expected bodies with a load and friction interfaces"):
-        bd.prescribe_preload(study, {"left": 1.0})
-
-
-def test_a_point_without_normal_stiffness_is_refused(study, monkeypatch):
-    monkeypatch.setattr(Problem, "point_stiffness", np.zeros((24, 3)))
-    with pytest.raises(bd.SettingError, match="expected a positive normal stiffness at every point"):
-        bd.prescribe_preload(study, {"platform": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -101,12 +66,6 @@ def test_loads_are_those_of_the_assembly_under_all_settings(study, settings, tmp
     assert total == pytest.approx(720.0 * area / area.sum(), rel=1e-7)
 
 
-def test_loads_in_place_stay_as_interference(study):
-    pressed = bd.prescribe_preload(study, {"platform": 40.0}, settled=False)
-    softer = pressed.with_(contact_stiffness_factor=0.5)
-    assert -softer.problem.point_gaps * softer.problem.point_stiffness[:, 2] == pytest.approx(20.0)
-
-
 def test_the_load_of_an_interface_may_be_the_preload(study):
     """Newtons per newton of preload: states scale, and are those under the same fixed load."""
     area = study.model.interfaces["platform"].area
@@ -122,7 +81,7 @@ def test_the_load_of_an_interface_may_be_the_preload(study):
 
 
 def test_derivatives_under_prescribed_loads_hold_the_loads(study):
-    pressed = bd.prescribe_preload(study, {"platform": 30.0})
+    pressed = study.with_(fixed_loads={"platform": np.full(24, 30.0)})
     peak = pressed.peak(0.0, (300.0, 400.0))
     found = pressed.peak_sensitivities(peak, ["friction_coefficient"])["friction_coefficient"]
     ends = [pressed.with_(friction_coefficient=0.4 + h).peak(0.0, (300.0, 400.0)).amplitude for h in (1e-5, -1e-5)]
@@ -130,7 +89,7 @@ def test_derivatives_under_prescribed_loads_hold_the_loads(study):
 
 
 def test_loads_are_recorded_with_results_and_read_again(study, tmp_path):
-    pressed = bd.prescribe_preload(study, {"platform": 30.0})
+    pressed = study.with_(fixed_loads={"platform": np.full(24, 30.0)})
     assert "fixed loads" in str(pressed)
     pressed.track(0.0, (340.0, 350.0)).save(tmp_path / "curve.h5")
     again = settings_of(bd.load(tmp_path / "curve.h5").settings)
@@ -145,6 +104,7 @@ def test_loads_are_recorded_with_results_and_read_again(study, tmp_path):
         ({"loads": {"platform": np.nan}}, "loads of 'platform': expected a finite number >= 0"),
         ({"fixed_loads": {"platform": -1.0}}, "fixed_loads of 'platform': expected a finite number >= 0"),
         ({"fixed_loads": {"platform": [1.0, 2.0]}}, "fixed_loads of 'platform': expected one or 24 finite numbers"),
+        ({"fixed_loads": {"left": 1.0}}, "expected bodies with a load and friction interfaces"),
     ],
 )
 def test_loads_that_do_not_fit_are_named(study, settings, message):

@@ -506,7 +506,6 @@ def test_blades_that_part_are_said_and_drawn(walked, tmp_path):
     parted = replace(walked, blades=blades, blade=1, waves=waves)
     assert parted.parted and "Blades do not vibrate alike: 150 to 275 \u00b5m." in parted.bottom_line()
     assert "10 forward 188 \u00b5m, 10 backward 131 \u00b5m" in parted.details()
-    assert "repeat after 3 blades" in parted.details()
     beats = np.where(np.arange(n)[:, None] < 40, blades, blades[:, ::-1])
     assert not replace(parted, blades=beats).parted, "other blades are high in the second half"
     assert not replace(parted, blades=np.ones((n, 3))).parted

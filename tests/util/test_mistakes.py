@@ -59,10 +59,6 @@ REFUSED = {
     "negative friction": (lambda s: s.with_(friction_coefficient=-0.3), "friction_coefficient: .*found -0.3"),
     "friction of a face that is not there": (lambda s: s.with_(friction_coefficient={"lft": 0.3}), "did you mean left"),
     "a law that does not exist": (lambda s: s.with_(friction_law="coulomb"), "friction_law: .*found 'coulomb'"),
-    "coupled friction without samples": (
-        lambda s: s.with_(friction_law="coupled"),
-        r"Sampled\(n_time\) with friction_law=.*found",
-    ),
     "an equation that the paper has not": (lambda s: s.with_(contact_stiffness="eq7"), "contact_stiffness: .*'eq7'"),
     "negative stiffness": (lambda s: s.with_(contact_stiffness=-1e7), "contact_stiffness: .*found -1000"),
     "damping in per cent": (lambda s: s.with_(damping_ratio=2.0), "damping_ratio: .*found 2.0"),

@@ -230,7 +230,7 @@ class TestDifferences:
         found = study.compare(other)
         assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
         assert "friction_coefficient.right  0.4  0.2  -50 %" in str(found) and "+100 %" in found._repr_html_()
-        again = study.another(study.problem.anew())
+        again = study.another(study.problem.with_())
         assert not study.compare(again) and "no difference" in str(study.compare(again))
 
     def test_of_curves(self, study, curve):
@@ -278,8 +278,6 @@ class TestMistakenArguments:
             bd.load_model(tmp_path / "curve.h5")
 
     def test_a_model_in_the_place_of_a_study(self, study):
-        with pytest.raises(bd.SettingError, match="study: expected a Study, found a Model"):
-            bd.prescribe_preload(study.model, {})
         with pytest.raises(bd.SettingError, match="study: expected a Study, found a Model"):
             rigid_motion(study.model, np.zeros(3))
 

@@ -96,7 +96,7 @@ FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "vari
     ("name", "value"),
     [
         *((flag, value) for flag in FLAGS for value in ("off", 1, None)),
-        ("excitation", "tip"), ("excitation", None), ("response", "tip"), ("effects", "auto"),
+        ("excitation", "tip"), ("excitation", None), ("response", "tip"),
         ("friction_coefficient", [0.3, 0.4]), ("friction_coefficient", None), ("friction_coefficient", "0.3"),
         ("friction_coefficient", {"left": "0.3", "right": 0.3}), ("friction_coefficient", True),
         ("engine_order", "5"), ("engine_order", 2.5), ("engine_order", True),
@@ -109,7 +109,6 @@ FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "vari
         ("contact_stiffness_factor", "2"), ("contact_stiffness_factor", 0.0),
         ("evaluation", "sampled"), ("evaluation", 128), ("evaluation", None),
         ("friction_law", None), ("friction_law", "x"), ("friction_law", {"left": "x", "right": "x"}), ("friction_law", 1),
-        ("friction_axes", None),
         ("damping_ratio", "0.1"), ("damping_ratio", 1.0), ("contact_points", "9"), ("contact_points", 0),
         ("gap", 1e-6), ("gap", {"left": "wide"}), ("gap", {"left": np.zeros(4)}), ("gap", ()),
         ("load_history", 1.0), ("load_history", ()), ("load_history", "1"), ("load_history", (2.0,)),

@@ -215,8 +215,8 @@ def test_peak_and_curve_agree_and_results_come_back_from_their_files(tmp_path):
 def test_bad_input_is_refused_at_once():
     with pytest.raises(bd.SettingError, match="mistuning: expected deviations of 6 blades, found 5"):
         Wheel(study(), mistuning=np.zeros(5))
-    with pytest.raises(bd.SettingError, match="friction_axes"):
-        Wheel(study().with_(friction_axes="major"))
+    with pytest.raises(bd.SettingError, match="separation"):
+        Wheel(study().with_(separation=False))
     bare = study().model
     blade = replace(bare.bodies["blade"], local=None)
     with pytest.raises(bd.ModelError, match="local basis"):
