@@ -170,8 +170,10 @@ class Answers:
         force = settings.pop(FORCE, self.study.excitation.amplitude)
         if self.study.excitation.beside:  # which the force does not change
             return make()
-        ratios = [float(f"{load / force:.6g}") for load in loads]
-        before, known = self.once((rescale, *settings.items(), question.mode, *ratios), lambda: (force, make()))
+        ratios: list[float] = [float(f"{load / force:.6g}") for load in loads]
+        key: Hashable = (rescale, tuple(settings.items()), question.mode, *ratios)
+        known: R
+        before, known = self.once(key, lambda: (force, make()))
         return known if before == force else rescale(self.varied(question), known, force / before) or make()
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:

@@ -25,8 +25,7 @@ def frequencies_of(basis: ModalBasis) -> NDArray:
 class BuiltModel(Plottable):
     """A model and the report on how it came about, which it prints.
 
-    ``plot`` draws frequencies over nodal diameter, and the bodies with faces and points
-    (:func:`bdamper.plot.plot_import_report`).
+    ``plot`` draws the bodies with faces and points (:func:`bdamper.plot.plot_import_report`).
 
     Parameters
     ----------

@@ -7,7 +7,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.app.answers import FORCE, Answers, Question
-from bdamper.app.page import logarithmic_ticks
 from bdamper.app.rescaled import rescaled_curve, rescaled_optimal
 from bdamper.problem.variation import vary
 
@@ -91,14 +90,6 @@ def test_the_thread_multiplies_what_it_knows(monkeypatch):
     other = answers.curve(replace(double, preload=1.0), None).curve
     np.testing.assert_allclose(other.amplitude, vary(study, {FORCE: 0.2}).track(1.0, answers.band(double)).amplitude)
     answers.ask(None)
-
-
-@pytest.mark.parametrize("ends", [(1.0, 1e4), (10.0, 1e4), (61.0, 1050.0), (70.0, 95.0), (6.0, 1300.0), (1e-3, 2e9)])
-def test_ticks_are_few_round_and_apart(ends):
-    ticks = logarithmic_ticks(*ends)
-    assert 2 <= len(ticks) <= 8 and ends[0] <= min(ticks) and max(ticks) <= ends[1]
-    span = np.log(ends[1] / ends[0])
-    assert np.diff(np.log(ticks)).min() > 0.02 * span
 
 
 def test_a_force_beside_another_is_not_multiplied():

@@ -296,8 +296,7 @@ def test_report_and_file(built, tmp_path):
     for words in ("Import report", "Frequencies of the sector", "mass 0.0689984 kg", "Interfaces", "100 % of face a"):
         assert words in text
     assert len(text.splitlines()) < 66  # one page
-    figure = built.plot()
-    assert len(figure.axes) == 2
+    assert built.plot().has_data()
     built.save(tmp_path / "model.h5")
     loaded = load_model(tmp_path / "model.h5")
     assert loaded.hash == built.model.hash
