@@ -20,7 +20,7 @@ def test_the_page_makes_its_pictures(tmp_path, monkeypatch):
     for block in re.findall(r"```python\n(.*?)```", page, re.S):
         exec(compile(block, "results.md", "exec"), space)
     shown = set(re.findall(r"\(images/(\w+\.png)\)", page))
-    assert shown == {path.name for path in tmp_path.glob("*.png")} and len(shown) == 7
+    assert shown == {path.name for path in tmp_path.glob("*.png")} and len(shown) == 6
     assert all((DOCS / "images" / name).is_file() for name in shown)
     assert abs(space["cycle"].imbalance) < 1e-9 and space["cycle"].lost > 0.5 * space["cycle"].excitation
     plain = space["study"].with_(contact_stiffness="unit_traction")  # the same elasticity without residual modes
