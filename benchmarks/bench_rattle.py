@@ -64,7 +64,7 @@ def settled(study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: in
     frequency = curve.settings["frequency"]
     tracked = study.track(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
     found = study.settle(tracked, float(tracked.frequency[np.argmax(tracked.amplitude)]), periods=periods)
-    low, high = found.range
+    low, high = found.lowest, found.highest
     return {"preload": float(preload), "frequency": found.frequency, "mean": found.mean, "low": low, "high": high,
             "status": found.status}  # fmt: skip
 
@@ -105,7 +105,7 @@ def signs() -> Iterator[dict[str, Any]]:
             curve = study.track(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
             top = int(np.argmax(curve.amplitude))
             settled = study.settle(curve, float(curve.frequency[top]), periods=PERIODS)
-            low, high = settled.range
+            low, high = settled.lowest, settled.highest
             yield {"scene": name, "preload": float(preload), "sign": NO_STEADY in curve.reason,
                    "spread": (high - low) / settled.mean, "kept": settled.mean / float(curve.amplitude[top])}  # fmt: skip
 

@@ -248,7 +248,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 22_054, 245
+CODE, CONSTANTS = 22_058, 245
 """Lines with code and numeric constants of modules that the package may have."""
 
 

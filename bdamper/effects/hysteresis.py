@@ -50,7 +50,7 @@ Solved = Curve | Peak | OptimalCurve
 @brief
 @dataclass(frozen=True)
 class Hysteresis(
-    Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis", former={"bdamper-dissipation": 1}
+    Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis", former=("bdamper-dissipation",)
 ):
     """Energies, equivalent stiffness and damping of the contacts; of a single solution also its motions and forces.
 
@@ -162,8 +162,7 @@ class Hysteresis(
     @property
     def damping_ratio(self) -> Annotated[Any, Quantity(label="Equivalent damping ratio")]:
         """Equivalent damping ratio of the contacts: lost energy over 4 pi times the kinetic energy."""
-        with np.errstate(invalid="ignore"):
-            return np.divide(self.lost, 4.0 * np.pi * self.kinetic)
+        return self.lost / np.where(np.equal(self.kinetic, 0.0), np.nan, 4.0 * np.pi * self.kinetic)
 
     @property
     def viscous(self) -> Annotated[Any, Quantity("N s/m", name="viscous_damping")]:
@@ -173,8 +172,8 @@ class Hysteresis(
     @property
     def imbalance(self) -> Any:
         """What is left of the work of the excitation after both losses, relative to it."""
-        with np.errstate(invalid="ignore"):
-            return np.divide(self.excitation - self.damping - self.lost, self.excitation)
+        own = np.where(np.equal(self.excitation, 0.0), np.nan, self.excitation)
+        return (self.excitation - self.damping - self.lost) / own
 
     def _dimension(self) -> str:
         return "contact_point" if self.single else "point"

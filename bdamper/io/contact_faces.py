@@ -133,7 +133,7 @@ def from_first_sector(
 
     A damper beside another blade, or at the other flank, is turned about the axis by whole pitches.
     """
-    contacts, moved = tuple(map(_from_free, contacts)), dict(bodies)
+    contacts, moved = tuple(_from_free(c) if c.body_b in bodies else c for c in contacts), dict(bodies)
     for name in [name for name in bodies if name != "blade"]:
         sector = _sector_drawn(name, contacts, bodies, n_blades)
         if sector:

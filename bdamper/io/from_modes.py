@@ -82,7 +82,7 @@ def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[N
     """Lowest modes of a nodal diameter: squared frequencies (n,) and mass-normalised shapes (3 n_nodes, n)."""
     item, given = f"modes of nodal diameter {d}", [modes for modes in body.given.modes if modes.nodal_diameter == d]
     known = [modes.nodal_diameter for modes in body.given.modes]
-    body.require(len(given) == 1, "modes", f"modes of nodal diameter {d}", f"those of {known}")
+    body.require(len(given) == 1, "modes", f"modes of nodal diameter {d} once", f"those of {known}")
     modes, waves = given[0], _waves(body, given[0], ring)
     if modes.modal_mass is None:
         expected = "modal masses (or matrices) to rescale the modes to unit modal mass over one sector"

@@ -139,7 +139,7 @@ class Effects:
         elif most.isdigit() and key == "harmonics":
             left = tuple(l for l in self.harmonic_numbers if l <= int(most))
             if left != self.harmonic_numbers:
-                changed[key] = len(left) if left[-1] == len(left) else left
+                changed[key] = len(left) if left == tuple(range(1, len(left) + 1)) else left
         elif most.isdigit() and key in ("damper_modes", "blade_modes", "contact_points"):
             own = getattr(self, key)
             if isinstance(own, Mapping):

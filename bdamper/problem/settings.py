@@ -439,6 +439,8 @@ class Settings:
 
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     """Settings by name from what :meth:`Settings.record` made of them; what a result keeps besides is left out."""
+    if record.get("friction_axes", "contact") != "contact":
+        raise SettingError('friction_axes: expected "contact", the axes of this version, found "major"')
     hints = get_type_hints(Settings)
     given = {f.name: typed(hints[f.name], record[f.name]) for f in fields(Settings) if f.name in record}
     if isinstance(given["evaluation"], Mapping):

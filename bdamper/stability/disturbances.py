@@ -37,7 +37,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_CUBIC
 from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector, segments
@@ -187,9 +187,9 @@ class WaveDisturbances:
 
 def rests(system: Equations[Sector], u: NDArray) -> bool:
     """Whether no slider moves and every contact is closed or open all through the cycle, on springs that only resist."""
-    if not system.structure.exact:
-        return False
     a = system.structure.arrays
+    if not system.structure.exact or np.isin(a["law"], LAW_CUBIC).any():
+        return False
     if min(a["kt"].min(initial=0.0), a["kn"].min(initial=0.0), a["damping"].min(initial=0.0)) < 0.0:
         return False
     _, _, shares = system.contact(np.asarray(u))

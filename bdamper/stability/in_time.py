@@ -49,6 +49,7 @@ def judged_in_time(ring: Ring, curve: Curve, progress: bool) -> Curve:
         f"motion in time, amplitude kept to {100.0 * BOUNDS.tolerance:g} %: {judged} of {len(curve)} points judged, "
         f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read()['seconds']:.3g} s"
         + (", interrupted by the user" if work.interrupted else "")
+        + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
     )
     return replace(curve, stable=stable, stability_note=note, in_time=ratios)
 

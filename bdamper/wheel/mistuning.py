@@ -328,12 +328,14 @@ def _read_frequencies(path: FilePath) -> NDArray:
     try:
         text = Path(path).read_text(encoding="utf-8-sig").splitlines()
         lines = [line for line in text if line.strip() and not line.lstrip().startswith("#")]
+        if not lines:
+            raise ValueError("none")
         separator = ";" if any(";" in line for line in lines) else ","
         named = np.isnan(np.genfromtxt(lines[:1], delimiter=separator)).all()  # no cell of the first line is a number
-        table = np.loadtxt(lines[1:] if named else lines, delimiter=separator, ndmin=2)
+        table = np.loadtxt(lines[1:] if named else lines, delimiter=separator, ndmin=2, quotechar='"')
     except ValueError as error:
         raise mismatch(str(path), "one row of frequencies for each blade", error) from error
-    head = [cell.strip().lower() for cell in lines[0].split(separator)] if named else []
+    head = [cell.strip(' "').lower() for cell in lines[0].split(separator)] if named else []
     if "blade" in head:
         if len(head) != table.shape[1]:
             raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])

@@ -112,3 +112,11 @@ def test_settings_that_are_no_structure_in_time_are_refused_at_once(disk):
     curve = study.track(2000.0, (346.0, 347.0))
     with pytest.raises(bd.BdamperError, match="single_basis=False"):
         study.with_stability(curve, in_time=True)
+
+
+def test_points_on_a_cubic_spring_do_not_rest():
+    """Between the folds of a Duffing oscillator the motion in time leaves the middle branch."""
+    study = bd.lumped([[1.0]], [[0.05]], [[1.0]], cubic={0: 1.0}, forces={0: 0.3}, harmonics=(1, 3))
+    curve = study.track(0.0, (0.05, 0.5))
+    system = study.problem.system(0.0)
+    assert len(curve) and not any(rests(system, u) for u in curve.unknowns)
