@@ -86,3 +86,10 @@ def test_a_damaged_model_in_a_study_is_refused(model, tmp_path):
         bd.load_study(path)
     with pytest.raises(bd.BdamperError, match="expected a folder that exists"):
         bd.Study(model, TIP, 2).save(tmp_path / "nowhere" / "study.h5")
+
+
+def test_friction_axes_that_are_gone_are_refused():
+    from bdamper.problem.settings import settings_of
+
+    with pytest.raises(bd.SettingError, match='friction_axes: expected "contact"'):
+        settings_of({"friction_axes": "major"})

@@ -437,3 +437,8 @@ def test_a_peak_says_how_its_curve_ended(full):
         "There may be a higher one, the curve ended as: incomplete (why)"
         in replace(peak, scan="incomplete (why)").bottom_line()
     )
+
+
+def test_no_harmonics_at_all_are_refused_by_name():
+    with pytest.raises(bd.SettingError, match="harmonics"):
+        bd.Effects().without("harmonics beyond 0")

@@ -77,3 +77,14 @@ def test_files(tmp_path):
         again = bd.load(tmp_path / "one.h5")
         assert str(again) == str(one) and again.seed == one.seed
     assert again.missing.dtype == bool and np.array_equal(again.mass, one.mass)
+
+
+def test_quoted_tables_are_read_and_empty_ones_refused(tmp_path):
+    quoted, plain, empty = (tmp_path / name for name in ("quoted.csv", "plain.csv", "empty.csv"))
+    quoted.write_text('"blade";"f"\n"2";"101"\n"1";"100"\n"3";"102"\n')
+    plain.write_text("100\n101\n102\n")
+    found, expected = Mistuning.from_csv(quoted), Mistuning.from_csv(plain)
+    np.testing.assert_array_equal(found.deviation, expected.deviation)
+    empty.write_text("# nothing\n")
+    with pytest.raises(bd.ModelError, match="expected one row of frequencies for each blade, found none"):
+        Mistuning.from_csv(empty)
