@@ -8,6 +8,9 @@ are drawn from those with at least half the amplitude of the peak.
 The truth is a march of all blades and all nodal diameters from the point, with waves of 1 % of each nodal diameter, over
 120 or 200 periods of 256 steps: the point is kept if all blades have its amplitude in the mean of the last 40 periods, to
 5 % (and to 10 %, which counts less of what three harmonics cut off).
+
+``python -m benchmarks.bench_labels coupled`` asks the same of twenty test rigs under coupled friction, whose labels are
+signs of det J alone: up to four points each, the peak among them, against ``study.verify`` over at most 600 periods.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from bdamper.stability.kept import RULES, growth
 from bdamper.stability.settled import march_from
 from bdamper.stability.time_integration import MarchFailed, Ring, ring_of
 from benchmarks import PLAIN
+from tests.models import acyclic_model
 
 SEED, POINTS = 20261123, 5
 BANDS = {"turbine_blade": (600.0, 720.0), "bladed_disk": (250.0, 380.0)}
@@ -83,5 +87,26 @@ def main(first: int = 0, last: int = 20) -> None:
         print(f"{label}: right at {n} of {of} points, kept to {share:.0%}")
 
 
+def coupled(scenes: int = 20) -> None:
+    """Test rigs with a wedge under coupled friction, one, three or five harmonics, in gross slip or little of it."""
+    rng, said = np.random.default_rng(20261125), {}
+    for scene in range(scenes):
+        preload, friction = 10.0 ** rng.uniform(0.7, 2.7), rng.uniform(0.15, 0.6)
+        force, stiffness = 10.0 ** rng.uniform(1.0, 2.3), 10.0 ** rng.uniform(5.5, 6.8)
+        law = {"harmonics": int(rng.choice([1, 3, 5])), "variable_normal_load": bool(rng.random() < 0.75)}
+        places = rng.random(3)
+        contact = {"contact_stiffness": stiffness, "friction_coefficient": friction, "friction_law": "coupled"}
+        given = PLAIN | law | contact | {"evaluation": bd.Sampled(128), "damping_ratio": 0.01}
+        rig = acyclic_model(1, n_points=4, n_blade_modes=2)
+        made = bd.Study(rig, bd.Excitation("tip", "tangential", force), 0, **given)
+        curve = made.with_stability(made.track(preload, (150.0, 500.0)))
+        high = np.flatnonzero(curve.amplitude >= 0.3 * curve.amplitude.max())
+        for i in sorted({curve.peak.index, *high[(places * len(high)).astype(int)]}):
+            key = curve.labels[i][:9], made.verify(curve, int(i), periods=600).verdict
+            said[key] = said.get(key, 0) + 1
+            print(f"{scene} {law} {preload:.3g} N, {curve.frequency[i]:.2f} Hz: {', in time '.join(key)}", flush=True)
+    print(said)
+
+
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    coupled() if sys.argv[1:] == ["coupled"] else main(*map(int, sys.argv[1:]))

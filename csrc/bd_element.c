@@ -1,4 +1,4 @@
-/* From the sums over a cycle to force coefficients and tangent.
+/* From the sums over a cycle to force coefficients (paper, Eq. (15)) and tangent.
  *
  * One tangential direction carries, at every instant, one of
  *

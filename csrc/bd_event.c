@@ -1,4 +1,5 @@
-/* Event-exact evaluation of 1-D friction with variable normal load, in two independent directions.
+/* Event-exact evaluation of 1-D friction with variable normal load, in two independent directions: the friction model of the
+ * paper.
  *
  * N = max(n0 + kn v, 0), T = kt (u - w).  Stick, slip and separation are one statement about the slider:
  *

@@ -1,4 +1,4 @@
-/* Residual and Jacobian of the harmonic balance equations in modal coordinates.
+/* Residual and Jacobian of the harmonic balance equations in modal coordinates (paper, Eq. (16)).
  *
  * With q_l = c_l - i s_l the modal amplitudes of harmonic l, the relative motion at the contact points and the residual
  * are

@@ -219,16 +219,17 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
 
     @property
     def labels(self) -> NDArray:
-        """(n,) str: "stable" in time, "unstable", "stable as far as N harmonics tell", or "det J > 0 with N harmonics"
-        where no more than that sign is known; empty where nothing was examined."""
+        """(n,) str: "stable" in time, "unstable", "stable as far as N harmonics tell", or "det J > 0 with N harmonics" and
+        "det J < 0 with N harmonics" where no more than that sign is known; empty where nothing was examined."""
         if self.stable is None:
             return np.full(len(self), "", object)
         n = len(self.settings.get("harmonics", range(1, self.harmonics.shape[1])))
-        so_far = f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}"
-        if "sign of det J: " in self.stability_note:  # as much as falls with few harmonics, too
-            so_far = f"det J > 0 with {n} harmonic{'s' if n > 1 else ''}"
+        stays, leaves = f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}", "unstable"
+        if "sign of det J: " in self.stability_note:
+            stays, leaves = (f"det J {sign} 0 with {n} harmonic{'s' if n > 1 else ''}" for sign in "><")
         proven = np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
-        return np.where(self.stable, np.where(proven, "stable", so_far), "unstable")
+        in_time = np.where(self.stable, "stable", "unstable")
+        return np.where(proven, in_time, np.where(self.stable, stays, leaves))
 
     @property
     def unstable(self) -> int | None:

@@ -27,7 +27,8 @@ no slider moves and no contact changes, the equations are linear with symmetric 
 
 The sign of ``det J`` at fixed frequency is negative if an odd number of disturbances of the wave grows without
 oscillating, as between two folds.  It is all that is known under coupled friction and of cubic springs, on any structure,
-as these have no event sequence of this kind.
+as these have no event sequence of this kind.  The equations of a few harmonics have branches that the motion in time does
+not have, so such points are labelled by the sign and not as stable or unstable.
 
 **Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
 disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
@@ -61,6 +62,8 @@ from bdamper.util.cost import Stopwatch
 
 NEUTRAL = 1e-6
 """Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
+SINGULAR = 1e-12
+"""Singular value below which a Jacobian with rows of unit size has a neutral position, and a determinant without sign."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ def _positive_determinant(system: Equations[Sector], u: NDArray, omega: float) -
     _, J, _ = system.evaluate(u, omega)
     size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
     sign, _ = np.linalg.slogdet(J / size)
-    return bool(sign >= 0.0)
+    return bool(sign >= 0.0 or np.linalg.matrix_rank(J / size, tol=SINGULAR) < len(J))
 
 
 @one_thread

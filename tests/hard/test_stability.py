@@ -110,6 +110,25 @@ def test_sign_of_the_determinant_agrees_with_the_multipliers(path):
             assert (np.linalg.slogdet(J)[0] > 0) == (largest < 1.0)
 
 
+def test_a_neutral_position_has_no_sign():
+    """Under a constant normal load a wedge in gross slip has mean positions that no contact determines."""
+    study = plain_study(
+        acyclic_model(1, n_points=4, n_blade_modes=2), engine_order=0, harmonics=5, variable_normal_load=False,
+        friction_law="coupled", evaluation=bd.Sampled(128), contact_stiffness=1e6, friction_coefficient=0.3,
+        damping_ratio=0.01, excitation=bd.Excitation("tip", "tangential", 100.0),
+    )  # fmt: skip
+    curve, system = study.track(50.0, (280.0, 330.0)), study.problem.system(50.0)
+    values = []
+    for u, omega in zip(curve.unknowns, 2.0 * np.pi * curve.frequency):
+        J = system.evaluate(u, omega)[1]
+        values.append(np.linalg.svd(J / np.abs(J).max(axis=1, keepdims=True), compute_uv=False)[-1])
+    neutral = np.array(values) < 1e-12
+    assert neutral.any() and not neutral.all()
+    judged = study.with_stability(curve)
+    assert judged.stable[neutral].all()
+    assert set(judged.labels) <= {"det J > 0 with 5 harmonics", "det J < 0 with 5 harmonics"}
+
+
 def test_stuck_sliders_are_left_out():
     system = two_oscillators(3)
     p = followed(system, 1.0, 1.05, STUCK).points[0]
