@@ -1,5 +1,4 @@
-"""Time integration of the equations of motion (paper, Eq. (12)), whose periodic solutions the harmonic balance approximates,
-as an independent check.
+"""Time integration of the equations of motion (paper, Eq. (12)), as a check that is independent of the harmonic balance.
 
 All sectors of the disk are included, each with its own contacts and sliders.  Their motion is a superposition of nodal
 diameters ``d``, one family for each nodal diameter in use, with complex coordinates ``eta_d(t)``:
