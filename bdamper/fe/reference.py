@@ -61,7 +61,6 @@ def bladed_disk(
     harmonics: int = 7,
     damping_ratio: float = 0.002,
     nodal_diameters: tuple[int, ...] | None = None,
-    flexibility_at: tuple[int, ...] | None = None,
     pictures: tuple[int, ...] = (),
     rotation: Rotation | float | None = None,
     fe: SectorFE | None = None,
@@ -86,8 +85,6 @@ def bladed_disk(
     damping_ratio : float, of all elastic modes
     nodal_diameters : tuple of int, optional
         0 to N/2; 0 is always added, for the bias.
-    flexibility_at : tuple of int, optional
-        Nodal diameters whose static receptance is stored; all by default.
     pictures : tuple of int
         Nodal diameters whose mode shapes are kept on the surface of the blade.
     rotation : Rotation or float, optional
@@ -109,7 +106,6 @@ def bladed_disk(
     g = fe.geometry
     of_order = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
     diameters = tuple(sorted({0, *(of_order if nodal_diameters is None else nodal_diameters)}))
-    at = set(diameters if flexibility_at is None else flexibility_at)
     left, right = (wedge_patches(g, side, points) for side in ("left", "right"))
     front, back = (end_patches(g, side) for side in ("front", "back"))
     faces = _interfaces(left, right, front, back, g.end_gap)
@@ -118,7 +114,7 @@ def bladed_disk(
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     turns = each(diameters, progress, "finite element model", "nodal diameter")
     wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
-    blade = constrained_body("blade", wanted, fe.cyclic, turns, at, rotation)
+    blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
     local = None if wheel is None else fe.local_basis(wanted, faces, wheel)
     on_damper = fe.damper_contact(left, right, front, back)
     own = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)

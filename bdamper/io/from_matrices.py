@@ -80,21 +80,18 @@ def constrained_from_matrices(
     """
     free = int((~mask).sum())
     n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.faces.dependent)) // 2))
-    fewer, compared = replace(wanted, n_modes=n_modes), set[int]()
 
-    def checked(d: int) -> CyclicSector:
-        made = sector(d)
-        if d not in compared:
-            compared.add(d)
-            compare_known(body, d, made.modes(n_modes)[0], ring)
+    def seen(made: CyclicSector, omega2: NDArray, shapes: NDArray) -> None:
+        d = made.nodal_diameter
+        compare_known(body, d, made.modes(n_modes)[0], ring)
         if d in ring.pictured:
             body.keep_pictures(d, made.modes(n_modes)[1])
         for rows in stress:
-            rows.add(made, wanted.contact, *fewer.shapes(made)[:2])
-        return made
+            rows.add(made, wanted.contact, omega2, shapes)
 
     with body.refusing("matrices", POSITIVE):
-        built = constrained_body(body.name, fewer, checked, ring.diameters, ring.diameters, rotation_of(body))
+        fewer = replace(wanted, n_modes=n_modes)
+        built = constrained_body(body.name, fewer, sector, ring.diameters, rotation_of(body), seen)
     for d, basis in built.bases.items():  # a body that is not held has six squared frequencies that are rounding
         low, high = basis.omega2[[0, -1]]
         expected, found = "a sector that is held (fixed nodes)", f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"

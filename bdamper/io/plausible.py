@@ -10,8 +10,8 @@ from bdamper.io.fe_body import UNITS
 from bdamper.io.prepare import PreparedBody
 from bdamper.model.checks import require
 from bdamper.model.model import Body
+from bdamper.model.shapes import rigid_motions
 from bdamper.reduction.facets import N_CORNER, enclosed_volume, twisted
-from bdamper.reduction.free_body import rigid_motions
 
 OVERRIDE = "pass check_units=False if they are right"
 

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from bdamper.model.model import Body, ModalBasis, Model
+from bdamper.model.shapes import rigid_motions
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.repr import brief
@@ -117,16 +118,11 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     """
     assert body.mass is not None and body.centre is not None
     moments, turn = principal_axes(body)
-    translation = body_axes(body).T / np.sqrt(body.mass)
-    rotation = turn.T / np.sqrt(moments)
-
     basis = body.bases[0]
     points = np.concatenate([model.interfaces[name].points for name, _ in body.ports])
     frames = np.concatenate([model.interfaces[name].frame for name, _ in body.ports])
-    arm = points - body.centre
-    rigid = np.empty((len(points), 3, 6))
-    rigid[..., :3] = frames @ translation
-    rigid[..., 3:] = np.einsum("pij,pjk->pik", frames, np.cross(rotation.T[None], arm[:, None, :]).transpose(0, 2, 1))
+    motion = rigid_motions(points, body.centre, body_axes(body), turn) / np.sqrt([*3 * [body.mass], *moments])
+    rigid = frames @ motion.reshape(-1, 3, 6)
     # the stored modes span the same space: old @ change = new
     change = np.linalg.lstsq(basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
     modes = basis.contact_modes.copy()

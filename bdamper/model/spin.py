@@ -110,10 +110,6 @@ class SpeedBasis:
         """Conjugate basis (nodal diameter ``N - d``)."""
         return self._mapped(np.conj, np.conj)
 
-    def united(self, average: NDArray) -> SpeedBasis:
-        """With contact points averaged by a matrix (3 n_groups, 3 n_points)."""
-        return self._mapped(lambda modal: modal, lambda flexibility: average @ flexibility @ average.T)
-
     def turned(self, omega: float, shapes: NDArray) -> SpeedBasis:
         """On the modes (n_modes, n_modes) of another speed, combinations of those of the basis."""
         out = self._mapped(lambda modal: shapes.conj().T @ modal @ shapes, lambda flexibility: flexibility)

@@ -44,6 +44,7 @@ from bdamper.model.checks import (
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Body, BodyLoad, Interface, ModalBasis, Model, turn
+from bdamper.model.shapes import rigid_motions
 from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import mismatch
@@ -334,21 +335,17 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
 
 def _rigid_motions(body: Body, model: Model) -> NDArray:
     """Mass-orthonormal rigid motions in the rows of contact points, then locations, (3 n, 6)."""
-    assert body.mass is not None
-    assert body.centre is not None
-    assert body.inertia is not None
+    assert body.mass is not None and body.centre is not None and body.inertia is not None
     points, frames = _contact_points(body, model)
     for name in body.bases[0].locations:
         points.append(model.locations[name].position[None])
         frames.append(np.eye(3)[None])
     if not points:
         return np.zeros((0, N_RIGID))
-    arms = np.concatenate(points) - body.centre
     moments, axes = np.linalg.eigh(body.inertia)
-    motions = np.empty((len(arms), 3, N_RIGID))
-    motions[:, :, :3] = np.eye(3) / np.sqrt(body.mass)
-    motions[:, :, 3:] = np.cross(axes.T[None], arms[:, None]).transpose(0, 2, 1) / np.sqrt(moments)
-    return (np.concatenate(frames) @ motions).reshape(-1, N_RIGID)
+    motions = rigid_motions(np.concatenate(points), body.centre, np.eye(3), axes.T)
+    motions /= np.sqrt([*3 * [body.mass], *moments])
+    return (np.concatenate(frames) @ motions.reshape(-1, 3, N_RIGID)).reshape(-1, N_RIGID)
 
 
 def _contact_points(body: Body, model: Model) -> tuple[list[NDArray], list[NDArray]]:

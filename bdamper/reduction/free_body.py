@@ -31,17 +31,9 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse.linalg import SuperLU
 
-from bdamper.reduction.cyclic import factorise, fix_phase, lowest_modes
-from bdamper.reduction.structure import Structure, check
-
-
-def rigid_motions(nodes: NDArray, centre: NDArray, axes: NDArray) -> NDArray:
-    """Unit translations along and rotations about the rows of ``axes`` (3, 3): (3 n_nodes, 6)."""
-    motion = np.empty((len(nodes), 3, 6))
-    for k, axis in enumerate(axes):
-        motion[:, :, k] = axis
-        motion[:, :, 3 + k] = np.cross(axis, nodes - centre)
-    return motion.reshape(-1, 6)
+from bdamper.model.shapes import fix_phase, rigid_motions
+from bdamper.reduction.cyclic import factorise, lowest_modes
+from bdamper.reduction.structure import Structure, check, hermitian
 
 
 def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
@@ -59,7 +51,7 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     off = (nodes - nodes[a]) - np.outer((nodes - nodes[a]) @ direction, direction)
     c = int(np.argmax(np.linalg.norm(off, axis=1)))
     candidates = np.concatenate([3 * a + np.arange(3), 3 * b + np.arange(3), 3 * c + np.arange(3)])
-    motion = rigid_motions(nodes, nodes[a], np.eye(3)).reshape(-1, 6)[candidates]
+    motion = rigid_motions(nodes, nodes[a], np.eye(3))[candidates]
     motion[:, 3:] /= np.linalg.norm(nodes[b] - nodes[a])
     # six independent rows, each the one least explained by those before
     chosen = qr(motion.T, mode="r", pivoting=True)[1][:6]
@@ -138,8 +130,7 @@ class FreeBody(Generic[S]):
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Elastic receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
-        flexibility = contact @ self.elastic_response(contact.T.toarray())
-        return 0.5 * (flexibility + flexibility.T)
+        return hermitian(contact @ self.elastic_response(contact.T.toarray()))
 
     def centrifugal_load(self, radial: NDArray) -> NDArray:
         """Nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along ``radial`` (3,)."""

@@ -211,14 +211,9 @@ def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
     return np.array(out) if len(out) >= 3 else np.empty((0, 2))
 
 
-def clip_to_rectangle(polygon: NDArray, low: NDArray, high: NDArray) -> NDArray:
-    """Part (m, 2) of a convex polygon in the rectangle from ``low`` (2,) to ``high`` (2,)."""
-    for axis in (0, 1):
-        for sign, bound in ((1.0, low[axis]), (-1.0, high[axis])):
-            if len(polygon) == 0:
-                return polygon
-            polygon = _cut(polygon, sign * (polygon[:, axis] - bound))
-    return polygon
+def rectangle(low: NDArray, high: NDArray) -> NDArray:
+    """Corners (4, 2) of the rectangle from ``low`` (2,) to ``high`` (2,), counter-clockwise."""
+    return np.where(SQUARE < 0.0, low, high)
 
 
 def clip_to_polygon(polygon: NDArray, window: NDArray) -> NDArray:
@@ -361,9 +356,9 @@ def patches_on_rectangles(
     for i, (centre, size) in enumerate(zip(patches.centre, patches.size)):
         shift = (centre - origin) @ frame[:2].T
         low, high = shift - 0.5 * size, shift + 0.5 * size
-        found = []
+        window, found = rectangle(low, high), []
         for k in np.flatnonzero(np.all((flat.low < high) & (flat.high > low), axis=1)).tolist():
-            polygon = clip_to_rectangle(flat.corner[k], low, high)
+            polygon = clip_to_polygon(flat.corner[k], window)
             if len(polygon) >= 3:
                 found.append(_Piece(polygon, k, -1))
         total = sum(polygon_area(p.polygon) for p in found)
@@ -417,7 +412,8 @@ def patches_on_faces(
         first = [max(int(np.searchsorted(e, piece.polygon[:, k].min(), "right")) - 1, 0) for k, e in enumerate(edges)]
         last = [min(int(np.searchsorted(e, piece.polygon[:, k].max())), len(e) - 1) for k, e in enumerate(edges)]
         for i, j in product(*map(range, first, last)):
-            part = clip_to_rectangle(piece.polygon, *(np.array([edges[0][i + k], edges[1][j + k]]) for k in (0, 1)))
+            window = rectangle(*(np.array([edges[0][i + k], edges[1][j + k]]) for k in (0, 1)))
+            part = clip_to_polygon(piece.polygon, window)
             if len(part) >= 3 and polygon_area(part) > tiny:
                 cells[i * n_2 + j].append(_Piece(part, piece.a, piece.b))
     cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
