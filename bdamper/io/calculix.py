@@ -24,19 +24,12 @@ from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import as_integers, read_dofs, triangle_to_full
 from bdamper.io.reading import LARGEST_COUNT, Lines, parsing, read_body, reader
 from bdamper.model.checks import check_all, require
-from bdamper.reduction.facets import N_CORNER, oriented_facet
+from bdamper.reduction.facets import FACES, N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _IGNORED_STRUCTURE = ("*EQUATION", "*MPC", "*TIE", "*RIGID BODY", "*TRANSFORM", "*SPRING", "*DISTRIBUTING COUPLING")
-
-# Faces S1, S2, ... of solid elements by their corners, as in Abaqus.
-_SURFACE_FACES = {
-    4: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
-    6: ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
-    8: ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
-}
 
 _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 
@@ -224,7 +217,7 @@ class _Deck:
                 for element in members:
                     require(element in self.element_of, item, "solid elements of this deck", f"element {element}")
                     own = self.element_of[element]
-                    faces = _SURFACE_FACES[N_CORNER[len(own)]]
+                    faces = FACES[N_CORNER[len(own)]]
                     labels = [f"S{k}" for k in range(1, len(faces) + 1)]
                     require(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
                     missing = [n for n in own if n not in index]

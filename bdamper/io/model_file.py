@@ -26,7 +26,7 @@ from bdamper.io.model_groups import (
     check_text,
     new_group,
     place,
-    read_integer,
+    read_number,
     read_ports,
     read_record,
     read_text,
@@ -146,7 +146,7 @@ def read_model(file: h5py.Group) -> Model:
     for own in sorted(RECORDS, key=lambda own: own.kind is Body):  # the modes of a body are at points of interfaces
         members = subgroups(file, own.place())
         parts[own.name] = {name: _read_member(group, own.kind, parts) for name, group in members.items()}
-    return Model(n_blades=read_integer(file, "n_blades"), provenance=_read_provenance(file), **parts)
+    return Model(n_blades=read_number(file, "n_blades", int), provenance=_read_provenance(file), **parts)
 
 
 def _read_member(group: h5py.Group, kind: Any, parts: Mapping[str, Any]) -> Any:
@@ -165,7 +165,7 @@ def _check_root(file: h5py.Group) -> None:
     found = read_text(file, "format")
     other = f"'{found}': bd.load reads results" if found.startswith("bdamper-") else f"'{found}'"
     require(found == FORMAT, place(file, "@format"), f"'{FORMAT}'", other)
-    version = read_integer(file, "version")
+    version = read_number(file, "version", int)
     require(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}")
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)

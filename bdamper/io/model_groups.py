@@ -7,7 +7,7 @@ there must be are checked as a file is read.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, get_origin
 
@@ -144,7 +144,7 @@ def read_record(group: h5py.Group, kind: Kind, sizes: Sizes | None = None, ports
     """
     sizes = dict(sizes or {})
     if kind is LocalBasis:
-        counts = {name: read_integer(group, name) for name in LOCAL_SIZES}
+        counts = {name: read_number(group, name, int) for name in LOCAL_SIZES}
         require(min(counts.values()) >= 0, place(group), "numbers of shapes >= 0", counts)
         sizes |= {**counts, "n": sum(counts.values()), "n_diameters": None}
     _check_names(group, layout(kind))
@@ -266,9 +266,9 @@ def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArra
 
 def read_attribute(group: h5py.Group, item: Item) -> Any:
     """A text or a number; the ports of a body as pairs of texts."""
-    readers: dict[Any, Callable[[h5py.Group, str], Any]] = {int: read_integer, float: read_number, tuple: read_ports}
-    read: Callable[[h5py.Group, str], Any] = readers.get(get_origin(item.kind) or item.kind, read_text)
-    return read(group, item.file)
+    if item.kind in (int, float):
+        return read_number(group, item.file, item.kind)
+    return (read_ports if get_origin(item.kind) is tuple else read_text)(group, item.file)
 
 
 def read_ports(group: h5py.Group, name: str) -> tuple[tuple[str, ...], ...]:
@@ -315,7 +315,7 @@ def as_text(value: Any, item: str) -> str:
     return str(value)
 
 
-def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] = float) -> float:
+def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] = float) -> Any:
     """One finite number, or one integer."""
     letters, expected = ("iu", "one integer") if kind is int else ("fiu", "one finite number")
     given = attribute(owner, name)
@@ -323,7 +323,3 @@ def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] =
     good = value.dtype.kind in letters and value.size == 1 and np.isfinite(value).all()
     require(good, place(owner, f"@{name}"), expected, repr(given))
     return kind(value.item())
-
-
-def read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
-    return int(read_number(owner, name, int))

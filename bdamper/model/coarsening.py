@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.model.checks import Shape, layout
+from bdamper.model.checks import Kind, Shape, layout
 from bdamper.model.model import Body, ContactStiffness, Interface, Model, StaticContact
 
 
@@ -111,8 +111,9 @@ def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
             x = np.swapaxes(np.swapaxes(x, axis, -1) @ A.T, axis, -1)
         return x
 
+    kind: Kind = type(record)
     made = {}
-    for item in (item for item in layout(type(record)) if not item.is_attribute):
+    for item in (item for item in layout(kind) if not item.is_attribute):
         value: Any = getattr(record, item.name)
         unite = partial(_united, body=body, groups=groups) if item.is_record else partial(mean, shape=item.data.shape)
         if value is not None:

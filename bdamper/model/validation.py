@@ -240,7 +240,9 @@ def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str],
     require(basis.n_natural > 0, f"{item}/static_shapes", "static shapes beside at least one mode", found)
     _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
-        _check_flexibility(basis, basis.flexibility, first, f"{item}/flexibility")
+        shapes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)[:, first:]
+        rest = basis.flexibility - (shapes / basis.omega2[first:]) @ shapes.conj().T
+        _check_beside(rest, basis.flexibility, f"{item}/flexibility", "flexibility - Phi Omega^-2 Phi^H (elastic modes)")
     if basis.speed is not None:
         require(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
         require(basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag")
@@ -260,18 +262,16 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
     check_all(good, omega2, "numbers > 0 for elastic modes", item)
 
 
-def _check_flexibility(basis: ModalBasis, flexibility: NDArray, n_rigid: int, item: str) -> None:
-    shapes = basis.contact_modes.reshape(len(flexibility), basis.n_modes)[:, n_rigid:]
-    rest = flexibility - (shapes / basis.omega2[n_rigid:]) @ shapes.conj().T
+def _check_beside(rest: NDArray, flexibility: NDArray, item: str, what: str) -> None:
+    """What coordinates leave out of a static receptance is not negative."""
     size = np.linalg.norm(flexibility)
     allowed = SINGLE * size
     good = np.isfinite(size) and np.isfinite(rest).all()
     require(good, item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}")
-    if is_positive_definite(rest + allowed * np.eye(len(rest))):
-        return
-    smallest = np.linalg.eigvalsh(rest)[0] if len(rest) else 0.0
-    expected = "flexibility - Phi Omega^-2 Phi^H (elastic modes) positive semi-definite"
-    require(not smallest < -allowed, item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
+    if not is_positive_definite(rest + allowed * np.eye(len(rest))):
+        smallest = np.linalg.eigvalsh(0.5 * (rest + rest.conj().T))[0]
+        found = f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N"
+        require(not smallest < -allowed, item, f"{what} positive semi-definite", found)
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
@@ -387,7 +387,8 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
         for key in ("stiffness", "mass"):
             definite = is_positive_definite(getattr(local, key)(d))
             require(definite, f"{item}/disk_{key}", "blade and disk positive definite", f"not at nodal diameter {d}")
-    _check_residual(local, f"{item}/flexibility")
+    if local.flexibility is not None and (rest := local.residual_flexibility()) is not None:
+        _check_beside(rest, local.flexibility, f"{item}/flexibility", "flexibility less that of the coordinates")
     for d, basis in body.bases.items():
         omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[: basis.n_natural]
         ratio = np.sqrt(omega2 / np.sort(basis.omega2[: basis.n_natural])[: len(omega2)])
@@ -417,14 +418,6 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
         raise mismatch(f"{item}/blade_stiffness", "omega2 on the diagonal of cantilever modes, 0 beside", found)
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
     require(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
-
-
-def _check_residual(local: LocalBasis, item: str) -> None:
-    rest = local.residual_flexibility()
-    if rest is None or local.flexibility is None or not len(rest):
-        return
-    smallest = np.linalg.eigvalsh(0.5 * (rest + rest.T))[0]
-    require(smallest >= -SINGLE * np.linalg.norm(local.flexibility), item, "no less than that of the coordinates", smallest)
 
 
 # -----------------------------------------------------------------------------------------------------------

@@ -39,18 +39,23 @@ def nodes_of(place: Place) -> NDArray:
     return np.flatnonzero(place.any(axis=1)) if isinstance(place, np.ndarray) else np.array([place])
 
 
+def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
+    """Unit forces (n_dof, 3) along X, Y and Z at a node; the real and the imaginary part of a field, and zeros."""
+    if isinstance(place, np.ndarray):
+        return sp.csc_matrix(np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1))
+    return sp.csc_matrix((np.ones(3), (3 * place + np.arange(3), np.arange(3))), shape=(n_dof, 3))
+
+
 def location_rows(places: Mapping[str, Place], shapes: NDArray) -> dict[str, NDArray]:
     """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes): motion of a node; work of the real
     and of the imaginary part of a field of forces, and zeros."""
-    out = {}
-    for name, place in places.items():
-        dofs = (3 * nodes_of(place)[:, None] + np.arange(3)).ravel()
-        if isinstance(place, np.ndarray):
-            force = place.ravel()[dofs]
-            out[name] = np.stack([force.real @ shapes[dofs], force.imag @ shapes[dofs], 0.0 * shapes[0]])
-        else:
-            out[name] = shapes[dofs]
-    return out
+    return {name: place_loads(place, len(shapes)).T @ shapes for name, place in places.items()}
+
+
+def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
+    """The loads (3 n_nodes, n) of several places that are not zero."""
+    loads = sp.hstack([place_loads(place, body.n_dof) for place in places], format="csc")
+    return loads[:, np.diff(loads.indptr) > 0]
 
 
 def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
@@ -109,19 +114,6 @@ class Wanted:
             flexibility=flexibility,
             static_shapes=static,
         )
-
-
-def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
-    """Unit forces (3 n_nodes, n) along X, Y and Z at nodes; the real and the imaginary part of fields, if not zero."""
-    columns = []
-    for place in places:
-        if isinstance(place, np.ndarray):
-            parts = np.stack([place.real.ravel(), place.imag.ravel()], axis=1)
-            columns.append(sp.csc_matrix(parts[:, parts.any(axis=0)]))
-        else:
-            dofs = body.dofs(np.array([place]))
-            columns.append(sp.csc_matrix((np.ones(3), (dofs, np.arange(3))), shape=(body.n_dof, 3)))
-    return sp.hstack(columns, format="csc")
 
 
 def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static: NDArray) -> tuple[NDArray, NDArray]:

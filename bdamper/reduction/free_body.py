@@ -113,20 +113,16 @@ class FreeBody(Generic[S]):
         out[self._kept] = self.solver.solve(np.ascontiguousarray(load[self._kept]))
         return self.remove_rigid(out)
 
-    def elastic_modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Lowest elastic modes: omega2 (n_modes,) rad2/s2 and shapes (3 n_nodes, n_modes) kg^-1/2."""
-        if self._modes is None or len(self._modes[0]) < n_modes:
-            omega2, shapes = lowest_modes(self.body.stiffness, self.body.mass, self.elastic_response, n_modes)
-            self._modes = omega2, fix_phase(self.remove_rigid(shapes), self.body.mass)
-        return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
-
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Six rigid modes, then elastic ones, ``n_modes`` in all."""
+        """Six rigid modes, then elastic ones, ``n_modes`` in all: omega2 (n_modes,) and shapes (3 n_nodes, n_modes)."""
         check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
-        if n_modes == 6:
+        n = n_modes - 6
+        if n and (self._modes is None or len(self._modes[0]) < n):
+            omega2, shapes = lowest_modes(self.body.stiffness, self.body.mass, self.elastic_response, n)
+            self._modes = omega2, fix_phase(self.remove_rigid(shapes), self.body.mass)
+        if self._modes is None:
             return np.zeros(6), self.rigid
-        omega2, shapes = self.elastic_modes(n_modes - 6)
-        return np.concatenate([np.zeros(6), omega2]), np.hstack([self.rigid, shapes])
+        return np.append(np.zeros(6), self._modes[0][:n]), np.hstack([self.rigid, self._modes[1][:, :n]])
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Elastic receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
