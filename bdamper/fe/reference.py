@@ -25,7 +25,7 @@ from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surface_mesh
 from bdamper.fe.sector import SectorFE
 from bdamper.fe.stress import blade_stress
-from bdamper.model.model import Body, Interface, Model, SurfaceMesh, turn
+from bdamper.model.model import Body, Interface, Model, turn
 from bdamper.reduction.bodies import Wanted, constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.reduction.patches import Patches
@@ -45,11 +45,6 @@ def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, en
         interface("back", back, "damper", "ground", clearance=end_gap),
     )
     return {face.name: face for face in faces}
-
-
-def _meshes(fe: SectorFE, n_modes: int, pictures: tuple[int, ...]) -> dict[str, SurfaceMesh]:
-    shapes = {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}
-    return {"blade": surface_mesh(fe.blade, shapes), "damper": surface_mesh(fe.damper.body)}
 
 
 def bladed_disk(
@@ -124,7 +119,10 @@ def bladed_disk(
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
         interfaces=faces,
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
-        meshes=_meshes(fe, n_modes, pictures),
+        meshes={
+            "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
+            "damper": surface_mesh(fe.damper.body),
+        },
         provenance=provenance("bdamper.fe.reference", fe.blade, fe.damper.body, over_speed=rotation is not None),
         stress={} if not stress else blade_stress(fe, contact, (left, right), diameters, n_modes),
     )

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import as_integers, read_dofs, triangle_to_full
-from bdamper.io.reading import LARGEST_COUNT, Lines, parsing, read_body, reader
+from bdamper.io.reading import LARGEST_COUNT, Lines, data_lines, parsing, read_body, reader
 from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import FACES, N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
@@ -59,23 +59,19 @@ class _Deck:
     def read(self, source: Path, depth: int = 0) -> None:
         """One file, with those that it includes."""
         require(depth <= 5, str(source), "at most five files included in each other", "more")
-        with open(source, encoding="utf-8", errors="replace") as file:
-            for keyword, parameters, lines in self._blocks(file):
-                item = f"{source}: {keyword}" + (f" in line {lines[0][0] - 1}" if lines else "")
-                if keyword == "*INCLUDE":
-                    included = source.parent / parameters.get("INPUT", "")
-                    require(included.is_file(), item, "an existing file", f"'{included.name}'")
-                    self.read(included, depth + 1)
-                else:
-                    self._block(keyword, parameters, lines, item)
+        for keyword, parameters, lines in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
+            item = f"{source}: {keyword}" + (f" in line {lines[0][0] - 1}" if lines else "")
+            if keyword == "*INCLUDE":
+                included = source.parent / parameters.get("INPUT", "")
+                require(included.is_file(), item, "an existing file", f"'{included.name}'")
+                self.read(included, depth + 1)
+            else:
+                self._block(keyword, parameters, lines, item)
 
     @staticmethod
-    def _blocks(file: Iterator[str]) -> Iterator[tuple[str, dict[str, str], list[tuple[int, str]]]]:
+    def _blocks(deck: str) -> Iterator[tuple[str, dict[str, str], list[tuple[int, str]]]]:
         keyword, parameters, lines = "", {}, []  # type: ignore[var-annotated]
-        for number, line in enumerate(file, 1):
-            text = line.strip()
-            if not text or text.startswith("**"):
-                continue
+        for number, text in data_lines(deck, "**"):
             if text.startswith("*"):
                 if keyword:
                     yield keyword, parameters, lines

@@ -32,7 +32,7 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     d = modes.nodal_diameter
     item = f"modes of nodal diameter {d} ({modes.source or 'given'})"
     shapes = body.shapes(np.asarray(modes.numbers), np.asarray(modes.shapes), item)
-    if ring.n_blades == 1:
+    if ring.faces.n_sectors == 1:
         waves = Waves(np.arange(shapes.shape[1]), shapes.real, np.zeros(shapes.shape[1]), 0, 0)
     else:
         known = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)

@@ -263,14 +263,9 @@ def read_arrays(
         table = (np.arange(len(nodes)), nodes) if isinstance(nodes, np.ndarray) else nodes
         numbers, positions = _loaded(table, read_nodes)
         mesh = FEBody(np.asarray(numbers), np.asarray(positions, float))
-    node_sets: dict[str, NDArray] = {}
-    face_sets: dict[str, tuple[NDArray, ...]] = {}
-    for name, given_set in (sets or {}).items():
-        values = np.asarray(_loaded(given_set, read_set))
-        if values.ndim == 1:
-            node_sets[name] = values
-        else:
-            face_sets[name] = (values,)
+    loaded = {name: np.asarray(_loaded(given, read_set)) for name, given in (sets or {}).items()}
+    node_sets = {name: values for name, values in loaded.items() if values.ndim == 1}
+    face_sets = {name: (values,) for name, values in loaded.items() if values.ndim != 1}
     own = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
     source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
     return replace(

@@ -31,7 +31,6 @@ from bdamper.io.model_groups import (
     read_record,
     read_text,
     subgroup,
-    subgroups,
     write_record,
     write_text,
 )
@@ -144,8 +143,8 @@ def read_model(file: h5py.Group) -> Model:
     _check_root(file)
     parts: dict[str, Any] = {}
     for own in sorted(RECORDS, key=lambda own: own.kind is Body):  # the modes of a body are at points of interfaces
-        members = subgroups(file, own.place())
-        parts[own.name] = {name: _read_member(group, own.kind, parts) for name, group in members.items()}
+        members = subgroup(file, own.place()) if own.place() in file else {}
+        parts[own.name] = {name: _read_member(subgroup(members, name), own.kind, parts) for name in members}
     return Model(n_blades=read_number(file, "n_blades", int), provenance=_read_provenance(file), **parts)
 
 

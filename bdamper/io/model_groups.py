@@ -102,22 +102,20 @@ def write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> Non
 def _write_attribute(group: h5py.Group, item: Item, value: Any) -> None:
     """A text or a number; the ports of a body are texts."""
     if get_origin(item.kind) is tuple:
-        ports = np.array([".".join(port).encode() for port in value], dtype="S")
-        group.attrs.create(item.file, ports, dtype=h5py.string_dtype(length=max(ports.dtype.itemsize, 1)))
+        write_text(group, item.file, [".".join(port) for port in value])
     elif item.kind in (int, float):
         group.attrs[item.file] = item.kind(value)
     else:
         write_text(group, item.file, value)
 
 
-def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
-    """A text attribute of fixed length: simple to read from C, Fortran or MATLAB.
+def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str | list[str]) -> None:
+    """A text attribute, or one of several texts, of fixed length: simple to read from C, Fortran or MATLAB.
 
     HDF5 keeps texts of variable length in a heap whose reader can run on forever if a byte of it is damaged.
     """
-    encoded = text.encode()
-    kind = h5py.string_dtype(length=max(len(encoded), 1))
-    owner.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
+    encoded = np.array(text.encode() if isinstance(text, str) else [part.encode() for part in text], dtype="S")
+    owner.attrs.create(name, encoded, dtype=h5py.string_dtype(length=encoded.dtype.itemsize or 1))
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -237,14 +235,6 @@ def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     member = group[name]
     require(isinstance(member, h5py.Group), place(group, name), "a group", f"a {type(member).__name__.lower()}")
     return member
-
-
-def subgroups(file: h5py.Group, name: str) -> dict[str, h5py.Group]:
-    """All groups inside a group; empty if that group is absent (only the optional ones can be)."""
-    if name not in file:
-        return {}
-    parent = subgroup(file, name)
-    return {key: subgroup(parent, key) for key in parent}
 
 
 def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArray:

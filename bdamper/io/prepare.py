@@ -98,10 +98,6 @@ class Ring:
     diameters: tuple[int, ...]
     pictured: tuple[int, ...]
 
-    @property
-    def n_blades(self) -> int:
-        return self.faces.n_sectors
-
 
 @dataclass
 class PreparedBody:

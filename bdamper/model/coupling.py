@@ -121,8 +121,9 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     basis = body.bases[0]
     points = np.concatenate([model.interfaces[name].points for name, _ in body.ports])
     frames = np.concatenate([model.interfaces[name].frame for name, _ in body.ports])
-    motion = rigid_motions(points, body.centre, body_axes(body), turn) / np.sqrt([*3 * [body.mass], *moments])
-    rigid = frames @ motion.reshape(-1, 3, 6)
+    own, turning = body_axes(body) / np.sqrt(body.mass), turn / np.sqrt(moments)[:, None]
+    motion = rigid_motions(points, body.centre, own, turning).reshape(-1, 3, 6)
+    rigid = np.concatenate([frames @ motion[..., :3], np.einsum("pij,pjk->pik", frames, motion[..., 3:])], axis=2)
     # the stored modes span the same space: old @ change = new
     change = np.linalg.lstsq(basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
     modes = basis.contact_modes.copy()

@@ -34,7 +34,6 @@ from bdamper.model.checks import (
     check_hermitian,
     check_integer,
     check_name,
-    check_one_of,
     check_record,
     check_type,
     is_positive_definite,
@@ -141,7 +140,8 @@ def _check_frame(frame: NDArray, item: str) -> None:
 
 def _check_ports(body: Body, model: Model, item: str) -> None:
     """The ports of a body are the sides of interfaces that name it, each once; the ground may leave them out."""
-    check_one_of(body.kind, ("constrained", "free", "lumped", "ground"), f"{item}/@kind")
+    kinds = ["constrained", "free", "lumped", "ground"]
+    require(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
     item = f"{item}/@ports"
     check_type(body.ports, tuple, item)
     for port in body.ports:
@@ -336,7 +336,12 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
 def _rigid_motions(body: Body, model: Model) -> NDArray:
     """Mass-orthonormal rigid motions in the rows of contact points, then locations, (3 n, 6)."""
     assert body.mass is not None and body.centre is not None and body.inertia is not None
-    points, frames = _contact_points(body, model)
+    points, frames = [], []
+    for name, side in body.ports:  # turned back into the body's own sector
+        face = model.interfaces[name]
+        rotation = turn(2 * np.pi * (face.sector_a if side == "a" else face.sector_b) / model.n_blades)
+        points.append(face.points @ rotation)  # rows R^T x
+        frames.append(face.frame @ rotation)
     for name in body.bases[0].locations:
         points.append(model.locations[name].position[None])
         frames.append(np.eye(3)[None])
@@ -346,18 +351,6 @@ def _rigid_motions(body: Body, model: Model) -> NDArray:
     motions = rigid_motions(np.concatenate(points), body.centre, np.eye(3), axes.T)
     motions /= np.sqrt([*3 * [body.mass], *moments])
     return (np.concatenate(frames) @ motions.reshape(-1, 3, N_RIGID)).reshape(-1, N_RIGID)
-
-
-def _contact_points(body: Body, model: Model) -> tuple[list[NDArray], list[NDArray]]:
-    """Points and frames of the ports of a body, turned back into the body's own sector."""
-    points, frames = [], []
-    for name, side in body.ports:
-        interface = model.interfaces[name]
-        sector = interface.sector_a if side == "a" else interface.sector_b
-        rotation = turn(2 * np.pi * sector / model.n_blades)
-        points.append(interface.points @ rotation)  # rows R^T x
-        frames.append(interface.frame @ rotation)
-    return points, frames
 
 
 # -----------------------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -127,9 +128,8 @@ class CyclicSector:
     faces: SectorFaces
     clamped: NDArray
     nodal_diameter: int
-    _lu: SuperLU | None = field(default=None, repr=False)
-    _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
-    _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, repr=False)
+    _modes: tuple[NDArray, NDArray] | None = field(default=None, init=False, repr=False)
+    _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.transformation = cyclic_transformation(len(self.body.nodes), self.faces, self.clamped, self.nodal_diameter)
@@ -137,16 +137,14 @@ class CyclicSector:
         self.stiffness = (adjoint @ self.body.stiffness @ self.transformation).tocsr()
         self.mass = (adjoint @ self.body.mass @ self.transformation).tocsr()
 
-    @property
+    @cached_property
     def solver(self) -> SuperLU:
         """Factorisation of the reduced stiffness matrix."""
-        if self._lu is None:
-            self._lu = factorise(self.stiffness)
-        return self._lu
+        return factorise(self.stiffness)
 
     def forget_factors(self) -> None:
         """Free the memory of the factorisation; it is made again when needed.  Modes stay."""
-        self._lu = None
+        self.__dict__.pop("solver", None)
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Lowest modes.

@@ -77,7 +77,7 @@ class FreeBody(Generic[S]):
     body: S
     axes: NDArray
     constrained: NDArray | None = None
-    _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
+    _modes: tuple[NDArray, NDArray] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         body, mass = self.body, self.body.mass

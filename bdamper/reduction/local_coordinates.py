@@ -40,6 +40,7 @@ from bdamper.model.model import Interface, Port
 from bdamper.model.shapes import fix_phase, rigid_motions
 from bdamper.reduction.bodies import Wanted, location_loads, location_rows, nodes_of, residual_shapes
 from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, factorise, lowest_modes
+from bdamper.reduction.sector_faces import SectorFaces
 from bdamper.reduction.structure import Structure, check, hermitian
 from bdamper.util import validate
 
@@ -113,8 +114,8 @@ class BladePart:
         """(n_nodes,) bool: nodes of the blade."""
         return np.isin(np.arange(len(self.body.nodes)), self.nodes)
 
-    def check_on_blade(self, wanted: Wanted) -> None:
-        """Contact points and locations are on the blade.
+    def check_wanted(self, wanted: Wanted, faces: SectorFaces) -> None:
+        """Contact points and locations are on the blade, which has no node on the faces of the sector.
 
         Raises
         ------
@@ -123,6 +124,7 @@ class BladePart:
         check(self.inside[wanted.contact.indices // 3].all(), "contact points that are not on the blade")
         for name, place in wanted.locations.items():
             check(self.inside[nodes_of(place)].all(), f"location '{name}', which is not on the blade")
+        check(not self.inside[faces.nodes].any(), "a node of the blade that lies on a face at which the sector repeats")
 
     @cached_property
     def solver(self) -> SuperLU:
@@ -168,8 +170,6 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> t
     depends on the nodal diameter is the stiffness of the faces.  With a factorisation at each of 19 nodal diameters
     the whole import of a sector of 2,865 nodes takes 1.4 times as long.
     """
-    if np.isin(blade.root, sector.faces.nodes).any():
-        raise ValueError("a node of the blade's root lies on a face at which the sector repeats")
     body, held = blade.body, blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
     moving, faces = ~held.ravel(), np.zeros(body.n_dof, bool)
@@ -337,7 +337,7 @@ def local_basis(
     ValueError
         If contact points or locations are not on the blade, or its root lies on a face at which the sector repeats.
     """
-    blade.check_on_blade(wanted)
+    blade.check_wanted(wanted, sector(0).faces)
     made = _made_of(blade, wanted, *local_shapes(blade, sector, wanted, dampers, sizes))
     flexibility = hermitian(wanted.contact @ blade.contact_columns(wanted.contact))
     return replace(made, region=region, flexibility=flexibility)

@@ -95,8 +95,7 @@ class Rotation:
     def at_speed(self, sector: CyclicSector, omega: float) -> CyclicSector:
         """The sector, given at ``omega_ref``, with the stiffness of another speed (rad/s)."""
         stiffness = sector.body.stiffness + (omega**2 - self.omega_ref**2) * self.per_squared_speed
-        body = replace(sector.body, stiffness=stiffness)
-        return replace(sector, body=body, _lu=None, _modes=None, _contact=None)
+        return replace(sector, body=replace(sector.body, stiffness=stiffness))
 
     def basis(self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix) -> ModalBasis:
         """The basis of a sector with its data over speed.
