@@ -110,7 +110,7 @@ class Annulus:
     def basis(self) -> np.ndarray:
         """Motion (n_moving, N n) of the annulus by the local coordinates of all sectors, one sector after the other."""
         wanted = Wanted((), self.contact, {}, 1, 0.0)
-        shapes = local_shapes(self.part, self.fe.cyclic, wanted, self.dampers, self.sizes).shapes
+        shapes = local_shapes(self.part, self.fe.cyclic, wanted, self.dampers, self.sizes)[1]
         nodes = np.zeros(len(self.fe.blade.nodes), bool)
         nodes[self.part.nodes] = True
         of_blade = sp.diags(np.repeat(nodes, 3).astype(float))

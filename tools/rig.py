@@ -107,7 +107,7 @@ def rig(
     nodes = blade_nodes(blades, g)
     contact = sp.vstack([averaging_matrix(blades, p) for p in touching], format="csr")
     wanted = Wanted(ports["friction"], contact, nodes, n_modes, damping_ratio)
-    held = constrained_body("blades", wanted, lambda _: structure, (0,), (0,))
+    held = constrained_body("blades", wanted, lambda _: structure, (0,))
     bodies = {"blades": held}
     meshes = {"blades": surface_mesh(blades, {0: structure.modes(n_modes)[1]})}
     radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]

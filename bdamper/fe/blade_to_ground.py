@@ -62,7 +62,7 @@ def blade_to_ground(
     patches = Patches(face.centre, face.frame * np.array([1.0, -1.0, -1.0])[:, None], face.size)
     nodes, contact = blade_nodes(body, g), averaging_matrix(body, patches)
     wanted = Wanted((("platform", "a"),), contact, nodes, n_modes, damping_ratio)
-    blade = constrained_body("blade", wanted, lambda _: structure, (0,), (0,))
+    blade = constrained_body("blade", wanted, lambda _: structure, (0,))
     return Model(
         n_blades=1,
         bodies={"blade": blade, "ground": Body("ground", "ground", (("platform", "b"),))},

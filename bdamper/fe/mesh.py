@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from skfem import MeshHex
 
 from bdamper.fe.geometry import Geometry, turn
+from bdamper.util import validate
 
 # Local corners in the order in which scikit-fem numbers them.
 
@@ -61,10 +62,7 @@ class MeshDensity:
     def preset(cls, name: str) -> MeshDensity:
         """The density called ``"coarse"`` or ``"reference"``."""
         presets = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
-        try:
-            return cls(*presets[name])
-        except KeyError:
-            raise ValueError(f"mesh must be one of {sorted(presets)}, not {name!r}") from None
+        return cls(*presets[validate.choice("mesh", name, presets)])
 
 
 def join_blocks(blocks: list[NDArray]) -> MeshHex:

@@ -25,7 +25,7 @@ from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surface_mesh
 from bdamper.fe.sector import SectorFE
 from bdamper.fe.stress import blade_stress
-from bdamper.model.model import Body, Interface, Model, SurfaceMesh, turn
+from bdamper.model.model import Body, Interface, Model, turn
 from bdamper.reduction.bodies import Wanted, constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.reduction.patches import Patches
@@ -47,11 +47,6 @@ def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, en
     return {face.name: face for face in faces}
 
 
-def _meshes(fe: SectorFE, n_modes: int, pictures: tuple[int, ...]) -> dict[str, SurfaceMesh]:
-    shapes = {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}
-    return {"blade": surface_mesh(fe.blade, shapes), "damper": surface_mesh(fe.damper.body)}
-
-
 def bladed_disk(
     points: int | tuple[int, int] = 24,
     mesh: str = "coarse",
@@ -61,7 +56,6 @@ def bladed_disk(
     harmonics: int = 7,
     damping_ratio: float = 0.002,
     nodal_diameters: tuple[int, ...] | None = None,
-    flexibility_at: tuple[int, ...] | None = None,
     pictures: tuple[int, ...] = (),
     rotation: Rotation | float | None = None,
     fe: SectorFE | None = None,
@@ -86,8 +80,6 @@ def bladed_disk(
     damping_ratio : float, of all elastic modes
     nodal_diameters : tuple of int, optional
         0 to N/2; 0 is always added, for the bias.
-    flexibility_at : tuple of int, optional
-        Nodal diameters whose static receptance is stored; all by default.
     pictures : tuple of int
         Nodal diameters whose mode shapes are kept on the surface of the blade.
     rotation : Rotation or float, optional
@@ -109,7 +101,6 @@ def bladed_disk(
     g = fe.geometry
     of_order = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
     diameters = tuple(sorted({0, *(of_order if nodal_diameters is None else nodal_diameters)}))
-    at = set(diameters if flexibility_at is None else flexibility_at)
     left, right = (wedge_patches(g, side, points) for side in ("left", "right"))
     front, back = (end_patches(g, side) for side in ("front", "back"))
     faces = _interfaces(left, right, front, back, g.end_gap)
@@ -118,7 +109,7 @@ def bladed_disk(
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     turns = each(diameters, progress, "finite element model", "nodal diameter")
     wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
-    blade = constrained_body("blade", wanted, fe.cyclic, turns, at, rotation)
+    blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
     local = None if wheel is None else fe.local_basis(wanted, faces, wheel)
     on_damper = fe.damper_contact(left, right, front, back)
     own = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)
@@ -128,7 +119,10 @@ def bladed_disk(
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
         interfaces=faces,
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
-        meshes=_meshes(fe, n_modes, pictures),
+        meshes={
+            "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
+            "damper": surface_mesh(fe.damper.body),
+        },
         provenance=provenance("bdamper.fe.reference", fe.blade, fe.damper.body, over_speed=rotation is not None),
         stress={} if not stress else blade_stress(fe, contact, (left, right), diameters, n_modes),
     )

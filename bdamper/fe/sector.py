@@ -28,6 +28,7 @@ from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_mo
 from bdamper.reduction.patches import Patches
 from bdamper.reduction.sector_faces import match_faces
 from bdamper.reduction.spin import Rotation
+from bdamper.util import validate
 
 
 @dataclass
@@ -67,9 +68,7 @@ class SectorFE:
 
     def cyclic(self, nodal_diameter: int) -> CyclicSector:
         """The sector at one nodal diameter, 0 to ``n_blades // 2``."""
-        if not 0 <= nodal_diameter <= self.geometry.n_blades // 2:
-            larger = f"not {nodal_diameter}; larger ones are complex conjugates of these"
-            raise ValueError(f"nodal diameter must be 0 to {self.geometry.n_blades // 2}, {larger}")
+        validate.whole("nodal diameter", nodal_diameter, most=self.geometry.n_blades // 2)
         if not self.keep_factors:
             for d, other in self._cyclic.items():
                 if d != nodal_diameter:

@@ -297,13 +297,6 @@ def read_cdb(path: Path) -> FEBody:
     return _Archive(Lines(path, "latin-1")).body()
 
 
-class _Field(NamedTuple):
-    """Columns of a line that hold a whole number, or a real one."""
-
-    whole: bool
-    columns: slice
-
-
 class _Archive:
     def __init__(self, lines: Lines) -> None:
         self.source, self.lines = str(lines.source), lines
@@ -317,21 +310,21 @@ class _Archive:
         self.sets: dict[str, NDArray] = {}
         self.skipped: Counter[str] = Counter()
 
-    def _integers(self, what: str, fields: list[_Field]) -> list[int]:
+    def _integers(self, what: str, fields: list[tuple[bool, slice]]) -> list[int]:
         """Whole numbers on the next line."""
         text = self.lines.take(what)
         with parsing(self.lines.item, "whole numbers in the columns that the format of the block says", text):
-            return [int(text[field.columns]) for field in fields if text[field.columns].strip()]
+            return [int(text[columns]) for _, columns in fields if text[columns].strip()]
 
-    def _fields(self, block: str) -> list[_Field]:
-        """Fields of a Fortran format like (1i7,2i9,6e21.13e3), which opens a block."""
+    def _fields(self, block: str) -> list[tuple[bool, slice]]:
+        """Whether each field holds a whole number, and its columns, by a Fortran format like (1i7,2i9,6e21.13e3)."""
         text = self.lines.take(f"the format of {block}")
-        fields: list[_Field] = []
+        fields: list[tuple[bool, slice]] = []
         for count, letter, width in re.findall(r"(\d*)([iedfg])(\d+)", text.lower()):
             size = check_count(int(width), self.lines.item, "a width of fields", 1, 100)
             for _ in range(check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)):
-                start = fields[-1].columns.stop if fields else 0
-                fields.append(_Field(letter == "i", slice(start, start + size)))
+                start = fields[-1][1].stop if fields else 0
+                fields.append((letter == "i", slice(start, start + size)))
         self.lines.require(bool(fields), "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
         return fields
 
@@ -363,15 +356,15 @@ class _Archive:
         return ElementKind(plain, self.elastic.get("EX", {}).get(material), poisson.get(material))
 
     def _nodes(self) -> None:
-        first, *fields = self._fields("NBLOCK")
-        self.lines.require(first.whole, "a format that begins with a whole number", "another one")
-        reals = [field.columns for field in fields if not field.whole]
+        (whole, first), *fields = self._fields("NBLOCK")
+        self.lines.require(whole, "a format that begins with a whole number", "another one")
+        reals = [columns for is_whole, columns in fields if not is_whole]
         while True:
             line = self.lines.take("the end of NBLOCK (-1)")
             if line.startswith(("N,", "-1")) or not line.strip():
                 break
             with parsing(self.lines.item, "a node", line):
-                number = int(line[first.columns])
+                number = int(line[first])
                 values = [float(line[columns].replace("D", "E")) for columns in reals if line[columns].strip()]
             if number < 0:
                 break

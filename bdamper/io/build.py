@@ -53,8 +53,6 @@ if TYPE_CHECKING:
     from bdamper.reduction.stress import StressRows
 
 
-TOLD = ("checks", "missing", "failed")
-"""What the bodies have to tell the report."""
 HARMONICS = 9
 """Harmonics whose nodal diameters a model has by default."""
 DAMPER_MODES = 16
@@ -210,9 +208,7 @@ def _diameters(
     blade: FEBody,
 ) -> tuple[tuple[int, ...], tuple[int, ...], str]:  # fmt: skip
     """Nodal diameters of a model, those of its engine orders, and why the model has the former."""
-    several = isinstance(engine_order, Iterable) and not isinstance(engine_order, str)
-    asked = engine_order if several else () if engine_order is None else (validate.whole("engine_order", engine_order),)
-    orders = validate.wholes("engine_order", asked)
+    orders = () if engine_order is None else validate.wholes("engine_order", np.atleast_1d(engine_order))
     excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
     held = None if blade.stiffness is not None or not blade.modes else {modes.nodal_diameter for modes in blade.modes}
     if given is not None or not orders:
@@ -221,13 +217,12 @@ def _diameters(
         chosen = given if given is not None else [0] if n_blades == 1 else sorted(held or ())
         return tuple(sorted({0, *validate.wholes("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
     most = HARMONICS if harmonics is None else validate.whole("harmonics", harmonics, 1, 64)
-    of_each = {order: [most] for order in orders}
     reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
-    if harmonics is None:
-        for order in orders:
-            distinct = n_blades // gcd(n_blades, order)  # sectors after which the excitation repeats
-            of_each[order].append(distinct if distinct <= MARCHED else 1)
-    wanted = {d for order, counts in of_each.items() for d in needed_nodal_diameters(n_blades, order, max(counts))}
+    wanted = set[int]()
+    for order in orders:
+        distinct = n_blades // gcd(n_blades, order)  # sectors after which the excitation repeats
+        marched = distinct if harmonics is None and distinct <= MARCHED else 1
+        wanted.update(needed_nodal_diameters(n_blades, order, max(most, marched)))
     if harmonics is None:
         reason += " and a march in time"
         wanted &= held or wanted
@@ -313,8 +308,8 @@ def _told(progress: bool | None, bodies: Mapping[str, PreparedBody], ring: Ring,
     if not (sys.stderr.isatty() if progress is None else validate.flag("progress", progress)):
         yield
         return
-    waves = {*ring.diameters, *sampled_waves(ring.n_blades)} if wheel else ring.diameters
-    total, done = len(waves) + len(bodies) - 1 + (ring.n_blades // 2 + 1 if wheel else 0), count()
+    waves = {*ring.diameters, *sampled_waves(ring.faces.n_sectors)} if wheel else ring.diameters
+    total, done = len(waves) + len(bodies) - 1 + (ring.faces.n_sectors // 2 + 1 if wheel else 0), count()
     with stages("import", "step") as report:
         for body in bodies.values():
             body.step = lambda text: report(text, next(done), total)
@@ -335,8 +330,9 @@ def _reduced(
         if name == "blade" and body.has_matrices:
             mask = held_components(body, wanted, fixed, ring)
             part = None if wheel is None else blade_part(body, wanted, ring, mask, wheel, laid.interfaces)
-            kept = {0} if body.given.faster else set()  # for the displacement by rotation
-            sector = cyclic_sectors(body, ring, mask, kept if part is None else kept.union(sampled_waves(ring.n_blades)))
+            kept = [0] if body.given.faster else []  # for the displacement by rotation
+            kept += [] if part is None else sampled_waves(ring.faces.n_sectors)
+            sector = cyclic_sectors(body, ring, mask, kept)
             made[name] = constrained_from_matrices(body, wanted, ring, sector, mask, rows)
             if part is not None:
                 sizes = shapes or LocalSizes()
@@ -371,7 +367,8 @@ def _assembled(
         },
     )
     check_model(model, where="built model")
-    told = {part: tuple(text for body in bodies.values() for text in getattr(body, part)) for part in TOLD}
+    parts = ("checks", "missing", "failed")
+    told = {part: tuple(text for body in bodies.values() for text in getattr(body, part)) for part in parts}
     built = BuiltModel(model, {name: str(body.given) for name, body in bodies.items()}, laid.faces, **told)
     provenance = {
         "source": "; ".join(f"{name}: {body.given.source}" for name, body in bodies.items()),

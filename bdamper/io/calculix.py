@@ -22,21 +22,14 @@ from numpy.typing import NDArray
 
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import as_integers, read_dofs, triangle_to_full
-from bdamper.io.reading import LARGEST_COUNT, Lines, parsing, read_body, reader
+from bdamper.io.reading import LARGEST_COUNT, Lines, data_lines, parsing, read_body, reader
 from bdamper.model.checks import check_all, require
-from bdamper.reduction.facets import N_CORNER, oriented_facet
+from bdamper.reduction.facets import FACES, N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _IGNORED_STRUCTURE = ("*EQUATION", "*MPC", "*TIE", "*RIGID BODY", "*TRANSFORM", "*SPRING", "*DISTRIBUTING COUPLING")
-
-# Faces S1, S2, ... of solid elements by their corners, as in Abaqus.
-_SURFACE_FACES = {
-    4: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
-    6: ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
-    8: ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
-}
 
 _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 
@@ -66,23 +59,19 @@ class _Deck:
     def read(self, source: Path, depth: int = 0) -> None:
         """One file, with those that it includes."""
         require(depth <= 5, str(source), "at most five files included in each other", "more")
-        with open(source, encoding="utf-8", errors="replace") as file:
-            for keyword, parameters, lines in self._blocks(file):
-                item = f"{source}: {keyword}" + (f" in line {lines[0][0] - 1}" if lines else "")
-                if keyword == "*INCLUDE":
-                    included = source.parent / parameters.get("INPUT", "")
-                    require(included.is_file(), item, "an existing file", f"'{included.name}'")
-                    self.read(included, depth + 1)
-                else:
-                    self._block(keyword, parameters, lines, item)
+        for keyword, parameters, lines in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
+            item = f"{source}: {keyword}" + (f" in line {lines[0][0] - 1}" if lines else "")
+            if keyword == "*INCLUDE":
+                included = source.parent / parameters.get("INPUT", "")
+                require(included.is_file(), item, "an existing file", f"'{included.name}'")
+                self.read(included, depth + 1)
+            else:
+                self._block(keyword, parameters, lines, item)
 
     @staticmethod
-    def _blocks(file: Iterator[str]) -> Iterator[tuple[str, dict[str, str], list[tuple[int, str]]]]:
+    def _blocks(deck: str) -> Iterator[tuple[str, dict[str, str], list[tuple[int, str]]]]:
         keyword, parameters, lines = "", {}, []  # type: ignore[var-annotated]
-        for number, line in enumerate(file, 1):
-            text = line.strip()
-            if not text or text.startswith("**"):
-                continue
+        for number, text in data_lines(deck, "**"):
             if text.startswith("*"):
                 if keyword:
                     yield keyword, parameters, lines
@@ -224,7 +213,7 @@ class _Deck:
                 for element in members:
                     require(element in self.element_of, item, "solid elements of this deck", f"element {element}")
                     own = self.element_of[element]
-                    faces = _SURFACE_FACES[N_CORNER[len(own)]]
+                    faces = FACES[N_CORNER[len(own)]]
                     labels = [f"S{k}" for k in range(1, len(faces) + 1)]
                     require(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
                     missing = [n for n in own if n not in index]

@@ -184,7 +184,7 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
     """
     interfaces, stiffness, faces = {}, {}, []
     ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
-    rows: dict[str, list[sp.csr_matrix]] = {name: [] for name in bodies}
+    rows = {name: [sp.csr_matrix((0, 3 * len(body.nodes)))] for name, body in bodies.items()}
     unit = bodies["blade"].place.units.length
     for given in contacts:
         contact = given if isinstance(given.gap, str) else replace(given, gap=unit * given.gap)
@@ -201,10 +201,7 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
             rows[contact.body_b].append((means.matrix_b @ own).tocsr())
         if contact.stiffness is not None:
             stiffness[contact.name] = _user_stiffness(contact, len(means.area))
-    stacked = {
-        name: sp.vstack(parts, format="csr") if parts else sp.csr_matrix((0, 3 * len(bodies[name].nodes)))
-        for name, parts in rows.items()
-    }
+    stacked = {name: sp.vstack(parts, format="csr") for name, parts in rows.items()}
     return LaidContacts(interfaces, stiffness, tuple(faces), {name: tuple(p) for name, p in ports.items()}, stacked)
 
 

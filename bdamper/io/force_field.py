@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.io.matrices import as_integers, number_table
 from bdamper.io.prepare import PreparedBody
 from bdamper.util import validate
 
@@ -40,16 +43,14 @@ def force_fields(given: Mapping[str, object] | None, body: PreparedBody) -> dict
     return out
 
 
-def _table(item: str, value: object) -> tuple[NDArray, NDArray]:
+def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
     """Node numbers and forces as they were given."""
-    numbers, forces = np.empty(0, int), np.empty((0, 3))
+    if isinstance(value, str | os.PathLike):
+        table = number_table(Path(value), 7)
+        return as_integers(table[:, 0], item), table[:, 1::2] + 1j * table[:, 2::2]
+    validate.that(isinstance(value, tuple) and len(value) == 2, item, EXPECTED, value)
     try:
-        if isinstance(value, str | os.PathLike):
-            table = np.loadtxt(value, delimiter=",", ndmin=2, encoding="utf-8")
-            numbers, forces = table[:, 0].astype(int), table[:, 1::2] + 1j * table[:, 2::2]
-            validate.require((numbers == table[:, 0]).all(), item, "whole node numbers", value)
-        elif isinstance(value, tuple) and len(value) == 2:
-            numbers, forces = np.asarray(value[0]), np.asarray(value[1], complex)
+        numbers, forces = np.asarray(value[0]), np.asarray(value[1], complex)
     except (ValueError, TypeError) as error:
         raise validate.unfit(item, EXPECTED, value) from error
     good = numbers.ndim == 1 and len(numbers) and forces.shape == (len(numbers), 3) and np.isfinite(forces).all()

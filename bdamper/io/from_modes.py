@@ -12,14 +12,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import MassProperties, Modes
+from bdamper.io.fe_body import Modes
 from bdamper.io.over_speed import basis_from_modes
 from bdamper.io.plausible import compare_frequencies
 from bdamper.io.prepare import PreparedBody, Ring
 from bdamper.model.model import Body, BodyLoad
+from bdamper.model.shapes import fix_phase, rigid_motions
 from bdamper.reduction.bodies import Wanted, nodes_of
-from bdamper.reduction.cyclic import fix_phase
-from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.waves import Waves, travelling_waves
 
 NO_RECEPTANCE = (
@@ -33,7 +32,7 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     d = modes.nodal_diameter
     item = f"modes of nodal diameter {d} ({modes.source or 'given'})"
     shapes = body.shapes(np.asarray(modes.numbers), np.asarray(modes.shapes), item)
-    if ring.n_blades == 1:
+    if ring.faces.n_sectors == 1:
         waves = Waves(np.arange(shapes.shape[1]), shapes.real, np.zeros(shapes.shape[1]), 0, 0)
     else:
         known = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
@@ -91,7 +90,7 @@ def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[N
     frequency = np.asarray(modes.frequency, float)[waves.index]
     body.require((frequency > 0.0).all(), item, "frequencies > 0 of a held sector", frequency.min(initial=np.inf))
     order = np.argsort(frequency, kind="stable")[:n_modes]
-    shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"), True)
+    shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"))
     return (2.0 * np.pi * frequency[order]) ** 2, shapes
 
 
@@ -119,20 +118,6 @@ def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Bo
     return Body(body.name, "constrained", wanted.ports, bases)
 
 
-def _mass_properties(body: PreparedBody, given: MassProperties) -> MassProperties:
-    """In SI units and in the axes of the model."""
-    q, u = body.place.rotation, body.place.units
-    inertia, centre = np.asarray(given.inertia, float), np.asarray(given.centre, float)
-    good = inertia.shape == (3, 3) and centre.shape == (3,) and np.isfinite([*inertia, centre]).all()
-    body.require(good, "mass properties", "a centre (3,) and an inertia (3, 3)", f"{centre.shape}, {inertia.shape}")
-    moments = np.linalg.eigvalsh(inertia)
-    good = given.mass > 0 and moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
-    expected = "a mass > 0 and principal moments > 0, none larger than the sum of the others"
-    body.require(good, "mass properties", expected, f"{given.mass}, {moments}")
-    centre = u.length * q @ (centre - body.place.origin)
-    return MassProperties(u.mass * float(given.mass), centre, u.mass * u.length**2 * q @ inertia @ q.T)
-
-
 def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
     """A rigid damper from mass, centre and inertia.
 
@@ -141,16 +126,20 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
     ModelError
         If the mass properties are missing or unphysical.
     """
-    if body.given.rigid is None:
+    given, units, q = body.given.rigid, body.place.units, body.place.rotation
+    if given is None:
         raise body.error("free body", "matrices, or mass, centre and inertia (MassProperties)", "neither")
-    rigid = _mass_properties(body, body.given.rigid)
-    axes = body.damper_axes(rigid.centre)
-    moments, principal = np.linalg.eigh(rigid.inertia)
-    translations = rigid_motions(body.nodes, rigid.centre, axes)[:, :3] / np.sqrt(rigid.mass)
-    rotations = rigid_motions(body.nodes, rigid.centre, principal.T)[:, 3:] / np.sqrt(moments)
-    basis = wanted.basis(np.zeros(6), np.hstack([translations, rotations]))
+    item, expected = "mass properties", "a mass > 0, a centre (3,) and an inertia (3, 3)"
+    with body.refusing(item, expected):
+        mass, centre = units.mass * float(given.mass), units.length * q @ (given.centre - body.place.origin)
+        inertia = units.mass * units.length**2 * q @ given.inertia @ q.T
+        moments, principal = np.linalg.eigh(inertia)
+    expected += " with principal moments > 0, none larger than the sum of the others"
+    good = mass > 0 and moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
+    body.require(good, item, expected, f"{mass} kg, {moments} kg m2")
+    axes = body.damper_axes(centre)
+    shapes = rigid_motions(body.nodes, centre, axes, principal.T) / np.sqrt([*3 * [mass], *moments])
+    basis = wanted.basis(np.zeros(6), shapes)
     body.missing += [NO_RECEPTANCE.format(body.name), f"elastic deformation of the {body.name} (no matrices)"]
-    load = BodyLoad(axes[1], np.eye(6)[1] / np.sqrt(rigid.mass), np.zeros((wanted.contact.shape[0] // 3, 3)))
-    return Body(
-        body.name, "free", wanted.ports, {0: basis}, mass=rigid.mass, centre=rigid.centre, inertia=rigid.inertia, load=load
-    )
+    load = BodyLoad(axes[1], np.eye(6)[1] / np.sqrt(mass), np.zeros((wanted.contact.shape[0] // 3, 3)))
+    return Body(body.name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load)

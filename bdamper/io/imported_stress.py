@@ -14,7 +14,7 @@ from bdamper.io.prepare import NodeSet, PreparedBody, Ring
 from bdamper.model.model import turn
 from bdamper.reduction.patches import Patches
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import needed
 
 if TYPE_CHECKING:
     from bdamper.reduction.element_stress import Solids
@@ -46,16 +46,15 @@ def stress_rows(
     """
     if given is None:
         return []
-    try:
-        from bdamper.reduction.stress import StressRows, near_patches
-    except ImportError as error:
-        raise BdamperError("stress of an import needs scikit-fem: install the extra bdamper[fe]") from error
+    needed("skfem", "stress of an import", "fe")
+    from bdamper.reduction.stress import StressRows, near_patches
+
     validate.require(body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead")
     sets = given if isinstance(given, Mapping) else {given if isinstance(given, str) else "stress": given}
     faces = [
         Patches(face.points @ back.T, face.frame @ back.T, np.sqrt(face.area)[:, None] * [1.0, 1.0])
         for face, side in ((laid.interfaces[name], side) for name, side in laid.ports[body.name])
-        for back in [turn(-2.0 * np.pi / ring.n_blades * (face.sector_a if side == "a" else face.sector_b))]
+        for back in [turn(-2.0 * np.pi / ring.faces.n_sectors * (face.sector_a if side == "a" else face.sector_b))]
     ]
     out = []
     for name, members in sets.items():

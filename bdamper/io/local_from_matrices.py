@@ -35,7 +35,7 @@ def blade_part(
     ModelError, SettingError
         If there are no matrices or no sectors, or the set is not a blade with all contact points and locations on it.
     """
-    if ring.n_blades == 1:
+    if ring.faces.n_sectors == 1:
         raise SettingError("wheel: expected a sector of a cyclic structure with its matrices, found an acyclic structure")
     touching = [name for name, face in interfaces.items() if face.body_a == face.body_b == body.name]
     if touching:
@@ -43,9 +43,7 @@ def blade_part(
     nodes = body.node_set(blade, "wheel")
     with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
         part = BladePart(body.structure, nodes, fixed, step=body.step)
-        part.check_on_blade(wanted)
-        if np.isin(nodes, ring.faces.nodes).any():
-            raise ValueError("nodes on the faces at which the sector repeats")
+        part.check_wanted(wanted, ring.faces)
     return part
 
 
@@ -61,8 +59,7 @@ def with_local_basis(
         If the matrices of the blade clamped at its root are not positive definite.
     """
     with body.refusing("wheel", "a blade that its root holds"):
-        dampers = damper_motion(wanted.ports, interfaces)
-        local = local_basis(part, sector, wanted, dampers, sizes, "set of nodes")
+        local = local_basis(part, sector, wanted, damper_motion(wanted.ports, interfaces), sizes, "set of nodes")
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
     worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
     body.checks += [

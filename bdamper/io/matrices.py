@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bdamper.io.fe_body import FEBody, by_kind
 from bdamper.io.matlab import read_mat
 from bdamper.io.matrix_market import read_market
-from bdamper.io.reading import BODIES, LARGEST_COUNT, check_count, read_body, reader
+from bdamper.io.reading import BODIES, LARGEST_COUNT, check_count, data_lines, read_body, reader
 from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
@@ -109,27 +109,40 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     return out.astype(float).tocsr()
 
 
-def number_table(text: str, item: str, columns: tuple[int, ...]) -> NDArray:
-    """Numbers separated by commas or blanks, one row a line, with the same count of columns in every row."""
+def number_rows(source: Path, *columns: int, mixed: bool = False, separators: str = ",;") -> list[list[float]]:
+    """Numbers of a text file, separated by commas or blanks, one row a line.
+
+    Parameters
+    ----------
+    source : Path
+    *columns : int
+        How many numbers a row may have.
+    mixed : bool
+        Whether rows may differ in their number.
+    separators : str
+        Letters that count as blanks.
+    """
     rows: list[list[float]] = []
-    for k, line in enumerate(text.splitlines()):
-        stripped = line.strip()
-        if not stripped or stripped.startswith(COMMENTS):
-            continue
-        words = stripped.replace(",", " ").replace(";", " ").split()
+    for k, line in data_lines(source.read_text(errors="replace"), COMMENTS):
+        words = line.translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE")).split()
         try:
-            row = [float(w.replace("D", "E").replace("d", "e")) for w in words]
+            row = [float(word) for word in words]
         except ValueError:
             if not rows:  # a line of column names
                 continue
-            raise mismatch(f"{item}: line {k + 1}", "numbers", stripped[:60]) from None
-        if len(row) not in columns or (rows and len(row) != len(rows[0])):
-            wanted = len(rows[0]) if rows else " or ".join(map(str, columns))
-            raise mismatch(f"{item}: line {k + 1}", f"{wanted} numbers", f"{len(row)}")
+            raise mismatch(f"{source}: line {k}", "numbers", line[:60]) from None
+        if len(row) not in columns or not (mixed or len(row) == len((rows or [row])[0])):
+            wanted = len(rows[0]) if rows and not mixed else " or ".join(map(str, columns))
+            raise mismatch(f"{source}: line {k}", f"{wanted} numbers", f"{len(row)}")
         rows.append(row)
-    require(bool(rows), item, "at least one line of numbers", "none")
-    table = np.array(rows)
-    check_all(np.isfinite(table), table, "finite numbers", item)
+    require(bool(rows), str(source), "at least one line of numbers", "none")
+    return rows
+
+
+def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
+    """Rows of as many finite numbers each; parameters as of :func:`number_rows`."""
+    table = np.array(number_rows(source, *columns, **options))
+    check_all(np.isfinite(table), table, "finite numbers", str(source))
     return table
 
 
@@ -153,9 +166,7 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     dofs : (n, 2) int or None
         Node and component of each row.
     """
-    with open(path, encoding="ascii", errors="replace") as file:
-        table = number_table(file.read(), str(path), (3, 5))
-    dofs = None
+    table, dofs = number_table(path, 3, 5), None
     if table.shape[1] == 3:
         row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     else:
@@ -179,14 +190,14 @@ def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> s
 @reader("CSV with the columns number, x, y, z")
 def read_nodes(path: Path) -> tuple[NDArray, NDArray]:
     """Node numbers (n,) and positions (n, 3) from CSV with the columns number, x, y, z."""
-    table = number_table(path.read_text(errors="replace"), str(path), (4,))
+    table = number_table(path, 4)
     return as_integers(table[:, 0], f"{path}: column 1"), table[:, 1:]
 
 
 @reader("CSV with the columns node, component")
 def read_dofs(path: Path) -> NDArray:
     """Node number and component (1, 2, 3) of each matrix row, (n, 2), from CSV or from text like ``12.3``."""
-    table = number_table(path.read_text(errors="replace").replace(".", " "), str(path), (2,))
+    table = number_table(path, 2, separators=",;.")
     return as_integers(table.ravel(), str(path)).reshape(-1, 2)
 
 
@@ -196,7 +207,7 @@ def read_set(path: Path) -> NDArray:
 
     A file with a single number a line is a set of nodes; one with a fixed count of 3, 4, 6 or 8 a line holds faces.
     """
-    table = number_table(path.read_text(errors="replace"), str(path), (1, 3, 4, 6, 8))
+    table = number_table(path, 1, 3, 4, 6, 8)
     whole: Any = as_integers(table.ravel(), str(path)).reshape(table.shape)
     return whole[:, 0] if whole.shape[1] == 1 else whole
 
@@ -207,15 +218,8 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
 
     Hexahedra: four corners in turn around one face, then the four opposite ones in the same turn.
     """
-    elements = []
-    for k, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
-        words = line.replace(",", " ").replace(";", " ").split()
-        if words and not words[0].startswith(COMMENTS):
-            good = len(words) in N_CORNER and all(w.lstrip("-").isdigit() and len(w) < 19 for w in words)
-            require(good, f"{path}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
-            elements.append([int(w) for w in words])
-    require(bool(elements), str(path), "at least one element", "none")
-    return tuple(by_kind(elements)["elements"])
+    rows = number_rows(path, *N_CORNER, mixed=True)
+    return tuple(by_kind(as_integers(np.array(row), str(path)) for row in rows)["elements"])
 
 
 def read_arrays(
@@ -259,14 +263,9 @@ def read_arrays(
         table = (np.arange(len(nodes)), nodes) if isinstance(nodes, np.ndarray) else nodes
         numbers, positions = _loaded(table, read_nodes)
         mesh = FEBody(np.asarray(numbers), np.asarray(positions, float))
-    node_sets: dict[str, NDArray] = {}
-    face_sets: dict[str, tuple[NDArray, ...]] = {}
-    for name, given_set in (sets or {}).items():
-        values = np.asarray(_loaded(given_set, read_set))
-        if values.ndim == 1:
-            node_sets[name] = values
-        else:
-            face_sets[name] = (values,)
+    loaded = {name: np.asarray(_loaded(given, read_set)) for name, given in (sets or {}).items()}
+    node_sets = {name: values for name, values in loaded.items() if values.ndim == 1}
+    face_sets = {name: (values,) for name, values in loaded.items() if values.ndim != 1}
     own = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
     source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
     return replace(

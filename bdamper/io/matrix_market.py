@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.reading import check_count, parsing
+from bdamper.io.reading import check_count, data_lines, parsing
 from bdamper.model.checks import require
 from bdamper.util.errors import mismatch
 
@@ -24,15 +24,14 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     ------
     ModelError
     """
-    with open(source, encoding="latin-1") as file:
-        lines = file.read().split("\n")
-    words = lines[0].lower().split()
-    item = str(source)
+    text, item = source.read_text(encoding="latin-1"), str(source)
+    first = text.partition("\n")[0]
+    words = first.lower().split()
     if len(words) != 5 or words[:2] != ["%%matrixmarket", "matrix"] or words[2] not in ("coordinate", "array"):
-        raise mismatch(f"{item}: line 1", "%%MatrixMarket matrix coordinate|array <field> <symmetry>", lines[0][:60])
+        raise mismatch(f"{item}: line 1", "%%MatrixMarket matrix coordinate|array <field> <symmetry>", first[:60])
     require(words[3] in ("real", "integer", "double"), f"{item}: line 1", "a real matrix", words[3])
     require(words[4] in ("general", "symmetric"), f"{item}: line 1", "a general or symmetric matrix", words[4])
-    content = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("%")]
+    content = data_lines(text, "%")
     require(bool(content), item, "a line of sizes", "the end of the file")
     (number, head), *body = content
     coordinate, symmetric = words[2] == "coordinate", words[4] == "symmetric"

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.io.reading import parsing
+from bdamper.io.reading import data_lines, parsing
 from bdamper.model.checks import check_all, require
 from bdamper.util import validate
 from bdamper.util.errors import mismatch
@@ -165,25 +165,24 @@ def read_columns(
     """
     require(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            content = list(enumerate(file, 1))
+        lines = data_lines(Path(path).read_text(encoding="utf-8-sig"), "#")
     except UnicodeDecodeError as error:
         raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
-    lines = [(f"{path}, line {i}", line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
     require(bool(lines), str(path), "a header and rows of numbers", "nothing")
-    names = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+    (first, header), *lines = lines
+    names = [name.strip().lower() for name in next(csv.reader([header]))]
     head: dict[str, tuple[int, str]] = {}
     for k, text in enumerate(names):
         if found := re.fullmatch(r"(\w+)\s*(?:[(\[](.*)[)\]])?", text):
             head.setdefault(found[1], (k, (found[2] or "").strip()))
     there = next((each for each in sets if set(each) <= head.keys()), None)
     if there is None:
-        raise mismatch(lines[0][0], f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
+        raise mismatch(f"{path}, line {first}", f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
     rows = []
-    for where, line in lines[1:]:
-        row = next(csv.reader([line]))
+    for k, line in lines:
+        where, row = f"{path}, line {k}", next(csv.reader([line]))
         expected = f"{len(names)} values separated by commas, as the header has, with points in numbers"
-        require(len(row) <= len(names), where, expected, f"{len(row)}: '{line.strip()[:60]}'")
+        require(len(row) <= len(names), where, expected, f"{len(row)}: '{line[:60]}'")
         row += [""] * (len(names) - len(row))
         rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in there])
     require(bool(rows), str(path), "rows of numbers after the header", "none")

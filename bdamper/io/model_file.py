@@ -26,12 +26,11 @@ from bdamper.io.model_groups import (
     check_text,
     new_group,
     place,
-    read_integer,
+    read_number,
     read_ports,
     read_record,
     read_text,
     subgroup,
-    subgroups,
     write_record,
     write_text,
 )
@@ -144,9 +143,9 @@ def read_model(file: h5py.Group) -> Model:
     _check_root(file)
     parts: dict[str, Any] = {}
     for own in sorted(RECORDS, key=lambda own: own.kind is Body):  # the modes of a body are at points of interfaces
-        members = subgroups(file, own.place())
-        parts[own.name] = {name: _read_member(group, own.kind, parts) for name, group in members.items()}
-    return Model(n_blades=read_integer(file, "n_blades"), provenance=_read_provenance(file), **parts)
+        members = subgroup(file, own.place()) if own.place() in file else {}
+        parts[own.name] = {name: _read_member(subgroup(members, name), own.kind, parts) for name in members}
+    return Model(n_blades=read_number(file, "n_blades", int), provenance=_read_provenance(file), **parts)
 
 
 def _read_member(group: h5py.Group, kind: Any, parts: Mapping[str, Any]) -> Any:
@@ -165,7 +164,7 @@ def _check_root(file: h5py.Group) -> None:
     found = read_text(file, "format")
     other = f"'{found}': bd.load reads results" if found.startswith("bdamper-") else f"'{found}'"
     require(found == FORMAT, place(file, "@format"), f"'{FORMAT}'", other)
-    version = read_integer(file, "version")
+    version = read_number(file, "version", int)
     require(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}")
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)

@@ -7,7 +7,7 @@ there must be are checked as a file is read.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, get_origin
 
@@ -102,22 +102,20 @@ def write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> Non
 def _write_attribute(group: h5py.Group, item: Item, value: Any) -> None:
     """A text or a number; the ports of a body are texts."""
     if get_origin(item.kind) is tuple:
-        ports = np.array([".".join(port).encode() for port in value], dtype="S")
-        group.attrs.create(item.file, ports, dtype=h5py.string_dtype(length=max(ports.dtype.itemsize, 1)))
+        write_text(group, item.file, [".".join(port) for port in value])
     elif item.kind in (int, float):
         group.attrs[item.file] = item.kind(value)
     else:
         write_text(group, item.file, value)
 
 
-def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
-    """A text attribute of fixed length: simple to read from C, Fortran or MATLAB.
+def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str | list[str]) -> None:
+    """A text attribute, or one of several texts, of fixed length: simple to read from C, Fortran or MATLAB.
 
     HDF5 keeps texts of variable length in a heap whose reader can run on forever if a byte of it is damaged.
     """
-    encoded = text.encode()
-    kind = h5py.string_dtype(length=max(len(encoded), 1))
-    owner.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
+    encoded = np.array(text.encode() if isinstance(text, str) else [part.encode() for part in text], dtype="S")
+    owner.attrs.create(name, encoded, dtype=h5py.string_dtype(length=encoded.dtype.itemsize or 1))
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -144,7 +142,7 @@ def read_record(group: h5py.Group, kind: Kind, sizes: Sizes | None = None, ports
     """
     sizes = dict(sizes or {})
     if kind is LocalBasis:
-        counts = {name: read_integer(group, name) for name in LOCAL_SIZES}
+        counts = {name: read_number(group, name, int) for name in LOCAL_SIZES}
         require(min(counts.values()) >= 0, place(group), "numbers of shapes >= 0", counts)
         sizes |= {**counts, "n": sum(counts.values()), "n_diameters": None}
     _check_names(group, layout(kind))
@@ -239,14 +237,6 @@ def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     return member
 
 
-def subgroups(file: h5py.Group, name: str) -> dict[str, h5py.Group]:
-    """All groups inside a group; empty if that group is absent (only the optional ones can be)."""
-    if name not in file:
-        return {}
-    parent = subgroup(file, name)
-    return {key: subgroup(parent, key) for key in parent}
-
-
 def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArray:
     """A dataset as an array of native double precision (or int64, bool)."""
     check_link(group, name)
@@ -266,9 +256,9 @@ def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArra
 
 def read_attribute(group: h5py.Group, item: Item) -> Any:
     """A text or a number; the ports of a body as pairs of texts."""
-    readers: dict[Any, Callable[[h5py.Group, str], Any]] = {int: read_integer, float: read_number, tuple: read_ports}
-    read: Callable[[h5py.Group, str], Any] = readers.get(get_origin(item.kind) or item.kind, read_text)
-    return read(group, item.file)
+    if item.kind in (int, float):
+        return read_number(group, item.file, item.kind)
+    return (read_ports if get_origin(item.kind) is tuple else read_text)(group, item.file)
 
 
 def read_ports(group: h5py.Group, name: str) -> tuple[tuple[str, ...], ...]:
@@ -315,7 +305,7 @@ def as_text(value: Any, item: str) -> str:
     return str(value)
 
 
-def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] = float) -> float:
+def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] = float) -> Any:
     """One finite number, or one integer."""
     letters, expected = ("iu", "one integer") if kind is int else ("fiu", "one finite number")
     given = attribute(owner, name)
@@ -323,7 +313,3 @@ def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] =
     good = value.dtype.kind in letters and value.size == 1 and np.isfinite(value).all()
     require(good, place(owner, f"@{name}"), expected, repr(given))
     return kind(value.item())
-
-
-def read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
-    return int(read_number(owner, name, int))

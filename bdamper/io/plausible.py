@@ -10,10 +10,8 @@ from bdamper.io.fe_body import UNITS
 from bdamper.io.prepare import PreparedBody
 from bdamper.model.checks import require
 from bdamper.model.model import Body
+from bdamper.model.shapes import rigid_motions
 from bdamper.reduction.facets import N_CORNER, enclosed_volume, twisted
-from bdamper.reduction.free_body import rigid_motions
-
-OVERRIDE = "pass check_units=False if they are right"
 
 
 def ratio_in_words(ratio: float) -> str | None:
@@ -167,7 +165,7 @@ def _check_within(
 ) -> None:
     """Refuse a quantity beyond its limits, with the mistaken unit that explains it."""
     given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
-    found = f"{value:.4g} {unit} with units='{given}': {hint}; {OVERRIDE}"
+    found = f"{value:.4g} {unit} with units='{given}': {hint}; pass check_units=False if they are right"
     body.require(limits[0] <= value <= limits[1], item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
 
 

@@ -8,7 +8,7 @@ blade, X = Y x Z) in the axes of the file and s the unit of length; matrices bec
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Annotated, Any
@@ -21,12 +21,13 @@ from scipy.spatial import cKDTree
 from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import UNITS, FEBody, Units
 from bdamper.io.matrices import square_matrix
+from bdamper.io.reading import parsing
 from bdamper.model.checks import require
 from bdamper.reduction.facets import Facets, boundary_facets, facets_on_nodes
 from bdamper.reduction.sector_faces import SectorFaces
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, ModelError, mismatch
+from bdamper.util.errors import ModelError, mismatch
 from bdamper.util.warn import say
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
@@ -97,10 +98,6 @@ class Ring:
     diameters: tuple[int, ...]
     pictured: tuple[int, ...]
 
-    @property
-    def n_blades(self) -> int:
-        return self.faces.n_sectors
-
 
 @dataclass
 class PreparedBody:
@@ -168,15 +165,9 @@ class PreparedBody:
         """Raise ModelError unless ``good``."""
         require(good, f"{self.where}: {item}", expected, found)
 
-    @contextmanager
-    def refusing(self, item: str, expected: str) -> Iterator[None]:
+    def refusing(self, item: str, expected: str) -> AbstractContextManager[None]:
         """Turn what SciPy or the reduction raises in the block into the error for something that does not fit."""
-        try:
-            yield
-        except BdamperError:
-            raise
-        except (ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
-            raise self.error(item, expected, error) from error
+        return parsing(f"{self.where}: {item}", expected)
 
     @contextmanager
     def compared(self) -> Iterator[None]:

@@ -16,8 +16,10 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
+import numpy as np
+
 from bdamper.model.checks import require
-from bdamper.util.errors import BdamperError, ModelError, mismatch
+from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.hdf5 import FilePath
 
 P = ParamSpec("P")
@@ -107,14 +109,23 @@ def check_count(value: int, item: str, what: str, smallest: int = 0, largest: in
 
 
 @contextmanager
-def parsing(item: str, expected: str, found: object) -> Iterator[None]:
-    """Turn numbers in the block that do not read as such, or lack, into the error for what was found."""
+def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
+    """Turn what damaged data or numbers that do not fit raise in the block into the error for a thing.
+
+    It says what was ``found``, a text, or otherwise what was raised.
+    """
     try:
         yield
     except BdamperError:
         raise
-    except (ValueError, IndexError):
-        raise mismatch(item, expected, f"'{str(found).strip()[:60]}'") from None
+    except (ValueError, IndexError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
+        raise mismatch(item, expected, error if found is None else f"'{str(found).strip()[:60]}'") from error
+
+
+def data_lines(text: str, comments: str | tuple[str, ...]) -> list[tuple[int, str]]:
+    """Lines of a text, with their numbers, that are neither empty nor comments."""
+    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
+    return [(k, line) for k, line in lines if line and not line.startswith(comments)]
 
 
 class Lines:
@@ -148,7 +159,3 @@ class Lines:
     def require(self, good: object, expected: str, found: object) -> None:
         """Raise the error for the line that was read last unless it is good."""
         require(good, self.item, expected, found)
-
-    def error(self, expected: str, found: object) -> ModelError:
-        """The error for the line that was read last."""
-        return mismatch(self.item, expected, found)

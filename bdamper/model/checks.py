@@ -178,7 +178,7 @@ def _check_attribute(value: object, own: Item, item: str) -> None:
     elif own.kind is str:
         require(isinstance(value, str), item, "a text", repr(value))
     elif get_origin(own.kind) is Literal:
-        check_one_of(value, get_args(own.kind), item)
+        require(value in get_args(own.kind), item, f"one of {list(get_args(own.kind))}", repr(value))
 
 
 def _check_number(value: object, data: Data, item: str) -> None:
@@ -228,10 +228,6 @@ def check_name(name: object, item: str) -> None:
 
 def check_integer(value: object, item: str) -> None:
     require(isinstance(value, int | np.integer) and not isinstance(value, bool), item, "an integer", repr(value))
-
-
-def check_one_of(value: object, choices: tuple[str, ...], item: str) -> None:
-    require(value in choices, item, f"one of {list(choices)}", repr(value))
 
 
 def check_type(value: object, expected: type, item: str) -> None:

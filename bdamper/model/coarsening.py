@@ -8,13 +8,15 @@ static receptance is ``A R A^H``, and energy is kept.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from bdamper.model.checks import Kind, Shape, layout
 from bdamper.model.model import Body, ContactStiffness, Interface, Model, StaticContact
-from bdamper.model.stress import StressSet
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
@@ -82,7 +84,7 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
     return replace(
         model,
         interfaces={name: g.face for name, g in groups.items()},
-        bodies={name: _united_body(body, groups) for name, body in model.bodies.items()},
+        bodies={name: _united(body, body, groups) for name, body in model.bodies.items()},
         contact={name: ContactStiffness(groups[name].sum @ c.stiffness, c.source) for name, c in model.contact.items()},
         static={
             name: StaticContact(
@@ -92,42 +94,31 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
             )
             for name, s in model.static.items()
         },
-        stress={name: _united_stress(s, model.bodies[s.body], groups) for name, s in model.stress.items()},
+        stress={name: _united(s, model.bodies[s.body], groups) for name, s in model.stress.items()},
     )
 
 
-def _united_stress(stress: StressSet, body: Body, groups: dict[str, _Groups]) -> StressSet:
-    if not stress.contact or not body.ports:
-        return stress
-    A = scipy.linalg.block_diag(*(groups[name].vectors for name, _ in body.ports))
-    return replace(stress, contact={d: rows @ A.T for d, rows in stress.contact.items()})
-
-
-def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:
+def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
+    """A record of a body with its contact points united: what depends on them, the annotated types tell by its shape."""
     if not body.ports:
-        return body
+        return record
     A = scipy.linalg.block_diag(*(groups[name].vectors for name, _ in body.ports))
 
-    def mean(x: NDArray) -> NDArray:
-        return (A @ x.reshape(A.shape[1], -1)).reshape(-1, 3, *x.shape[2:])
+    def mean(x: NDArray, shape: Shape) -> NDArray:
+        if "n_points" in shape:  # vectors at the points
+            x = (A @ x.reshape(A.shape[1], -1)).reshape(-1, 3, *x.shape[2:])
+        for axis in (k for k, size in enumerate(shape) if size == "n_forces"):
+            x = np.swapaxes(np.swapaxes(x, axis, -1) @ A.T, axis, -1)
+        return x
 
-    bases = {
-        d: replace(
-            basis,
-            contact_modes=mean(basis.contact_modes),
-            flexibility=None if basis.flexibility is None else A @ basis.flexibility @ A.T,
-            speed=basis.speed and basis.speed.united(A),
-        )
-        for d, basis in body.bases.items()
-    }
-    load = body.load and replace(body.load, displacement=mean(body.load.displacement))
-    spin = body.spin and replace(body.spin, contact=mean(body.spin.contact))
-    local = body.local and replace(
-        body.local,
-        contact_modes=mean(body.local.contact_modes),
-        flexibility=None if body.local.flexibility is None else A @ body.local.flexibility @ A.T,
-    )
-    return replace(body, bases=bases, load=load, spin=spin, local=local)
+    kind: Kind = type(record)
+    made = {}
+    for item in (item for item in layout(kind) if not item.is_attribute):
+        value: Any = getattr(record, item.name)
+        unite = partial(_united, body=body, groups=groups) if item.is_record else partial(mean, shape=item.data.shape)
+        if value is not None:
+            made[item.name] = {key: unite(part) for key, part in value.items()} if item.keys else unite(value)
+    return replace(record, **made)
 
 
 def united_sum(face: Interface, n_points: int, values: NDArray) -> NDArray:

@@ -19,7 +19,7 @@ Static flexibility transforms with the same ``P``: what the retained modes of a 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from bdamper.model.model import Body, ModalBasis, Model
+from bdamper.model.shapes import rigid_motions
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.repr import brief
@@ -117,16 +118,12 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     """
     assert body.mass is not None and body.centre is not None
     moments, turn = principal_axes(body)
-    translation = body_axes(body).T / np.sqrt(body.mass)
-    rotation = turn.T / np.sqrt(moments)
-
     basis = body.bases[0]
     points = np.concatenate([model.interfaces[name].points for name, _ in body.ports])
     frames = np.concatenate([model.interfaces[name].frame for name, _ in body.ports])
-    arm = points - body.centre
-    rigid = np.empty((len(points), 3, 6))
-    rigid[..., :3] = frames @ translation
-    rigid[..., 3:] = np.einsum("pij,pjk->pik", frames, np.cross(rotation.T[None], arm[:, None, :]).transpose(0, 2, 1))
+    own, turning = body_axes(body) / np.sqrt(body.mass), turn / np.sqrt(moments)[:, None]
+    motion = rigid_motions(points, body.centre, own, turning).reshape(-1, 3, 6)
+    rigid = np.concatenate([frames @ motion[..., :3], np.einsum("pij,pjk->pik", frames, motion[..., 3:])], axis=2)
     # the stored modes span the same space: old @ change = new
     change = np.linalg.lstsq(basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
     modes = basis.contact_modes.copy()
@@ -215,34 +212,21 @@ class Coupling:
             )
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 
-    def _ports(self, body: Body) -> Iterator[tuple[int, slice, slice, float]]:
-        """Ports of a body: the sector in which they lie, rows among all contact points and its own, sense of the motion."""
-        for name, side in body.ports:
-            if name in self.interfaces:
-                face, own = self.model.interfaces[name], self.model.port_slice(body.name, (name, side))
-                sector, sense = (face.sector_a, -1.0) if side == "a" else (face.sector_b, 1.0)
-                yield sector, self.rows(name), own, sense
+    def placed(self, body: Body, array: NDArray, harmonic: int, sectors: Collection[int] = (-1, 0, 1)) -> NDArray:
+        """(n_points, 3, n) relative motion of all contact points by the motion ``array`` of the ports of a body.
 
-    def _placed(self, body: Body, array: NDArray, harmonic: int) -> NDArray:
-        """(n_points, 3, n) relative motion of all contact points by the motion ``array`` of the ports of a body."""
+        ``sectors`` are those in which the ports lie that count.
+        """
         phase = 2.0 * np.pi * self.engine_order * harmonic / self.model.n_blades
         out = np.zeros((self.n_points, 3, array.shape[2]), complex)
-        for sector, rows, own, sense in self._ports(body):
-            out[rows] += np.exp(1j * phase * sector) * (sense * array[own])
+        for name, side in body.ports:
+            face = self.model.interfaces[name]
+            sector, sense = (face.sector_a, -1.0) if side == "a" else (face.sector_b, 1.0)
+            if name in self.interfaces and sector in sectors:
+                own = array[self.model.port_slice(body.name, (name, side))]
+                out[self.rows(name)] += np.exp(1j * phase * sector) * (sense * own)
         out[:, 2] *= -1.0
         return out
-
-    def sector_rows(self, body: Body, array: NDArray, sector: int) -> NDArray | None:
-        """(n_points, 3, n) relative motion by the motion ``array`` of those ports of a body that lie in one sector.
-
-        None if none does.
-        """
-        out = np.zeros((self.n_points, 3, array.shape[2]), array.dtype)
-        here = [port for port in self._ports(body) if port[0] == sector]
-        for _, rows, own, sense in here:
-            out[rows] += sense * array[own]
-        out[:, 2] *= -1.0
-        return out if here else None
 
     def basis(self, harmonic: int) -> HarmonicBasis:
         """Modes, stiffness and relative motion of one harmonic.
@@ -258,7 +242,7 @@ class Coupling:
         for body, basis, keep in self._moving(harmonic):
             if body.kind == "constrained":
                 diameter, _ = self._nodal_diameter(harmonic)
-            placed = self._placed(body, basis.contact_modes[..., keep], harmonic)
+            placed = self.placed(body, basis.contact_modes[..., keep], harmonic)
             if harmonic == 0:  # the mean is real; with a single basis the real part of the modes describes it
                 placed = placed.real.astype(complex)
             G.append(placed)
@@ -320,8 +304,8 @@ class Coupling:
             modes = basis.contact_modes[..., keep].reshape(basis.flexibility.shape[0], len(keep))
             residual = basis.flexibility - (modes / basis.omega2[keep]) @ modes.conj().T
             m = residual.shape[0] // 3
-            half = self._placed(body, residual.reshape(m, 3, 3 * m), harmonic).reshape(n, 3 * m)
-            out += self._placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
+            half = self.placed(body, residual.reshape(m, 3, 3 * m), harmonic).reshape(n, 3 * m)
+            out += self.placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
         return 0.5 * (out + out.conj().T)
 
     def left_out_modes(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
@@ -336,7 +320,7 @@ class Coupling:
         G, omega2, ratio = [], [], []
         for body, basis, keep in self._moving(harmonic):
             rest = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), keep)
-            placed = self._placed(body, basis.contact_modes[..., rest], harmonic)
+            placed = self.placed(body, basis.contact_modes[..., rest], harmonic)
             G.append(placed.reshape(3 * self.n_points, len(rest)))
             omega2.append(basis.omega2[rest])
             ratio.append(basis.damping_ratio[rest])
@@ -371,7 +355,7 @@ class Coupling:
             rest = body.load.displacement - (
                 basis.contact_modes[..., elastic].real @ (body.load.generalised[elastic] / basis.omega2[elastic])
             )
-            displacement += share * self._placed(body, rest[..., None], 0)[..., 0].real
+            displacement += share * self.placed(body, rest[..., None], 0)[..., 0].real
         return np.concatenate(force), displacement
 
     def closing_by_rotation(self) -> NDArray:
@@ -379,7 +363,7 @@ class Coupling:
         displacement = np.zeros((self.n_points, 3))
         for body in self.model.bodies.values():
             if body.spin is not None:
-                displacement += self._placed(body, body.spin.contact[..., None], 0)[..., 0].real
+                displacement += self.placed(body, body.spin.contact[..., None], 0)[..., 0].real
         return displacement
 
 

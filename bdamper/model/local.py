@@ -29,6 +29,7 @@ from scipy.linalg import eigh
 
 from bdamper.model.basis import ModalBasis
 from bdamper.model.checks import DAMPING, Data
+from bdamper.model.shapes import fix_phase
 from bdamper.util.repr import brief
 from bdamper.util.validate import Limits
 
@@ -104,10 +105,7 @@ class LocalBasis:
     def modes(self, d: int) -> tuple[NDArray, NDArray]:
         """Squared frequencies (n,) and mass-normalised modes (n, n) of the tuned wheel, with a definite phase."""
         omega2, phi = eigh(self.stiffness(d), self.mass(d))
-        square = np.einsum("ij,ij->j", phi, self.mass(d).real @ phi)
-        phi = phi * np.exp(-0.5j * np.angle(square)) if np.iscomplexobj(phi) else phi
-        largest = np.take_along_axis(phi, np.abs(phi).argmax(axis=0)[None], axis=0)[0].real
-        return omega2, phi * np.where(largest < 0.0, -1.0, 1.0)
+        return omega2, fix_phase(phi, self.mass(d).real)
 
     def damping(self, d: int, ratio: NDArray | float | None = None) -> NDArray:
         """C(d), (n, n) Hermitian, of these damping ratios (n,) of the tuned wheel's modes or the basis' own, 1/s."""

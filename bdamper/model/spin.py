@@ -20,7 +20,7 @@ and positive: so damping ratios and mode numbers stay with their shapes where fr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
@@ -108,26 +108,14 @@ class SpeedBasis:
 
     def conjugate(self) -> SpeedBasis:
         """Conjugate basis (nodal diameter ``N - d``)."""
-        return self._mapped(np.conj, np.conj)
-
-    def united(self, average: NDArray) -> SpeedBasis:
-        """With contact points averaged by a matrix (3 n_groups, 3 n_points)."""
-        return self._mapped(lambda modal: modal, lambda flexibility: average @ flexibility @ average.T)
+        turned: dict[str, Any] = {name: part.conj() for name, part in vars(self).items() if isinstance(part, np.ndarray)}
+        return replace(self, **turned)
 
     def turned(self, omega: float, shapes: NDArray) -> SpeedBasis:
         """On the modes (n_modes, n_modes) of another speed, combinations of those of the basis."""
-        out = self._mapped(lambda modal: shapes.conj().T @ modal @ shapes, lambda flexibility: flexibility)
-        return replace(out, omega_ref=omega)
-
-    def _mapped(self, modal: Callable[[NDArray], NDArray], flexible: Callable[[NDArray], NDArray]) -> SpeedBasis:
-        return replace(
-            self,
-            stiffness0=modal(self.stiffness0),
-            stiffness2=modal(self.stiffness2),
-            residual0=None if self.residual0 is None else flexible(self.residual0),
-            residual2=None if self.residual2 is None else flexible(self.residual2),
-            coriolis=None if self.coriolis is None else modal(self.coriolis),
-        )
+        modal = {name: getattr(self, name) for name in ("stiffness0", "stiffness2", "coriolis")}
+        turned: dict[str, Any] = {name: shapes.conj().T @ part @ shapes for name, part in modal.items() if part is not None}
+        return replace(self, omega_ref=omega, **turned)
 
     def coriolis_size(self, omega: float, omega2: NDArray) -> tuple[NDArray, NDArray]:
         """Estimated effect of the neglected Coriolis forces on the modes at a speed (rad/s).

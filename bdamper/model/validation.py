@@ -34,7 +34,6 @@ from bdamper.model.checks import (
     check_hermitian,
     check_integer,
     check_name,
-    check_one_of,
     check_record,
     check_type,
     is_positive_definite,
@@ -44,6 +43,7 @@ from bdamper.model.checks import (
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Body, BodyLoad, Interface, ModalBasis, Model, turn
+from bdamper.model.shapes import rigid_motions
 from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import mismatch
@@ -140,7 +140,8 @@ def _check_frame(frame: NDArray, item: str) -> None:
 
 def _check_ports(body: Body, model: Model, item: str) -> None:
     """The ports of a body are the sides of interfaces that name it, each once; the ground may leave them out."""
-    check_one_of(body.kind, ("constrained", "free", "lumped", "ground"), f"{item}/@kind")
+    kinds = ["constrained", "free", "lumped", "ground"]
+    require(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
     item = f"{item}/@ports"
     check_type(body.ports, tuple, item)
     for port in body.ports:
@@ -239,7 +240,9 @@ def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str],
     require(basis.n_natural > 0, f"{item}/static_shapes", "static shapes beside at least one mode", found)
     _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
-        _check_flexibility(basis, basis.flexibility, first, f"{item}/flexibility")
+        shapes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)[:, first:]
+        rest = basis.flexibility - (shapes / basis.omega2[first:]) @ shapes.conj().T
+        _check_beside(rest, basis.flexibility, f"{item}/flexibility", "flexibility - Phi Omega^-2 Phi^H (elastic modes)")
     if basis.speed is not None:
         require(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
         require(basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag")
@@ -259,18 +262,16 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
     check_all(good, omega2, "numbers > 0 for elastic modes", item)
 
 
-def _check_flexibility(basis: ModalBasis, flexibility: NDArray, n_rigid: int, item: str) -> None:
-    shapes = basis.contact_modes.reshape(len(flexibility), basis.n_modes)[:, n_rigid:]
-    rest = flexibility - (shapes / basis.omega2[n_rigid:]) @ shapes.conj().T
+def _check_beside(rest: NDArray, flexibility: NDArray, item: str, what: str) -> None:
+    """What coordinates leave out of a static receptance is not negative."""
     size = np.linalg.norm(flexibility)
     allowed = SINGLE * size
     good = np.isfinite(size) and np.isfinite(rest).all()
     require(good, item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}")
-    if is_positive_definite(rest + allowed * np.eye(len(rest))):
-        return
-    smallest = np.linalg.eigvalsh(rest)[0] if len(rest) else 0.0
-    expected = "flexibility - Phi Omega^-2 Phi^H (elastic modes) positive semi-definite"
-    require(not smallest < -allowed, item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
+    if not is_positive_definite(rest + allowed * np.eye(len(rest))):
+        smallest = np.linalg.eigvalsh(0.5 * (rest + rest.conj().T))[0]
+        found = f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N"
+        require(not smallest < -allowed, item, f"{what} positive semi-definite", found)
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
@@ -334,33 +335,22 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
 
 def _rigid_motions(body: Body, model: Model) -> NDArray:
     """Mass-orthonormal rigid motions in the rows of contact points, then locations, (3 n, 6)."""
-    assert body.mass is not None
-    assert body.centre is not None
-    assert body.inertia is not None
-    points, frames = _contact_points(body, model)
+    assert body.mass is not None and body.centre is not None and body.inertia is not None
+    points, frames = [], []
+    for name, side in body.ports:  # turned back into the body's own sector
+        face = model.interfaces[name]
+        rotation = turn(2 * np.pi * (face.sector_a if side == "a" else face.sector_b) / model.n_blades)
+        points.append(face.points @ rotation)  # rows R^T x
+        frames.append(face.frame @ rotation)
     for name in body.bases[0].locations:
         points.append(model.locations[name].position[None])
         frames.append(np.eye(3)[None])
     if not points:
         return np.zeros((0, N_RIGID))
-    arms = np.concatenate(points) - body.centre
     moments, axes = np.linalg.eigh(body.inertia)
-    motions = np.empty((len(arms), 3, N_RIGID))
-    motions[:, :, :3] = np.eye(3) / np.sqrt(body.mass)
-    motions[:, :, 3:] = np.cross(axes.T[None], arms[:, None]).transpose(0, 2, 1) / np.sqrt(moments)
-    return (np.concatenate(frames) @ motions).reshape(-1, N_RIGID)
-
-
-def _contact_points(body: Body, model: Model) -> tuple[list[NDArray], list[NDArray]]:
-    """Points and frames of the ports of a body, turned back into the body's own sector."""
-    points, frames = [], []
-    for name, side in body.ports:
-        interface = model.interfaces[name]
-        sector = interface.sector_a if side == "a" else interface.sector_b
-        rotation = turn(2 * np.pi * sector / model.n_blades)
-        points.append(interface.points @ rotation)  # rows R^T x
-        frames.append(interface.frame @ rotation)
-    return points, frames
+    motions = rigid_motions(np.concatenate(points), body.centre, np.eye(3), axes.T)
+    motions /= np.sqrt([*3 * [body.mass], *moments])
+    return (np.concatenate(frames) @ motions.reshape(-1, 3, N_RIGID)).reshape(-1, N_RIGID)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -390,7 +380,8 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
         for key in ("stiffness", "mass"):
             definite = is_positive_definite(getattr(local, key)(d))
             require(definite, f"{item}/disk_{key}", "blade and disk positive definite", f"not at nodal diameter {d}")
-    _check_residual(local, f"{item}/flexibility")
+    if local.flexibility is not None and (rest := local.residual_flexibility()) is not None:
+        _check_beside(rest, local.flexibility, f"{item}/flexibility", "flexibility less that of the coordinates")
     for d, basis in body.bases.items():
         omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[: basis.n_natural]
         ratio = np.sqrt(omega2 / np.sort(basis.omega2[: basis.n_natural])[: len(omega2)])
@@ -420,14 +411,6 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
         raise mismatch(f"{item}/blade_stiffness", "omega2 on the diagonal of cantilever modes, 0 beside", found)
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
     require(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
-
-
-def _check_residual(local: LocalBasis, item: str) -> None:
-    rest = local.residual_flexibility()
-    if rest is None or local.flexibility is None or not len(rest):
-        return
-    smallest = np.linalg.eigvalsh(0.5 * (rest + rest.T))[0]
-    require(smallest >= -SINGLE * np.linalg.norm(local.flexibility), item, "no less than that of the coordinates", smallest)
 
 
 # -----------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,12 +11,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.model.model import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
+from bdamper.model.shapes import fix_phase
 from bdamper.model.spin import SpinStatic
-from bdamper.reduction.cyclic import CyclicSector, fix_phase
+from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.facets import Facets, corner_count
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.spin import Rotation, spin_displacement
-from bdamper.reduction.structure import Structure
+from bdamper.reduction.structure import Structure, hermitian
 
 LEAST = 1e-8
 """Energy of a residual shape, over that of the static shape of its force, and of a combination of such over that of the
@@ -38,18 +39,23 @@ def nodes_of(place: Place) -> NDArray:
     return np.flatnonzero(place.any(axis=1)) if isinstance(place, np.ndarray) else np.array([place])
 
 
+def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
+    """Unit forces (n_dof, 3) along X, Y and Z at a node; the real and the imaginary part of a field, and zeros."""
+    if isinstance(place, np.ndarray):
+        return sp.csc_matrix(np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1))
+    return sp.csc_matrix((np.ones(3), (3 * place + np.arange(3), np.arange(3))), shape=(n_dof, 3))
+
+
 def location_rows(places: Mapping[str, Place], shapes: NDArray) -> dict[str, NDArray]:
     """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes): motion of a node; work of the real
     and of the imaginary part of a field of forces, and zeros."""
-    out = {}
-    for name, place in places.items():
-        dofs = (3 * nodes_of(place)[:, None] + np.arange(3)).ravel()
-        if isinstance(place, np.ndarray):
-            force = place.ravel()[dofs]
-            out[name] = np.stack([force.real @ shapes[dofs], force.imag @ shapes[dofs], 0.0 * shapes[0]])
-        else:
-            out[name] = shapes[dofs]
-    return out
+    return {name: place_loads(place, len(shapes)).T @ shapes for name, place in places.items()}
+
+
+def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
+    """The loads (3 n_nodes, n) of several places that are not zero."""
+    loads = sp.hstack([place_loads(place, body.n_dof) for place in places], format="csc")
+    return loads[:, np.diff(loads.indptr) > 0]
 
 
 def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
@@ -110,19 +116,6 @@ class Wanted:
         )
 
 
-def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
-    """Unit forces (3 n_nodes, n) along X, Y and Z at nodes; the real and the imaginary part of fields, if not zero."""
-    columns = []
-    for place in places:
-        if isinstance(place, np.ndarray):
-            parts = np.stack([place.real.ravel(), place.imag.ravel()], axis=1)
-            columns.append(sp.csc_matrix(parts[:, parts.any(axis=0)]))
-        else:
-            dofs = body.dofs(np.array([place]))
-            columns.append(sp.csc_matrix((np.ones(3), (dofs, np.arange(3))), shape=(body.n_dof, 3)))
-    return sp.hstack(columns, format="csc")
-
-
 def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static: NDArray) -> tuple[NDArray, NDArray]:
     r"""What kept shapes leave out of static ones: :math:`(K^{-1} - \Phi \Omega^{-2} \Phi^H) f`, made orthogonal.
 
@@ -147,21 +140,16 @@ def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static
     energy = np.einsum("ij,ij->j", rest.conj(), body.stiffness @ rest).real
     left = energy > LEAST * loads.multiply(static.conj()).sum(axis=0).A1.real
     rest = rest[:, left] / np.sqrt(energy[left])
-    size, V = np.linalg.eigh(_product(rest, body.stiffness))
+    size, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.stiffness @ rest)))
     real = size > LEAST * size.max(initial=0.0)
     rest = rest @ (V[:, real] / np.sqrt(size[real]))
-    square, V = np.linalg.eigh(_product(rest, body.mass))
+    square, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.mass @ rest)))
     return 1.0 / square[::-1], fix_phase((rest @ V / np.sqrt(square))[:, ::-1], body.mass)
-
-
-def _product(shapes: NDArray, matrix: sp.spmatrix) -> NDArray:
-    product = shapes.conj().T @ (matrix @ shapes)
-    return np.asarray(0.5 * (product + product.conj().T))
 
 
 def constrained_body(
     name: str, wanted: Wanted, sector: Callable[[int], CyclicSector], nodal_diameters: Iterable[int],
-    flexibility_at: Collection[int], rotation: Rotation | None = None,
+    rotation: Rotation | None = None, seen: Callable[[CyclicSector, NDArray, NDArray], None] = lambda *_: None,
 ) -> Body:  # fmt: skip
     """A sector that is held somewhere, at several nodal diameters.
 
@@ -171,19 +159,19 @@ def constrained_body(
     wanted : Wanted
     sector : function of the nodal diameter
     nodal_diameters : iterable of int
-    flexibility_at : collection of int
-        Nodal diameters at which the static receptance is wanted.
     rotation : Rotation, optional
         What changes with the speed of rotation.
+    seen : function of a sector, squared frequencies (n,) and shapes (3 n_nodes, n), optional
+        Called at each nodal diameter.
     """
     bases = {}
     for d in nodal_diameters:
         reduced = sector(d)
-        touching = wanted.contact if d in flexibility_at else None
         omega2, shapes, static = wanted.shapes(reduced)
-        bases[d] = wanted.basis(omega2, shapes, None if touching is None else reduced.receptance(touching), static)
+        seen(reduced, omega2, shapes)
+        bases[d] = wanted.basis(omega2, shapes, reduced.receptance(wanted.contact), static)
         if rotation is not None:
-            bases[d] = rotation.basis(bases[d], reduced, shapes, touching)
+            bases[d] = rotation.basis(bases[d], reduced, shapes, wanted.contact)
     spin = None
     if rotation is not None:
         moved = spin_displacement(sector(0))

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,8 +25,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
+from bdamper.model.shapes import fix_phase
 from bdamper.reduction.sector_faces import SectorFaces
-from bdamper.reduction.structure import Structure, check
+from bdamper.reduction.structure import Structure, check, hermitian
 
 
 def factorise(matrix: sp.spmatrix) -> SuperLU:
@@ -82,26 +84,6 @@ def cyclic_transformation(n_nodes: int, faces: SectorFaces, clamped: NDArray, no
     return t.tocsr()
 
 
-def fix_phase(vectors: NDArray, mass: sp.spmatrix, partial: bool = False) -> NDArray:
-    """Give each column a definite phase: ``u^T M u`` real and positive, the largest component positive.
-
-    With ``partial`` the vectors may be unknown (NaN) in some rows, which decide nothing.
-
-    The first makes the mode as real as it can be, and unlike a rule on one component it cannot jump when two
-    components are about equally large; the second decides the remaining sign.
-    """
-    known = np.nan_to_num(vectors) if partial else vectors
-    if np.iscomplexobj(vectors):
-        square = np.einsum("ij,ij->j", known, mass @ known)
-        turn_back = np.exp(-0.5j * np.angle(square))
-        vectors, known = vectors * turn_back, known * turn_back
-    # In a symmetric body several components are equally large up to rounding: take the first of them.
-    size = np.abs(known)
-    first = (size > (1.0 - 1e-6) * size.max(axis=0)).argmax(axis=0)
-    largest = np.take_along_axis(known, first[None], axis=0)[0]
-    return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
-
-
 def lowest_modes(
     stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Callable[[NDArray], NDArray], n_modes: int
 ) -> tuple[NDArray, NDArray]:
@@ -115,8 +97,7 @@ def lowest_modes(
     """
     n = mass.shape[0]
     if n <= 2 * n_modes + 20:  # too small for a Krylov space
-        k, m = stiffness.toarray(), mass.toarray()
-        omega2, v = eigh(0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T))
+        omega2, v = eigh(hermitian(stiffness.toarray()), hermitian(mass.toarray()))
         lowest = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())[:n_modes]  # without rigid motions
         return omega2[lowest], v[:, lowest]
     inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
@@ -125,8 +106,7 @@ def lowest_modes(
     _, v = eigsh(stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20))
     # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them orthogonal in
     # the mass matrix; one Rayleigh-Ritz step does.
-    k, m = v.conj().T @ (stiffness @ v), v.conj().T @ (mass @ v)
-    omega2, combination = eigh(0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T))
+    omega2, combination = eigh(*(hermitian(v.conj().T @ (matrix @ v)) for matrix in (stiffness, mass)))
     return omega2, v @ combination
 
 
@@ -148,9 +128,8 @@ class CyclicSector:
     faces: SectorFaces
     clamped: NDArray
     nodal_diameter: int
-    _lu: SuperLU | None = field(default=None, repr=False)
-    _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
-    _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, repr=False)
+    _modes: tuple[NDArray, NDArray] | None = field(default=None, init=False, repr=False)
+    _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.transformation = cyclic_transformation(len(self.body.nodes), self.faces, self.clamped, self.nodal_diameter)
@@ -158,16 +137,14 @@ class CyclicSector:
         self.stiffness = (adjoint @ self.body.stiffness @ self.transformation).tocsr()
         self.mass = (adjoint @ self.body.mass @ self.transformation).tocsr()
 
-    @property
+    @cached_property
     def solver(self) -> SuperLU:
         """Factorisation of the reduced stiffness matrix."""
-        if self._lu is None:
-            self._lu = factorise(self.stiffness)
-        return self._lu
+        return factorise(self.stiffness)
 
     def forget_factors(self) -> None:
         """Free the memory of the factorisation; it is made again when needed.  Modes stay."""
-        self._lu = None
+        self.__dict__.pop("solver", None)
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Lowest modes.
@@ -198,5 +175,4 @@ class CyclicSector:
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Static receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
         reduced = contact @ self.transformation
-        flexibility = reduced @ self.contact_response(contact)
-        return 0.5 * (flexibility + flexibility.conj().T)
+        return hermitian(reduced @ self.contact_response(contact))

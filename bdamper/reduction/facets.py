@@ -25,7 +25,7 @@ FACES = {
     6: ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
     8: ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
-"""Corners of the faces of elements, in turn."""
+"""Corners of the faces of elements, in turn; face S1, S2, ... of CalculiX and Abaqus."""
 LEAST_COSINE = 0.1
 """Of the angle between two corner normals of a face: a cube with the corners of one face turned by one place has 0, the
 most distorted element of the reference sector 0.67."""

@@ -31,17 +31,9 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse.linalg import SuperLU
 
-from bdamper.reduction.cyclic import factorise, fix_phase, lowest_modes
-from bdamper.reduction.structure import Structure, check
-
-
-def rigid_motions(nodes: NDArray, centre: NDArray, axes: NDArray) -> NDArray:
-    """Unit translations along and rotations about the rows of ``axes`` (3, 3): (3 n_nodes, 6)."""
-    motion = np.empty((len(nodes), 3, 6))
-    for k, axis in enumerate(axes):
-        motion[:, :, k] = axis
-        motion[:, :, 3 + k] = np.cross(axis, nodes - centre)
-    return motion.reshape(-1, 6)
+from bdamper.model.shapes import fix_phase, rigid_motions
+from bdamper.reduction.cyclic import factorise, lowest_modes
+from bdamper.reduction.structure import Structure, check, hermitian
 
 
 def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
@@ -59,7 +51,7 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     off = (nodes - nodes[a]) - np.outer((nodes - nodes[a]) @ direction, direction)
     c = int(np.argmax(np.linalg.norm(off, axis=1)))
     candidates = np.concatenate([3 * a + np.arange(3), 3 * b + np.arange(3), 3 * c + np.arange(3)])
-    motion = rigid_motions(nodes, nodes[a], np.eye(3)).reshape(-1, 6)[candidates]
+    motion = rigid_motions(nodes, nodes[a], np.eye(3))[candidates]
     motion[:, 3:] /= np.linalg.norm(nodes[b] - nodes[a])
     # six independent rows, each the one least explained by those before
     chosen = qr(motion.T, mode="r", pivoting=True)[1][:6]
@@ -85,7 +77,7 @@ class FreeBody(Generic[S]):
     body: S
     axes: NDArray
     constrained: NDArray | None = None
-    _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
+    _modes: tuple[NDArray, NDArray] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         body, mass = self.body, self.body.mass
@@ -121,25 +113,20 @@ class FreeBody(Generic[S]):
         out[self._kept] = self.solver.solve(np.ascontiguousarray(load[self._kept]))
         return self.remove_rigid(out)
 
-    def elastic_modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Lowest elastic modes: omega2 (n_modes,) rad2/s2 and shapes (3 n_nodes, n_modes) kg^-1/2."""
-        if self._modes is None or len(self._modes[0]) < n_modes:
-            omega2, shapes = lowest_modes(self.body.stiffness, self.body.mass, self.elastic_response, n_modes)
-            self._modes = omega2, fix_phase(self.remove_rigid(shapes), self.body.mass)
-        return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
-
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Six rigid modes, then elastic ones, ``n_modes`` in all."""
+        """Six rigid modes, then elastic ones, ``n_modes`` in all: omega2 (n_modes,) and shapes (3 n_nodes, n_modes)."""
         check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
-        if n_modes == 6:
+        n = n_modes - 6
+        if n and (self._modes is None or len(self._modes[0]) < n):
+            omega2, shapes = lowest_modes(self.body.stiffness, self.body.mass, self.elastic_response, n)
+            self._modes = omega2, fix_phase(self.remove_rigid(shapes), self.body.mass)
+        if self._modes is None:
             return np.zeros(6), self.rigid
-        omega2, shapes = self.elastic_modes(n_modes - 6)
-        return np.concatenate([np.zeros(6), omega2]), np.hstack([self.rigid, shapes])
+        return np.append(np.zeros(6), self._modes[0][:n]), np.hstack([self.rigid, self._modes[1][:, :n]])
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Elastic receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
-        flexibility = contact @ self.elastic_response(contact.T.toarray())
-        return 0.5 * (flexibility + flexibility.T)
+        return hermitian(contact @ self.elastic_response(contact.T.toarray()))
 
     def centrifugal_load(self, radial: NDArray) -> NDArray:
         """Nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along ``radial`` (3,)."""

@@ -26,9 +26,8 @@ with a soft disk by 0.05 % too little).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,9 +37,11 @@ from scipy.sparse.linalg import SuperLU
 
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface, Port
+from bdamper.model.shapes import fix_phase, rigid_motions
 from bdamper.reduction.bodies import Wanted, location_loads, location_rows, nodes_of, residual_shapes
-from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, factorise, fix_phase, lowest_modes
-from bdamper.reduction.structure import Structure, check
+from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, factorise, lowest_modes
+from bdamper.reduction.sector_faces import SectorFaces
+from bdamper.reduction.structure import Structure, check, hermitian
 from bdamper.util import validate
 
 SPRINGS = (0.3, 3.0)
@@ -113,8 +114,8 @@ class BladePart:
         """(n_nodes,) bool: nodes of the blade."""
         return np.isin(np.arange(len(self.body.nodes)), self.nodes)
 
-    def check_on_blade(self, wanted: Wanted) -> None:
-        """Contact points and locations are on the blade.
+    def check_wanted(self, wanted: Wanted, faces: SectorFaces) -> None:
+        """Contact points and locations are on the blade, which has no node on the faces of the sector.
 
         Raises
         ------
@@ -123,15 +124,12 @@ class BladePart:
         check(self.inside[wanted.contact.indices // 3].all(), "contact points that are not on the blade")
         for name, place in wanted.locations.items():
             check(self.inside[nodes_of(place)].all(), f"location '{name}', which is not on the blade")
+        check(not self.inside[faces.nodes].any(), "a node of the blade that lies on a face at which the sector repeats")
 
     @cached_property
     def solver(self) -> SuperLU:
         """Factorisation of the stiffness of the blade clamped at its root."""
-        return factorise(self._block(self.body.stiffness, self.own_dofs, self.own_dofs))
-
-    @staticmethod
-    def _block(matrix: sp.spmatrix, rows: NDArray, columns: NDArray) -> sp.csr_matrix:
-        return matrix[rows][:, columns].tocsr()
+        return factorise(self.body.stiffness[self.own_dofs][:, self.own_dofs])
 
     def _spread(self, values: NDArray) -> NDArray:
         """Values of the blade without its root as columns over all nodes of the sector."""
@@ -141,8 +139,7 @@ class BladePart:
 
     def cantilever(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped at its root."""
-        own = self.own_dofs
-        stiffness, mass = (self._block(m, own, own) for m in (self.body.stiffness, self.body.mass))
+        stiffness, mass = (m[self.own_dofs][:, self.own_dofs] for m in (self.body.stiffness, self.body.mass))
         omega2, shapes = lowest_modes(stiffness, mass, self.solver.solve, n_modes)
         return omega2, fix_phase(self._spread(shapes), self.body.mass)
 
@@ -161,20 +158,18 @@ class BladePart:
 
     def carried(self, shapes: NDArray) -> NDArray:
         """Static shapes (3 n_nodes, n) of the blade alone on motions (n_root_dofs, n) of its root."""
-        out = -self._spread(self.solver.solve(self._block(self.body.stiffness, self.own_dofs, self.root_dofs) @ shapes))
+        out = -self._spread(self.solver.solve(self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes))
         out[self.root_dofs] = shapes
         return out
 
 
-def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> list[tuple[NDArray, NDArray]]:
-    """Stiffness and mass (n, n) of static shapes of blade (3 n_nodes, n) and disk together, at nodal diameters 0 to N/2.
+def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> tuple[NDArray, NDArray]:
+    """Stiffness and mass (N // 2 + 1, n, n) of static shapes of blade (3 n_nodes, n) and disk together, complex.
 
     ``sector`` is the sector at any of them.  The disk between its cut faces and the roots is factorised once, real; what
     depends on the nodal diameter is the stiffness of the faces.  With a factorisation at each of 19 nodal diameters
     the whole import of a sector of 2,865 nodes takes 1.4 times as long.
     """
-    if np.isin(blade.root, sector.faces.nodes).any():
-        raise ValueError("a node of the blade's root lies on a face at which the sector repeats")
     body, held = blade.body, blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
     moving, faces = ~held.ravel(), np.zeros(body.n_dof, bool)
@@ -201,9 +196,9 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> l
         push = coupling @ whole[face]
         parts = [factor.solve(np.ascontiguousarray(part)) for part in (push.real, push.imag)]
         whole[inner] = -driven - (parts[0] + 1j * parts[1] if np.iscomplexobj(t) else parts[0])
-        k, m = (whole.conj().T @ (matrix @ whole) for matrix in (body.stiffness, body.mass))
-        out.append((0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T)))
-    return out
+        out.append([hermitian(whole.conj().T @ (matrix @ whole)) for matrix in (body.stiffness, body.mass)])
+    k, m = np.moveaxis(np.array(out, complex), 1, 0)
+    return k, m
 
 
 def sampled_waves(n_sectors: int) -> list[int]:
@@ -232,58 +227,16 @@ def damper_motion(ports: Sequence[Port], interfaces: Mapping[str, Interface]) ->
     for name, side in ports:
         face = interfaces[name]
         other = face.body_b if side == "a" else face.body_a
-        turns = np.cross(np.eye(3), face.points[:, None]).transpose(0, 2, 1)
-        rigid = face.frame @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+        rigid = face.frame @ rigid_motions(face.points, np.zeros(3), np.eye(3)).reshape(-1, 3, 6)
         own = face.body_a if side == "a" else face.body_b
         motion.append(rigid.reshape(-1, 6) * (other not in (own, "ground")))
         sector.append(np.full(3 * face.n_points, (face.sector_b - face.sector_a) * (1 if side == "a" else -1)))
     return np.concatenate(motion), np.concatenate(sector)
 
 
-class StuckWheel(NamedTuple):
-    """A tuned wheel in all static shapes of its contact forces, whose dampers stick on springs.
-
-    Coordinates are those of cantilever modes, of static shapes of loads that are orthogonal in the flexibility which the
-    modes leave out, and of shapes carried by the root.
-
-    Parameters
-    ----------
-    omega2 : (n_cantilever,) float
-    loads : (3 n_points, n) float
-        On the contact points.
-    mass : (n_all, n_all) float
-        Of the blade.
-    contact : (3 n_points, n_all) float
-        Motion at the contact points.
-    stiffness_of_root, mass_of_root : (N // 2 + 1, n_interface, n_interface) complex
-        Blade and disk together.
-    """
-
-    omega2: NDArray
-    loads: NDArray
-    mass: NDArray
-    contact: NDArray
-    stiffness_of_root: NDArray
-    mass_of_root: NDArray
-
-    def forces(self, d: int, spring: float, motion: NDArray, n_modes: int) -> NDArray:
-        """Contact forces (3 n_points, n_modes) in the lowest modes at a nodal diameter, divided by the frequency.
-
-        ``motion`` (3 n_points, 6) complex is that of the dampers, which have no mass; ``spring`` is in N/m.
-        """
-        r = self.mass_of_root.shape[1]
-        M = self.mass.astype(complex)
-        M[-r:, -r:] = self.mass_of_root[d]
-        K = np.diag(np.concatenate([self.omega2, np.ones(self.loads.shape[1]), np.zeros(r)])).astype(complex)
-        K[-r:, -r:] = self.stiffness_of_root[d]
-        rigid, size, _ = np.linalg.svd(motion, full_matrices=False)
-        rigid = rigid[:, size > 1e-9 * size[0]] if size[0] > 0.0 else rigid[:, :0]
-        held = spring * (self.contact - rigid @ (rigid.conj().T @ self.contact))
-        omega2, modes = eigh(K + self.contact.T @ held, M, subset_by_index=(0, min(n_modes, len(M)) - 1))
-        return np.asarray(held @ modes / np.sqrt(omega2))
-
-
-def stuck_loads(wheel: StuckWheel, dampers: tuple[NDArray, NDArray], n_sectors: int, sizes: LocalSizes) -> NDArray:
+def stuck_loads(
+    wheel: LocalBasis, loads: NDArray, dampers: tuple[NDArray, NDArray], n_sectors: int, sizes: LocalSizes
+) -> NDArray:
     """Principal loads (3 n_points, n) of the contact forces in the lowest modes of wheels whose dampers stick.
 
     Dampers are rigid, free and without mass, on springs :data:`SPRINGS` at every point.  Principal are those loads that
@@ -294,74 +247,70 @@ def stuck_loads(wheel: StuckWheel, dampers: tuple[NDArray, NDArray], n_sectors: 
     |---|---|---|---|---|
     | these loads | 0.02 % | 0.09 % | 0.25 % | -0.4 -1.3 -0.6 -1.5 -0.7 -0.9 % |
     | loads of the largest flexibility | 0.09 % | 0.8 % | 7 % | 0.8 4.0 1.6 9.2 3.2 4.9 % |
-    """
-    found, root = [], np.linalg.pinv(wheel.loads)  # the flexibility is root.T @ root
-    spring = len(wheel.loads) / float(np.square(root).sum())
-    for d in sampled_waves(n_sectors):
-        motion = dampers[0] * np.exp(2j * np.pi * d * dampers[1] / n_sectors)[:, None]
-        for factor in SPRINGS:
-            forces = wheel.forces(d, factor * spring, motion, sizes.modes)
-            found += [forces.real, forces.imag]
-    shapes = np.linalg.svd(root @ np.hstack(found), full_matrices=False)[0]
-    return np.asarray(wheel.loads @ shapes[:, : sizes.attachment])
-
-
-class LocalShapes(NamedTuple):
-    """Shapes of all coordinates of a local basis, and what the disk adds to those of the root.
 
     Parameters
     ----------
-    omega2 : (n_cantilever,) float, rad2/s2
-    shapes : (3 n_nodes, n) float, kg^-1/2
-        Of the blade, on all nodes of the sector; cantilever modes, attachments, shapes carried by the root.
-    n_interface : int
-    stiffness, mass : (N // 2 + 1, n_interface, n_interface) complex
-        Of the last shapes, blade and disk together, at each nodal diameter.
+    wheel : LocalBasis
+        With the static shapes of all loads as attachments.
+    loads : (3 n_points, n_attachment) float
+        On the contact points, orthogonal in the flexibility that the cantilever modes leave out.
+    dampers, n_sectors, sizes
+        As in :func:`local_basis`.
     """
-
-    omega2: NDArray
-    shapes: NDArray
-    n_interface: int
-    stiffness: NDArray
-    mass: NDArray
-
-    @property
-    def carried(self) -> NDArray:
-        """Shapes (3 n_nodes, n_interface) carried by the root."""
-        return self.shapes[:, self.shapes.shape[1] - self.n_interface :]
+    found, root = [], np.linalg.pinv(loads)  # the flexibility is root.T @ root
+    spring = len(loads) / float(np.square(root).sum())
+    contact = wheel.contact_modes.reshape(-1, wheel.n)
+    for d in sampled_waves(n_sectors):
+        motion = dampers[0] * np.exp(2j * np.pi * d * dampers[1] / n_sectors)[:, None]
+        rigid, size, _ = np.linalg.svd(motion, full_matrices=False)
+        rigid = rigid[:, size > 1e-9 * size[0]]
+        stuck = contact - rigid @ (rigid.conj().T @ contact)
+        for held in (factor * spring * stuck for factor in SPRINGS):
+            last = min(sizes.modes, wheel.n) - 1
+            omega2, modes = eigh(wheel.stiffness(d) + contact.T @ held, wheel.mass(d), subset_by_index=(0, last))
+            forces = held @ modes / np.sqrt(omega2)
+            found += [forces.real, forces.imag]
+    shapes = np.linalg.svd(root @ np.hstack(found), full_matrices=False)[0]
+    return np.asarray(loads @ shapes[:, : sizes.attachment])
 
 
 def local_shapes(
     blade: BladePart, sector: Callable[[int], CyclicSector], wanted: Wanted, dampers: tuple[NDArray, NDArray],
     sizes: LocalSizes,
-) -> LocalShapes:  # fmt: skip
-    """The shapes of :func:`local_basis`, parameters as there."""
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:  # fmt: skip
+    """The shapes of :func:`local_basis`, parameters as there.
+
+    Returns
+    -------
+    omega2 : (n_cantilever,) float, rad2/s2
+    shapes : (3 n_nodes, n) float, kg^-1/2
+        Of the blade, on all nodes of the sector; cantilever modes, attachments, shapes carried by the root.
+    stiffness, mass : (N // 2 + 1, n_interface, n_interface) complex
+        Of the last shapes, blade and disk together, at each nodal diameter.
+    """
     contact, (omega2, modes) = wanted.contact, blade.cantilever(sizes.cantilever)
     first = sector(0)
-    carried = blade.carried(root_shapes(blade, sector, first.faces.n_sectors, sizes))
-    pairs = disk_matrices(blade, first, carried)
-    k, m = (np.array([pair[i] for pair in pairs], complex) for i in (0, 1))
+    n_sectors = first.faces.n_sectors
+    carried = blade.carried(root_shapes(blade, sector, n_sectors, sizes))
+    disk = disk_matrices(blade, first, carried)
     # shapes of unit mass on the average over all waves, for numbers of one size
-    scale = eigh(*(mean_over_waves(matrices, first.faces.n_sectors) for matrices in (k, m)))[1]
-    k, m = (scale.T @ matrices @ scale for matrices in (k, m))
-    k, m = (0.5 * (matrices + matrices.conj().transpose(0, 2, 1)) for matrices in (k, m))
+    scale = eigh(*(mean_over_waves(matrices, n_sectors) for matrices in disk))[1]
+    k, m = (hermitian(scale.T @ matrices @ scale) for matrices in disk)
     carried = carried @ scale
     columns = blade.contact_columns(contact)
     columns -= (modes / omega2) @ (contact @ modes).T
-    left_out = contact @ columns
-    size, loads = np.linalg.eigh(0.5 * (left_out + left_out.T))
-    real = size > 1e-9 * size[-1] if len(size) else np.zeros(0, bool)
+    size, loads = np.linalg.eigh(hermitian(contact @ columns))
+    real = size > 1e-9 * size.max(initial=0.0)
     attached = np.zeros((len(modes), 0))
     if sizes.attachment and real.any():
         loads = loads[:, real] / np.sqrt(size[real])
-        shapes = np.hstack([modes, columns @ loads, carried])
-        wheel = StuckWheel(omega2, loads, shapes.T @ (blade.body.mass @ shapes), contact @ shapes, k, m)
-        attached = blade.attachments(columns @ stuck_loads(wheel, dampers, first.faces.n_sectors, sizes), modes)
+        wheel = _made_of(blade, wanted, omega2, np.hstack([modes, columns @ loads, carried]), k, m)
+        attached = blade.attachments(columns @ stuck_loads(wheel, loads, dampers, n_sectors, sizes), modes)
     if wanted.static_shapes and wanted.locations:
         loads = location_loads(blade.body, wanted.locations.values())
         static = residual_shapes(blade.body, np.hstack([modes, attached]), loads, blade.contact_columns(loads.T.tocsr()))
         attached = np.hstack([attached, static[1]])
-    return LocalShapes(omega2, np.hstack([modes, attached, carried]), carried.shape[1], k, m)
+    return omega2, np.hstack([modes, attached, carried]), k, m
 
 
 def local_basis(
@@ -388,30 +337,33 @@ def local_basis(
     ValueError
         If contact points or locations are not on the blade, or its root lies on a face at which the sector repeats.
     """
-    blade.check_on_blade(wanted)
-    body, contact = blade.body, wanted.contact
-    found = local_shapes(blade, sector, wanted, dampers, sizes)
-    shapes, n = found.shapes, found.shapes.shape[1]
-    own = slice(0, n - found.n_interface)
-    rest = slice(own.stop, n)
-    strain = np.zeros((found.n_interface,) * 2)
+    blade.check_wanted(wanted, sector(0).faces)
+    made = _made_of(blade, wanted, *local_shapes(blade, sector, wanted, dampers, sizes))
+    flexibility = hermitian(wanted.contact @ blade.contact_columns(wanted.contact))
+    return replace(made, region=region, flexibility=flexibility)
+
+
+def _made_of(
+    blade: BladePart, wanted: Wanted, omega2: NDArray, shapes: NDArray, stiffness: NDArray, mass: NDArray
+) -> LocalBasis:
+    """The local basis of shapes as :func:`local_shapes` returns them."""
+    body, n, r = blade.body, shapes.shape[1], stiffness.shape[1]
+    own, rest, strain = slice(0, n - r), slice(n - r, n), np.zeros((r, r))
+    carried = shapes[:, rest]
     if blade.stiffness is not None:
-        strain = found.carried.T @ (blade.stiffness @ found.carried)
-        strain = 0.5 * (strain + strain.T)
-    stiffness = np.zeros((n, n))
-    attached = np.einsum("ij,ij->j", shapes[:, own], body.stiffness @ shapes[:, own])[len(found.omega2) :]
-    stiffness[own, own] = np.diag(np.append(found.omega2, attached))
-    stiffness[rest, rest] = strain
-    mass = shapes.T @ (body.mass @ shapes)
-    root = found.carried[blade.root_dofs]
-    mass[rest, rest] -= root.T @ (body.mass[blade.root_dofs][:, blade.root_dofs] @ root)  # counts as the disk's
-    mass = 0.5 * (mass + mass.T)
-    flexibility = contact @ blade.contact_columns(contact)
+        strain = hermitian(carried.T @ (blade.stiffness @ carried))
+    blade_stiffness = np.zeros((n, n))
+    attached = np.einsum("ij,ij->j", shapes[:, own], body.stiffness @ shapes[:, own])[len(omega2) :]
+    blade_stiffness[own, own] = np.diag(np.append(omega2, attached))
+    blade_stiffness[rest, rest] = strain
+    blade_mass = shapes.T @ (body.mass @ shapes)
+    root = carried[blade.root_dofs]
+    blade_mass[rest, rest] -= root.T @ (body.mass[blade.root_dofs][:, blade.root_dofs] @ root)  # counts as the disk's
+    blade_mass = hermitian(blade_mass)
     return LocalBasis(
-        region=region, omega2=found.omega2.copy(), damping_ratio=np.full(n, wanted.damping_ratio),
-        blade_stiffness=stiffness, blade_mass=mass, disk_stiffness=found.stiffness - strain,
-        disk_mass=found.mass - mass[rest, rest], contact_modes=(contact @ shapes).reshape(-1, 3, n),
-        locations=location_rows(wanted.locations, shapes), flexibility=0.5 * (flexibility + flexibility.T),
+        region="", omega2=omega2.copy(), damping_ratio=np.full(n, wanted.damping_ratio), blade_stiffness=blade_stiffness,
+        blade_mass=blade_mass, disk_stiffness=stiffness - strain, disk_mass=mass - blade_mass[rest, rest],
+        contact_modes=(wanted.contact @ shapes).reshape(-1, 3, n), locations=location_rows(wanted.locations, shapes),
     )  # fmt: skip
 
 

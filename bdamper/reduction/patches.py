@@ -17,8 +17,8 @@ rounding.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -211,14 +211,9 @@ def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
     return np.array(out) if len(out) >= 3 else np.empty((0, 2))
 
 
-def clip_to_rectangle(polygon: NDArray, low: NDArray, high: NDArray) -> NDArray:
-    """Part (m, 2) of a convex polygon in the rectangle from ``low`` (2,) to ``high`` (2,)."""
-    for axis in (0, 1):
-        for sign, bound in ((1.0, low[axis]), (-1.0, high[axis])):
-            if len(polygon) == 0:
-                return polygon
-            polygon = _cut(polygon, sign * (polygon[:, axis] - bound))
-    return polygon
+def rectangle(low: NDArray, high: NDArray) -> NDArray:
+    """Corners (4, 2) of the rectangle from ``low`` (2,) to ``high`` (2,), counter-clockwise."""
+    return np.where(SQUARE < 0.0, low, high)
 
 
 def clip_to_polygon(polygon: NDArray, window: NDArray) -> NDArray:
@@ -229,6 +224,17 @@ def clip_to_polygon(polygon: NDArray, window: NDArray) -> NDArray:
         edge = b - a
         polygon = _cut(polygon, edge[0] * (polygon[:, 1] - a[1]) - edge[1] * (polygon[:, 0] - a[0]))
     return polygon
+
+
+def overlaps(polygons: Sequence[NDArray], windows: Sequence[NDArray]) -> Iterator[tuple[int, int, NDArray]]:
+    """Parts (m, 2) of convex polygons in convex, counter-clockwise windows, each after the numbers of both."""
+    low, high = (np.array([end(window, axis=0) for window in windows]).reshape(-1, 2) for end in (np.min, np.max))
+    for k, polygon in enumerate(polygons):
+        near = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
+        for m in np.flatnonzero(near).tolist():
+            part = clip_to_polygon(polygon, windows[m])
+            if len(part) >= 3:
+                yield k, m, part
 
 
 def polygon_area(polygon: NDArray) -> float:
@@ -254,8 +260,6 @@ class _Flat(NamedTuple):
 
     nodes: list[NDArray]
     corner: list[NDArray]
-    low: NDArray
-    high: NDArray
 
 
 def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, what: str) -> _Flat:
@@ -273,9 +277,7 @@ def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, wh
             raise ValueError(f"a facet of {what} at {nodes[row[:n]].mean(axis=0)} m is folded or seen edge-on")
         rows.append(row)
         corners.append(x)
-    low = np.array([c.min(axis=0) for c in corners]).reshape(-1, 2)
-    high = np.array([c.max(axis=0) for c in corners]).reshape(-1, 2)
-    return _Flat(rows, corners, low, high)
+    return _Flat(rows, corners)
 
 
 class _Piece(NamedTuple):
@@ -288,14 +290,7 @@ def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
     """Intersections of the facets of both faces."""
     if flat_b is None:
         return [_Piece(corner, k, -1) for k, corner in enumerate(flat_a.corner)]
-    out = []
-    for k, corner in enumerate(flat_a.corner):
-        near = np.flatnonzero(np.all((flat_b.low < flat_a.high[k]) & (flat_b.high > flat_a.low[k]), axis=1))
-        for m in near.tolist():
-            polygon = clip_to_polygon(corner, flat_b.corner[m])
-            if len(polygon) >= 3:
-                out.append(_Piece(polygon, k, m))
-    return out
+    return [_Piece(part, k, m) for k, m, part in overlaps(flat_a.corner, flat_b.corner)]
 
 
 def _means(
@@ -357,19 +352,15 @@ def patches_on_rectangles(
     flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
     groups = [g[flat_enough[corners].all(axis=1)] for g, corners in zip(facets.groups, facets.corners)]
     flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
-    cells: list[list[_Piece]] = []
-    for i, (centre, size) in enumerate(zip(patches.centre, patches.size)):
-        shift = (centre - origin) @ frame[:2].T
-        low, high = shift - 0.5 * size, shift + 0.5 * size
-        found = []
-        for k in np.flatnonzero(np.all((flat.low < high) & (flat.high > low), axis=1)).tolist():
-            polygon = clip_to_rectangle(flat.corner[k], low, high)
-            if len(polygon) >= 3:
-                found.append(_Piece(polygon, k, -1))
-        total = sum(polygon_area(p.polygon) for p in found)
-        wrong = f"patch {i} at {centre} m has an area of {size.prod():.6g} m2, but {what} covers {total:.6g} m2 of it"
-        check(abs(total - size.prod()) <= 1e-6 * size.prod(), wrong)
-        cells.append(found)
+    middle, half = (patches.centre - origin) @ frame[:2].T, 0.5 * patches.size
+    windows = [rectangle(low, high) for low, high in zip(middle - half, middle + half)]
+    cells: list[list[_Piece]] = [[] for _ in windows]
+    for k, i, part in overlaps(flat.corner, windows):
+        cells[i].append(_Piece(part, k, -1))
+    for i, (cell, area) in enumerate(zip(cells, patches.area)):
+        total = sum(polygon_area(p.polygon) for p in cell)
+        wrong = f"patch {i} at {patches.centre[i]} m has an area of {area:.6g} m2, but {what} covers {total:.6g} m2 of it"
+        check(abs(total - area) <= 1e-6 * area, wrong)
     return _means(cells, np.array(patches.frame), (flat, None), (nodes, None))
 
 
@@ -411,15 +402,12 @@ def patches_on_faces(
     n_1, n_2 = patch_grid(points, *(high - low))
     check(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
     edges = [np.linspace(low[k], high[k], n + 1) for k, n in enumerate((n_1, n_2))]
-    cells: list[list[_Piece]] = [[] for _ in range(n_1 * n_2)]
-    tiny = 1e-13 * whole
-    for piece in pieces:
-        first = [max(int(np.searchsorted(e, piece.polygon[:, k].min(), "right")) - 1, 0) for k, e in enumerate(edges)]
-        last = [min(int(np.searchsorted(e, piece.polygon[:, k].max())), len(e) - 1) for k, e in enumerate(edges)]
-        for i, j in product(*map(range, first, last)):
-            part = clip_to_rectangle(piece.polygon, *(np.array([edges[0][i + k], edges[1][j + k]]) for k in (0, 1)))
-            if len(part) >= 3 and polygon_area(part) > tiny:
-                cells[i * n_2 + j].append(_Piece(part, piece.a, piece.b))
+    corners = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1)
+    windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
+    cells: list[list[_Piece]] = [[] for _ in windows]
+    for k, m, part in overlaps([piece.polygon for piece in pieces], windows):
+        if polygon_area(part) > 1e-13 * whole:
+            cells[m].append(_Piece(part, pieces[k].a, pieces[k].b))
     cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
     return _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))

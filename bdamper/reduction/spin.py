@@ -32,7 +32,7 @@ from scipy.linalg import eigh
 from bdamper.model.basis import ModalBasis
 from bdamper.model.spin import SpeedBasis
 from bdamper.reduction.cyclic import CyclicSector
-from bdamper.reduction.structure import Structure, check
+from bdamper.reduction.structure import Structure, check, hermitian
 
 IN_PLANE = np.diag([1.0, 1.0, 0.0])
 _ACROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # e_z x
@@ -95,34 +95,28 @@ class Rotation:
     def at_speed(self, sector: CyclicSector, omega: float) -> CyclicSector:
         """The sector, given at ``omega_ref``, with the stiffness of another speed (rad/s)."""
         stiffness = sector.body.stiffness + (omega**2 - self.omega_ref**2) * self.per_squared_speed
-        body = replace(sector.body, stiffness=stiffness)
-        return replace(sector, body=body, _lu=None, _modes=None, _contact=None)
+        return replace(sector, body=replace(sector.body, stiffness=stiffness))
 
-    def basis(
-        self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix | None = None
-    ) -> ModalBasis:
+    def basis(self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix) -> ModalBasis:
         """The basis of a sector with its data over speed.
 
         Parameters
         ----------
         basis : ModalBasis
-            Modes of ``sector``, with its flexibility if there is ``contact``.
+            Modes of ``sector``, with its flexibility.
         sector : CyclicSector
             With the stiffness of the speed ``omega_ref``.
         shapes : (3 n_nodes, n_modes)
             Of the basis, on all nodes.
-        contact : (3 n_points, 3 n_nodes) sparse, optional
-            From nodal displacements to contact points, for the residual flexibility.
+        contact : (3 n_points, 3 n_nodes) sparse
+            From nodal displacements to contact points.
         """
-        stiffness2 = _hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
+        stiffness2 = hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
         turning = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)
-        residual2 = None
-        if contact is not None:
-            static = sector.transformation @ sector.contact_response(contact)
-            modal = contact @ shapes / basis.omega2
-            residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (self.per_squared_speed @ static)
-            residual2 = _hermitian(residual2)
-        out = basis.with_speed(stiffness2, residual2, self.omega_ref, source=self.source)
+        static = sector.transformation @ sector.contact_response(contact)
+        modal = contact @ shapes / basis.omega2
+        residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (self.per_squared_speed @ static)
+        out = basis.with_speed(stiffness2, hermitian(residual2), self.omega_ref, source=self.source)
         assert out.speed is not None
         speed = replace(out.speed, coriolis=0.5 * (turning - turning.conj().T))
         if self.check_at is not None:
@@ -134,7 +128,3 @@ class Rotation:
         exact = self.at_speed(sector, omega).modes(min(10, len(stiffness)))[0]
         reduced = eigh(stiffness, eigvals_only=True)[: len(exact)]
         return replace(basis, checked_at=omega, error=float(np.abs(np.sqrt(reduced / exact) - 1.0).max()))
-
-
-def _hermitian(matrix: NDArray) -> NDArray:
-    return 0.5 * (matrix + matrix.conj().T)

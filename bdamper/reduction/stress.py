@@ -65,15 +65,8 @@ class StressRows:
 
         ``contact`` (3 n_points, 3 n_nodes) leads from nodal displacements to the contact points of all ports; ``omega2``
         (n,) and ``shapes`` (3 n_nodes, n) are those of the body's basis.
-
-        Raises
-        ------
-        ValueError
-            If a node lies on a cut face.
         """
         d = sector.nodal_diameter
-        if np.isin(self.nodes, sector.faces.nodes).any():
-            raise ValueError("stress rows: expected nodes away from the cut faces of the sector")
         S = self._rows @ shapes
         unit = self._rows @ (sector.transformation @ sector.contact_response(contact))
         A = unit - (S / omega2) @ (contact @ shapes).conj().T

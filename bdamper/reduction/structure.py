@@ -15,6 +15,11 @@ def check(good: object, wrong: str) -> None:
         raise ValueError(wrong)
 
 
+def hermitian(matrix: NDArray) -> NDArray:
+    """The Hermitian part of a matrix, or of each of several (..., n, n)."""
+    return 0.5 * (matrix + matrix.conj().swapaxes(-1, -2))
+
+
 @dataclass(frozen=True)
 class Structure:
     """Nodes and matrices; the displacements of node ``a`` are the rows ``3 a``, ``3 a + 1``, ``3 a + 2``.

@@ -287,19 +287,18 @@ def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArr
             continue
         modes = coupling.modes[body.name]
         shapes = local.contact_modes if body.name == blade else body.bases[0].contact_modes[..., modes].real
-        before, *parts = (coupling.sector_rows(body, shapes, s) for s in (-1, 0, 1))
-        if before is not None or (body.name != blade and parts[1] is not None):
+        before, *parts = (coupling.placed(body, shapes, 0, (s,)).real for s in (-1, 0, 1))
+        if before.any() or (body.name != blade and parts[1].any()):
             raise SettingError(
                 f"model: expected the dampers of a wheel in sector 0, between the blades of sectors 0 and 1, found "
                 f"'{body.name}' elsewhere"
             )
         if body.name != blade:
-            others.append(np.zeros((n_points, 3, shapes.shape[2])) if parts[0] is None else parts[0])
+            others.append(parts[0])
             continue
-        touched = [np.zeros(n_points, bool) if part is None else part.any(axis=(1, 2)) for part in parts]
+        touched = [part.any(axis=(1, 2)) for part in parts]
         if np.any(touched[0] & touched[1]):
             raise SettingError("model: expected blades of a wheel that touch dampers, found blades that touch each other")
         sector[touched[1]] = 1
-        for part in parts:
-            own = own if part is None else own + part
+        own = own + sum(parts)
     return np.concatenate([own, *others], axis=2), sector

@@ -23,7 +23,7 @@ from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
 from bdamper.fe.stress import blade_points, solids_of
 from bdamper.reduction.element_stress import element_rows, node_average, von_mises_size
-from bdamper.reduction.stress import StressRows, near_patches
+from bdamper.reduction.stress import near_patches
 from tests.calculix_runs import centrifugal_stress
 
 PRELOAD = 20e3
@@ -205,12 +205,6 @@ def test_stress_of_a_linear_displacement_is_exact():
     stress = lame * np.trace(strain) * np.eye(3) + 2.0 * shear * strain
     expected = stress[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
     np.testing.assert_allclose(found, np.tile(expected, (len(found), 1)), rtol=1e-9)
-
-
-def test_nodes_on_a_cut_face_are_refused(fe):
-    rows = StressRows("x", solids_of(fe.blade), fe.blade.nodes, fe.faces.independent[:1])
-    with pytest.raises(ValueError, match="away from the cut faces"):
-        rows.add(fe.cyclic(0), None, *fe.cyclic(0).modes(1))
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")

@@ -11,7 +11,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from bdamper.fe.assemble import discretise
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh, sector_mesh
-from bdamper.reduction.free_body import rigid_motions
+from bdamper.model.shapes import rigid_motions
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.fe.contact_points import averaging_matrix, end_patches, face_frame, wedge_patches
 from bdamper.fe.geometry import turn
 from bdamper.fe.sector import SectorFE
-from bdamper.reduction.free_body import rigid_motions
+from bdamper.model.shapes import rigid_motions
 from bdamper.reduction.patches import patch_grid
 
 GRIDS = [9, 24, 48, 96, (2, 7)]

@@ -11,7 +11,8 @@ from bdamper.fe.assemble import discretise
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh
-from bdamper.reduction.free_body import FreeBody, isostatic_dofs, rigid_motions
+from bdamper.model.shapes import rigid_motions
+from bdamper.reduction.free_body import FreeBody, isostatic_dofs
 
 G = Geometry()
 AXES = turn(0.5 * G.pitch).T

@@ -8,9 +8,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fe import Geometry, SectorFE
 from bdamper.fe.contact_points import wedge_patches
+from bdamper.model.shapes import rigid_motions
 from bdamper.model.validation import check_model
 from bdamper.reduction import BladePart, LocalSizes, Wanted, local_basis
-from bdamper.reduction.free_body import rigid_motions
 from tests.annulus import Annulus, dampers_between, small_sector, small_wheel, wheel_matrices
 
 DEVIATION = np.random.default_rng(0).standard_normal(8)

@@ -9,9 +9,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.fe.assemble import discretise, local_order
 from bdamper.fe.geometry import Material, turn
 from bdamper.fe.mesh import join_blocks
+from bdamper.model.shapes import rigid_motions
 from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation
 from bdamper.reduction.facets import Facets, boundary_facets
-from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.sector_faces import SectorFaces, find_faces, interpolation, match_faces, tie_faces
 from tests.reduction.test_cyclic import N, clamped_nodes, ring_block
 
