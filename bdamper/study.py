@@ -195,7 +195,6 @@ class Study(Comparable):
         *,
         options: ContinuationOptions | None = None,
         progress: bool = False,
-        search_branches: bool = False,
         stability: bool = False,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
@@ -209,8 +208,6 @@ class Study(Comparable):
             Steps and tolerances of the path.
         progress : bool
             Show a progress bar.
-        search_branches : bool
-            Look for branches apart, from solutions at 0.9 and 1.2 times the preload.
         stability : bool
             Determine the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
 
@@ -223,8 +220,7 @@ class Study(Comparable):
         problem = self.problem
         validate.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
-        ways: dict[str, Any] = {"options": options, "progress": progress, "search_branches": search_branches}
-        curve = tracking.track(problem, preload, frequency, **ways)
+        curve = tracking.track(problem, preload, frequency, options=options, progress=progress)
         judged = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
         return floquet.with_stability(problem, curve) if judged else curve
 

@@ -77,7 +77,7 @@ def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float,
     n = len(omega)
     u, error, largest = np.zeros((n, system.n_unknowns)), np.zeros(n), 1e-300
     for l in problem.settings.excited:
-        force, (cosine, sine) = system.amplitudes(system.structure.force, l), system.slices(l)
+        force, (cosine, sine) = system.layout.amplitudes(system.structure.force, l), system.layout.slices(l)
         q = np.array([linear.response(w, springs, l) for w in omega])
         u[:, cosine], u[:, sine] = q.real, -q.imag
         wrong = [np.abs(linear.matrix(w, springs, l) @ a - force).max() for w, a in zip(omega, q)]

@@ -66,9 +66,9 @@ def first_point(
     """
     log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
     mean, stuck = state.q[: system.n_mean], system.structure.linear.response(omega, springs)
-    start = system.pack(mean, stuck)
+    start = system.layout.pack(mean, stuck)
     last = np.append(start, omega)
-    scale = system.units(last, max(system.vibration(last), 1e-300), omega)
+    scale = system.units(last, omega)
     for name, line_search, iterations in (("Newton", False, 20), ("Newton with line search", True, 60)):
         if system.spent:
             break
@@ -104,7 +104,7 @@ def _by_homotopy(tries: _Tries, mean: NDArray, stuck: NDArray) -> NDArray | None
     # it the support finds none on one of two random structures that need it
     first = 1e-2
     level = 0.1 * first
-    start = np.append(system.pack(mean, level * stuck), level)
+    start = np.append(system.layout.pack(mean, level * stuck), level)
     path = _homotopy(excitation_ramp(system, omega), start, options, meter)
     if path.status == "complete":
         log.append(f"excitation ramp: full level after {len(path.points)} steps")
@@ -115,7 +115,7 @@ def _by_homotopy(tries: _Tries, mean: NDArray, stuck: NDArray) -> NDArray | None
     if system.spent:
         return None
     supported = supported_by(system, omega, DRAG, SPRING)
-    u = system.pack(mean, first * stuck)
+    u = system.layout.pack(mean, first * stuck)
     scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
     c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
     meter.count(c.iterations)

@@ -1,14 +1,12 @@
 """A tracking curve: all branches that are found over a frequency interval at one preload.
 
 From the end where it starts; from the other end if it does not lead through; beyond both ends as far as the free and the
-stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations; on
-demand from solutions at other preloads, which may lie on branches apart.
+stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -45,7 +43,6 @@ def track(
     *,
     options: ContinuationOptions | None = None,
     progress: bool = False,
-    search_branches: bool = False,
 ) -> Curve:
     """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -58,8 +55,6 @@ def track(
     options : ContinuationOptions
     progress : bool
         Show a progress bar.
-    search_branches : bool
-        Look for branches apart from the one that is followed, with solutions at 0.9 and 1.2 times the preload as starts.
 
     Returns
     -------
@@ -70,7 +65,6 @@ def track(
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     validate.flag("progress", progress)
-    ratios = (0.9, 1.2) if validate.flag("search_branches", search_branches) else ()
     if options is not None:
         validate.instance("options", options, ContinuationOptions)
     with single_thread():
@@ -86,15 +80,12 @@ def track(
         try:
             with progress_bar(progress, *search.limits) as search.on_point:
                 search.cover(find_start)
-                for start in search.new_solutions(_other_solutions(problem, preload, ratios, search)):
-                    search.note(start[-1], "a solution apart from the branches so far")
-                    search.both_ways(start)
         except KeyboardInterrupt:
             if passes_interrupts_on():
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        ended = _ending(problem, search, preload, len(ratios))
+        ended = _ending(problem, search, preload)
         curve = as_curve(problem, search, ended, kind="tracking", preload=preload)
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
         return replace(curve, notes=(*curve.notes, *locked))
@@ -131,33 +122,14 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     return found
 
 
-def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], search: Coverage) -> list[NDArray]:
-    """Solutions at other preloads, spread over the frequency interval; each has the budget of a curve."""
-    out: list[NDArray] = []
-    for other in (ratio * preload for ratio in ratios):
-        if not problem.static(other).converged:
-            continue
-        frequency = search.limits[0] / TWO_PI, search.limits[1] / TWO_PI
-        elsewhere = _search(problem, other, frequency, replace(search.options, locate=False))
-        elsewhere.meter = search.meter
-        elsewhere.meter.watch(elsewhere.system)
-        start = _start(problem, other, elsewhere, search.limits[0])
-        search.log += elsewhere.log
-        if start is not None:
-            path = elsewhere.follow(start, True)
-            out += [p.y for p in path.points[:: max(1, len(path.points) // 40)]]
-    return out
-
-
-def _ending(problem: Problem, search: Coverage, preload: float, tried: int) -> tuple[str, str, tuple[LeftOut, ...]]:
+def _ending(problem: Problem, search: Coverage, preload: float) -> tuple[str, str, tuple[LeftOut, ...]]:
     """Status and reason of the curve, with what was looked for, advice where it is not complete, and what is left out."""
     status, reason, left_out = ending(search.pieces, *search.limits)
     left_out = (*left_out, *search.lost)
     if status == COMPLETE:
         bottom, top = (w / TWO_PI for w in search.outside)
-        closed = f"closed branches from {tried} other preloads" if tried else "closed branches not"
         broken = ", where a path broke off (left_out)" if search.lost else ""
-        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, {closed}"
+        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
     if why := _rattles(search, open_at_rest(problem, preload)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if status not in (INCOMPLETE, NOT_FOUND):

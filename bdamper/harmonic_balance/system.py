@@ -188,7 +188,7 @@ def supported_by(system: Equations[Sector], omega: float, drag: float, spring: f
     """
     support = np.zeros((system.n_unknowns, system.n_unknowns))
     for l, free in enumerate(supported_coordinates(system.structure)):
-        c, s = (np.arange(system.n_unknowns)[part] for part in system.slices(l))
+        c, s = (np.arange(system.n_unknowns)[part] for part in system.layout.slices(l))
         if l == 0:
             support[c[free], c[free]] = spring * omega**2
         else:

@@ -180,7 +180,7 @@ def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[fl
             system.structure.point(mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1)
         )
         guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
-        scale = system.units(guess, system.vibration(guess), 1.0)
+        scale = system.units(guess, 1.0)
         c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
         y, status = (c.y, COMPLETE) if c.status == OK else (guess, because(INCOMPLETE, "between two points of the mode"))
         stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_NORMAL
-from bdamper.continuation.curve import Curve
+from bdamper.continuation.curve import Curve, crossed
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
@@ -211,10 +211,7 @@ class Levels:
 
     def at(self, frequency: float) -> NDArray:
         """All solutions at a frequency, the highest first."""
-        f, a = self.frequency - frequency, self.amplitude
-        across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & (np.diff(self.branch) == 0))
-        share = f[across] / (f[across] - f[across + 1])
-        return np.sort(a[across] + share * (a[across + 1] - a[across]))[::-1]
+        return np.sort(crossed(self.frequency, self.amplitude, frequency, np.diff(self.branch) == 0)[1])[::-1]
 
     def start(self, frequency: float) -> NDArray:
         """Unknowns of the point of the highest level next to a frequency, of any level where the curve has a gap."""

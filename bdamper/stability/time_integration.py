@@ -225,7 +225,7 @@ class Ring:
         for harmonic, basis in enumerate(self.system.structure.bases):
             if len(basis.omega2):
                 l, reversed_ = self._family(harmonic)
-                out, a = np.zeros(self.n_coordinates, complex), self.system.amplitudes(np.asarray(u), harmonic)
+                out, a = np.zeros(self.n_coordinates, complex), self.system.layout.amplitudes(np.asarray(u), harmonic)
                 out[where[l]] = self._turns[harmonic] @ (a.conj() if reversed_ else a)
                 yield -harmonic if reversed_ else harmonic, out
 
