@@ -23,7 +23,7 @@ from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import INTERRUPTED, Status
+from bdamper.util.status import INTERRUPTED
 from bdamper.util.tables import (
     ROW,
     Followed,
@@ -138,7 +138,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     branch: Numbers
     point_kind: Kinds
     preload: float
-    status: Status
+    status: str
     reason: str
     cost: Cost
     left_out: tuple[LeftOut, ...] = ()

@@ -26,7 +26,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, Statuses, because
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
 from bdamper.util.text import amount
 
@@ -64,7 +64,7 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
     stable: Numbers
     highest: float
     aerodynamic_damping: dict[str, list[float]]
-    statuses: Annotated[Statuses, Quantity(name="status")]
+    statuses: Annotated[tuple[str, ...], Quantity(name="status")]
 
     @property
     def safe(self) -> NDArray:

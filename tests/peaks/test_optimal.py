@@ -491,9 +491,8 @@ def test_a_picture_marks_what_is_not_known(result):
     mpl.use("Agg")
     gap = np.isin(np.arange(len(result)), [1, 5])
     amplitude, bound = np.where(gap, np.nan, result.amplitude), np.where(np.arange(len(result)) == 1, 1e-4, np.nan)
-    curve = replace(
-        result, amplitude=amplitude, lower_bound=bound, goes_on=np.empty(0)
-    )
+    onward = np.append(False, np.isfinite(amplitude[1:] + amplitude[:-1]))
+    curve = replace(result, amplitude=amplitude, lower_bound=bound, goes_on=onward)
     for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="incomplete: lost")), "w")):
         ax = shown.plot()[0]
         labels = ax.get_legend_handles_labels()[1]
