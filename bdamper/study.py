@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.accuracy import converge as more_harmonics
 from bdamper.accuracy import estimate
+from bdamper.contact.stiffness import report
 from bdamper.continuation import linear_curve
 from bdamper.continuation import track as tracking
 from bdamper.continuation.curve import Curve
@@ -130,7 +131,8 @@ class Study(Comparable):
     @property
     def stiffness_report(self) -> str:
         """Range of the contact stiffness and use of fallback rules, for each interface."""
-        return self.problem.stiffness_report
+        lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
+        return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
     with_ = asked(Problem.with_)
     with_effects = asked(Problem.with_effects)

@@ -15,7 +15,6 @@ The result lists what was tried.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,27 +77,19 @@ def first_point(
         last = c.y
         if c.status == OK:
             return c.y, log, last
-    found = None if system.spent else _by_homotopy(_Tries(system, omega, options, meter, log), mean, stuck)
+    found = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
     if found is None and system.spent:
         log.append("the budget of evaluations is used up")
     return found, log, last
 
 
-class _Tries(NamedTuple):
-    """What all ways to a first point have in common."""
-
-    system: Equations[Sector]
-    omega: float
-    options: ContinuationOptions
-    meter: CostMeter
-    log: list[str]
-
-
-def _by_homotopy(tries: _Tries, mean: NDArray, stuck: NDArray) -> NDArray | None:
+def _by_homotopy(
+    system: Equations[Sector], omega: float, options: ContinuationOptions, meter: CostMeter, log: list[str],
+    mean: NDArray, stuck: NDArray,
+) -> NDArray | None:  # fmt: skip
     """The excitation is raised from almost nothing to its full level, along the curve and around its folds; failing that,
     free bodies (all, if none is free) start on a support, where they neither bounce nor drift, and it fades.
     """
-    system, omega, options, meter, log = tries
     # share of the excitation at which the support sets off; the ramp does at a tenth of it. With the whole of it the
     # ramp finds no start on the wedge dampers of eight sectors where the excitation equals the preload; with a tenth of
     # it the support finds none on one of two random structures that need it

@@ -30,7 +30,7 @@ from bdamper.util.blas import single_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import passes_interrupts_on, progress_bar
-from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND
+from bdamper.util.status import INCOMPLETE, NOT_FOUND
 
 ELASTIC = 1e-3
 """Of the lowest frequency of a curve: resonances below it are rigid motions, or too far away."""
@@ -85,10 +85,10 @@ def track(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        ended = _ending(problem, search, preload)
-        curve = as_curve(problem, search, ended, kind="tracking", preload=preload)
+        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=preload)
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
-        return replace(curve, notes=(*curve.notes, *locked))
+        reason, left_out = _explained(problem, search, curve), (*curve.left_out, *search.lost)
+        return replace(curve, reason=reason, left_out=left_out, notes=(*curve.notes, *locked))
 
 
 def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
@@ -122,35 +122,25 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     return found
 
 
-def _ending(problem: Problem, search: Coverage, preload: float) -> tuple[str, str, tuple[LeftOut, ...]]:
-    """Status and reason of the curve, with what was looked for, advice where it is not complete, and what is left out."""
-    status, reason, left_out = ending(search.pieces, *search.limits)
-    left_out = (*left_out, *search.lost)
-    if status == COMPLETE:
+def _explained(problem: Problem, search: Coverage, curve: Curve) -> str:
+    """The reason of a curve with what was looked for, and advice where it is not complete."""
+    reason = curve.reason
+    if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
         broken = ", where a path broke off (left_out)" if search.lost else ""
         reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
-    if why := _rattles(search, open_at_rest(problem, preload)):
+    if why := rattles(curve, open_at_rest(problem, curve.preload)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
-    if status not in (INCOMPLETE, NOT_FOUND):
-        return status, reason, left_out
+    if curve.status not in (INCOMPLETE, NOT_FOUND):
+        return reason
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
     if any(DRIFTED_AWAY in line for line in search.log):
         reason += f"; on a fading support {DRIFTED_AWAY}, constraint planes would hold them"
-    if 0.0 < preload < 2.0 * problem.excitation.amplitude:
-        ratio = preload / problem.excitation.amplitude
+    if 0.0 < curve.preload < 2.0 * problem.excitation.amplitude:
+        ratio = curve.preload / problem.excitation.amplitude
         reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
-    return status, f"{reason}; study.settle marches in time where no solution was found", left_out
-
-
-def _rattles(search: Coverage, at_rest: float) -> str:
-    """Why no steady periodic response is expected, if the pieces show the sign."""
-    ordered = in_order(search.pieces)
-    y = np.array([p.y for p, _ in ordered]).reshape(-1, search.system.n_unknowns + 1)
-    height = np.abs(search.system.response(y[:, :-1])[:, 1])
-    share = [p.shares[2] for p, _ in ordered]
-    return rattles(y[:, -1], height, share, [way.branch for _, way in ordered], at_rest)
+    return f"{reason}; study.settle marches in time where no solution was found"
 
 
 def without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:

@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_USER
+from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector, segments
 
-STICK, PLUS, MINUS, OPEN = range(4)
 MOST_PERIODS = 100
 """Periods within which the sliders of a coupled law settle in a given motion."""
 
@@ -175,11 +175,9 @@ def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray
             within = (theta - start) % (2.0 * np.pi) <= end - start
             if state == STICK:
                 out[d, within] = kt[d] * (at_angles(x[d], theta[within]) - w)
-            elif state != OPEN:
-                out[d, within] = (1.0 if state == PLUS else -1.0) * limit(theta[within])
-            if state != STICK:
-                sense = {PLUS: 1.0, MINUS: -1.0, OPEN: 0.0}[state]
-                last = np.array([end])
+            else:
+                sense, last = {SLIP_PLUS: 1.0, SLIP_MINUS: -1.0, OPEN: 0.0}[state], np.array([end])
+                out[d, within] = sense * limit(theta[within])
                 w = float((at_angles(x[d], last) - sense * limit(last) / kt[d])[0])
     return out
 

@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_NORMAL
 from bdamper.continuation.curve import Curve, crossed
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
-from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import March, to_come
 from bdamper.stability.time_integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.util import validate
