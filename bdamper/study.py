@@ -374,7 +374,9 @@ class Study(Comparable):
     @property
     def preload(self) -> float:
         """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times squared speed."""
-        return at_speed.own_preload(self.problem)
+        expected = "a study at a rotor speed, study.at_speed(omega)"
+        validate.require(self.settings.speed is not None, "preload", expected, "one without")
+        return at_speed.preload_at(self.problem, self.settings.speed or 0.0)
 
     # accuracy
     converge = analysis(more_harmonics.converge)

@@ -92,11 +92,6 @@ class Piece:
     branch: int = 0
     inside: bool = False
 
-    @property
-    def span(self) -> tuple[float, float] | None:
-        omega = [p.y[-1] for p in self.path.points]
-        return (min(omega), max(omega)) if omega else None
-
 
 def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
     """Points of all pieces, each with its own; the two ways from a solution within follow each other as one path."""
@@ -114,7 +109,8 @@ def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
 
 def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[float, float]]:
     reached = low
-    for a, b in sorted(span for span in (piece.span for piece in pieces) if span):
+    paths = ([p.y[-1] for p in piece.path.points] for piece in pieces if piece.path.points)
+    for a, b in sorted((min(omega), max(omega)) for omega in paths):
         if a > reached * (1.0 + 1e-12):
             yield reached, a
         reached = max(reached, b)
@@ -144,13 +140,8 @@ def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, 
     if gaps:
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
         return INCOMPLETE, f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
-    through = [piece for piece in pieces if piece.path.status == "complete" and not piece.inside]
-    extra = len({piece.branch for piece in pieces if piece.path.points}) - 1
-    if through:
-        reason = through[0].path.reason + (f"; {extra} further branches" if extra else "")
-    else:
-        reason = f"{extra + 1} separate branches cover the interval"
-    return COMPLETE, reason, left
+    through = (piece.path.reason for piece in pieces if piece.path.status == "complete" and not piece.inside)
+    return COMPLETE, next(through, "separate branches cover the interval"), left
 
 
 def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut, ...]:

@@ -35,7 +35,6 @@ and this support at 8 of the 13 that are left.  Of nine other supports none did 
 model, whose shrouds just touch without preload, two supports were compared: only the one that raises the excitation
 meanwhile found a start.
 """
-DRIFTED_AWAY = "the bodies drift away"
 
 
 def first_point(
@@ -117,7 +116,7 @@ def _by_homotopy(
     if path.status == "complete":
         log.append(f"support homotopy: support gone after {len(path.points)} steps")
         return np.append(path.points[-1].y[:-1], omega)
-    why = DRIFTED_AWAY if path.status == "drifted off" else path.status
+    why = "the bodies drift away" if path.status == "drifted off" else path.status
     log.append(f"support homotopy failed after {len(path.points)} points ({why})")
     return None
 

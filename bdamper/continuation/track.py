@@ -21,7 +21,7 @@ from bdamper.continuation.follower import OUT_OF_BUDGET, TWO_PI
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.rattle import NO_STEADY, open_at_rest, rattles
-from bdamper.continuation.start import DRIFTED_AWAY, first_point
+from bdamper.continuation.start import first_point
 from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import reach
 from bdamper.problem.problem import Problem, stuck_springs
@@ -135,11 +135,6 @@ def _explained(problem: Problem, search: Coverage, curve: Curve) -> str:
         return reason
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
-    if any(DRIFTED_AWAY in line for line in search.log):
-        reason += f"; on a fading support {DRIFTED_AWAY}, constraint planes would hold them"
-    if 0.0 < curve.preload < 2.0 * problem.excitation.amplitude:
-        ratio = curve.preload / problem.excitation.amplitude
-        reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
     return f"{reason}; study.settle marches in time where no solution was found"
 
 

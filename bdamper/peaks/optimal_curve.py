@@ -89,11 +89,6 @@ class OptimumPoint:
         """Whether it is complete: nothing known says that a lower value is elsewhere."""
         return self.status == COMPLETE
 
-    @property
-    def interrupted(self) -> bool:
-        """Whether the search was interrupted; files of version 0.6 say so in the reason."""
-        return INTERRUPTED in self.status
-
 
 @brief
 @dataclass(frozen=True)
@@ -178,7 +173,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     @property
     def interrupted(self) -> bool:
         """Whether the search was interrupted: the curve holds what was known by then."""
-        return self.optimum.interrupted
+        return INTERRUPTED in self.optimum.status  # which files of version 0.6 have in the reason
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -204,7 +204,7 @@ def crossings(
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
-    given = Conditions.of(conditions)
+    given = Conditions(**conditions)
     named = given.values(values.tolist(), orders)  # what tables do not reach is told before any work
     if margin is not None:
         validate.instance("margin", margin, LeastMargin)

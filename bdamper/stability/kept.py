@@ -455,10 +455,7 @@ def kept(
     sides = [levels.side(sign) for sign in (1.0, -1.0)]
     width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
     near = np.abs(curve.frequency - top.frequency) <= width
-    found = Marched(
-        *(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, settings=problem.record(),
-        model_hash=problem.model.hash,
-    )  # fmt: skip
+    found = Marched(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
     part = "" if curve.complete else f"there may be a higher peak, as the curve is {curve.status}"
     if not _opens(problem, curve, near) and not any(near[f.index] for f in curve.folds):
         return replace(found, status=because(INCOMPLETE, part) if part else COMPLETE, cost=Cost(**watch.read()))
