@@ -99,11 +99,6 @@ class Contact:
         if self.preload > 0.0 and self.gap > 0.0:
             raise SettingError(f"contact: expected a preload or a gap, found {self.preload:g} N and {self.gap:g} m")
 
-    @property
-    def rows(self) -> tuple[Row | None, Row | None, Row | None]:
-        """Rows of the two tangential motions and the closing."""
-        return self.tangential, self.tangential2, self.normal
-
 
 @partial(validate.spelt, also=[f.name for f in fields(Settings)])
 def lumped(
@@ -166,7 +161,8 @@ def lumped(
     if own:
         raise SettingError(f"lumped: expected settings other than {own}, which the lumped model decides")
     modes = _Modes(mass, damping, stiffness, locations)
-    contacts = _checked_contacts(contacts)
+    for contact in validate.instance("contacts", contacts, Sequence, "a sequence of Contact"):
+        validate.instance("contacts", contact, Contact)
     cubic = {} if cubic is None else validate.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
     validate.require(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
     faces = _faces(contacts, cubic, modes)
@@ -184,12 +180,6 @@ def lumped(
     )
 
 
-def _checked_contacts(contacts: Sequence[Contact]) -> tuple[Contact, ...]:
-    if isinstance(contacts, Contact) or not isinstance(contacts, Sequence):
-        raise validate.unfit("contacts", "a sequence of Contact", contacts)
-    return tuple(validate.instance("contacts", contact, Contact) for contact in contacts)
-
-
 class _Face(NamedTuple):
     """An interface of one point: its two tangential motions and its closing, stiffness along them, kind, contact."""
 
@@ -199,9 +189,12 @@ class _Face(NamedTuple):
     contact: Contact | None = None
 
 
-def _faces(contacts: tuple[Contact, ...], cubic: Mapping[Any, float], modes: _Modes) -> dict[str, _Face]:
+def _faces(contacts: Sequence[Contact], cubic: Mapping[Any, float], modes: _Modes) -> dict[str, _Face]:
     """Interfaces by name: contacts first, then springs."""
-    faces = {f"contact {k + 1}": _Face(c.rows, [c.kt, c.kt, c.kn or c.kt], "friction", c) for k, c in enumerate(contacts)}
+    faces = {}
+    for k, c in enumerate(contacts):
+        rows = c.tangential, c.tangential2, c.normal
+        faces[f"contact {k + 1}"] = _Face(rows, [c.kt, c.kt, c.kn or c.kt], "friction", c)
     for k, (row, value) in enumerate(cubic.items()):
         stiffness = validate.number(f"cubic {row!r}", value, unit="N/m3")
         faces[f"cubic {k + 1}"] = _Face((row, None, None), [stiffness, 0.0, 0.0], "cubic")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.accuracy import converge as more_harmonics
 from bdamper.accuracy import estimate
+from bdamper.contact.stiffness import report
 from bdamper.continuation import linear_curve
 from bdamper.continuation import track as tracking
 from bdamper.continuation.curve import Curve
@@ -130,7 +131,8 @@ class Study(Comparable):
     @property
     def stiffness_report(self) -> str:
         """Range of the contact stiffness and use of fallback rules, for each interface."""
-        return self.problem.stiffness_report
+        lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
+        return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
     with_ = asked(Problem.with_)
     with_effects = asked(Problem.with_effects)
@@ -195,7 +197,6 @@ class Study(Comparable):
         *,
         options: ContinuationOptions | None = None,
         progress: bool = False,
-        search_branches: bool = False,
         stability: bool = False,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
@@ -209,8 +210,6 @@ class Study(Comparable):
             Steps and tolerances of the path.
         progress : bool
             Show a progress bar.
-        search_branches : bool
-            Look for branches apart, from solutions at 0.9 and 1.2 times the preload.
         stability : bool
             Determine the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
 
@@ -223,8 +222,7 @@ class Study(Comparable):
         problem = self.problem
         validate.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
-        ways: dict[str, Any] = {"options": options, "progress": progress, "search_branches": search_branches}
-        curve = tracking.track(problem, preload, frequency, **ways)
+        curve = tracking.track(problem, preload, frequency, options=options, progress=progress)
         judged = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
         return floquet.with_stability(problem, curve) if judged else curve
 
@@ -376,7 +374,9 @@ class Study(Comparable):
     @property
     def preload(self) -> float:
         """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times squared speed."""
-        return at_speed.own_preload(self.problem)
+        expected = "a study at a rotor speed, study.at_speed(omega)"
+        validate.require(self.settings.speed is not None, "preload", expected, "one without")
+        return at_speed.preload_at(self.problem, self.settings.speed or 0.0)
 
     # accuracy
     converge = analysis(more_harmonics.converge)

@@ -24,7 +24,7 @@ from bdamper.effects.richer import whole_curve
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.equations import OK
 from bdamper.peaks.highest import highest_peak
-from bdamper.peaks.newton import Peak, peak_scale
+from bdamper.peaks.newton import Peak
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.stability.time_integration import STEPS, Motion, Ring
@@ -198,7 +198,7 @@ def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], 
     for sweep in (omegas, omegas[::-1]):
         y = None
         for omega in sweep:
-            stuck = system.pack(state.q[: system.n_mean], system.structure.linear.response(omega, springs))
+            stuck = system.layout.pack(state.q[: system.n_mean], system.structure.linear.response(omega, springs))
             scale = np.ones(system.n_unknowns + 1)
             scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), 1e-300)
             scale[system.n_mean : -1] = max(float(np.linalg.norm(stuck[system.n_mean :])), 1e-300)
@@ -289,7 +289,7 @@ def time_integration() -> str:
         marched.append((float(abs(amplitudes[-1, 0, 1])), time.process_time() - begin))
     settled = marched[-1][0]
     rests = np.isfinite(slider_interval(resting, own[:-1])[..., 0])
-    scale = peak_scale(resting, own, own[-1])
+    scale = resting.units(own, own[-1])
     given = []
     for sector in motion.w:
         system = changed(resting, slider=np.where(rests, sector, resting.structure.points.slider))

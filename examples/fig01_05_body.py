@@ -181,7 +181,7 @@ keep(figure, "fig04_bonded")
 # or implausible, which holds for nine in ten along the axis: there the stiffness under uniform tractions stands in.
 
 problem = study(1, **bd.PAPER).problem
-print(problem.stiffness_report)
+print(study(1).stiffness_report)
 stiffness = {name: problem.stiffness[name] for name in ("left", "right")}
 faces = [(name, model.interfaces[name].points, model.interfaces[name].frame) for name in stiffness]
 shown = [

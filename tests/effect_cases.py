@@ -114,7 +114,7 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     low = max(0.95 * below[-1] if below else 0.0, 0.75 * high)
     at = int(np.argmin(np.abs(stuck.frequency - high)))
     system = study.problem.system(100.0)
-    c, s = system.slices(1)
+    c, s = system.layout.slices(1)
     q = stuck.unknowns[at][c] - 1j * stuck.unknowns[at][s]
     motion = np.abs(study.problem.bases[1].G @ q)[:, :2]
     springs = stuck_springs(study.problem, state)[:, :2]

@@ -23,7 +23,7 @@ class Marcher:
         self.pairs = [(i, d) for i in range(system.n_points) for d in range(2) if p.mu[i] > 0 and p.kt[i, d] > 0]
         n, m = self.n, len(self.pairs)
         force = system.structure.force
-        self.orders = [l for l in range(1, system.n_harmonics + 1) if any(force[s].any() for s in system.slices(l))]
+        self.orders = [l for l in range(1, system.n_harmonics + 1) if any(force[s].any() for s in system.layout.slices(l))]
         k = len(self.orders)
         self.m, self.size = m, 2 * n + m + 2 * k + 1
         self.load = np.zeros((system.n_points, self.size))  # normal load of a closed contact
@@ -39,7 +39,7 @@ class Marcher:
         A[n : 2 * n, n : 2 * n] = -np.diag(basis.damping)
         A[n : 2 * n, -1] = system.structure.force[:n]
         for c, l in zip(range(2 * n + m, self.size, 2), self.orders):
-            for column, rows in zip((c, c + 1), system.slices(l)):
+            for column, rows in zip((c, c + 1), system.layout.slices(l)):
                 A[n : 2 * n, column] = system.structure.force[rows]
             A[c, c + 1], A[c + 1, c] = -l * omega, l * omega
         self.free, self.G, self.steps = A, G, {}
@@ -98,7 +98,7 @@ class Marcher:
         """State at angle 0 of a harmonic-balance solution, with the sliders of its sticking directions."""
         q, v = np.zeros(self.n), np.zeros(self.n)
         for l in range(self.system.n_harmonics + 1):
-            a = self.system.amplitudes(u, l)
+            a = self.system.layout.amplitudes(u, l)
             q, v = q + a.real, v + (1j * l * self.omega * a).real
         z = np.concatenate([q, v, sliders, np.tile([1.0, 0.0], len(self.orders)), [1.0]])
         return self.slaved(z, states)

@@ -95,7 +95,7 @@ def test_two_directions_with_coupled_friction():
     curve = study.track(0.0, (0.14, 0.2))
     radius = curve.peak.amplitude
     at, system = curve.peak, study.problem.system(0.0)
-    lost = energies(system, curve.unknowns[at.index], 2.0 * np.pi * at.frequency).contact[0]
+    lost = energies(system, curve.unknowns[at.index], 2.0 * np.pi * at.frequency)["contact"][0]
     assert lost == pytest.approx(2.0 * np.pi * 0.5 * np.sqrt(radius**2 - 0.5**2), rel=1e-4)
     assert radius > 2.0
 
@@ -147,8 +147,8 @@ def test_energy_and_history_of_a_cubic_spring():
     peak = study.peak(0.0, (0.15, 0.4))
     system, omega = study.problem.system(0.0), 2.0 * np.pi * peak.frequency
     found = energies(system, peak.y[:-1], omega)
-    assert found.contact[0] + found.damping == pytest.approx(found.excitation, rel=1e-9)
-    assert abs(found.contact[1]) < 1e-12 * found.excitation
+    assert found["contact"][0] + found["damping"] == pytest.approx(found["excitation"], rel=1e-9)
+    assert abs(found["contact"][1]) < 1e-12 * found["excitation"]
     X, F = histories(system, peak.y[:-1], np.linspace(0.0, 6.0, 7))
     assert F[1] == pytest.approx(np.array([0.3 * X[1, 0] ** 3, np.zeros(7), np.zeros(7)]))
 

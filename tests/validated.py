@@ -462,7 +462,7 @@ def forced_wedge() -> Problem:
             Row(
                 f"amplitude (µm), {_harmonics(harmonics)}",
                 1e6 * np.hypot(*x[0, 1:3]),
-                1e6 * abs(system.first_harmonic(found.y)),
+                1e6 * abs(system.rows.value(found.y)),
                 1e-5,
             )
         )

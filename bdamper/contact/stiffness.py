@@ -245,10 +245,8 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
         problem = static_contact_problem(coupling)
         given, load = problem.rigid.T @ out.ravel(), problem.load
         worst = float(np.abs(given - load).max() / max(float(np.abs(load).max()), 1e-300))
-        expected, found = (
-            f"equilibrium with a load of 1 N within {out_of_balance:.0%}",
-            f"a difference of {worst:.3g} times the load",
-        )
+        expected = f"equilibrium with a load of 1 N within {out_of_balance:.0%}"
+        found = f"a difference of {worst:.3g} times the load"
         require(worst <= out_of_balance, "static contact forces of the model", expected, found)
         return out
     only_faces = replace(coupling, interfaces=faces)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.follower import TWO_PI, Follower
-from bdamper.continuation.path import SIDE_POINTS, ContinuationOptions, Path, PathPoint
+from bdamper.continuation.path import SIDE_POINTS, ContinuationOptions, Path
 from bdamper.harmonic_balance.equations import OK, Correction, Equations
 from bdamper.util.cost import CostMeter
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
@@ -92,15 +92,10 @@ class Piece:
     branch: int = 0
     inside: bool = False
 
-    @property
-    def span(self) -> tuple[float, float] | None:
-        omega = [p.y[-1] for p in self.path.points]
-        return (min(omega), max(omega)) if omega else None
 
-
-def in_order(pieces: Sequence[Piece]) -> list[tuple[PathPoint, Piece]]:
+def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
     """Points of all pieces, each with its own; the two ways from a solution within follow each other as one path."""
-    out: list[tuple[PathPoint, Piece]] = []
+    out: list[tuple[Correction, Piece]] = []
     for before, piece in zip([None, *pieces], pieces):
         points = [(p, piece) for p in piece.path.points]
         if before is None or not before.path.points or not piece.inside or before.branch != piece.branch:
@@ -114,7 +109,8 @@ def in_order(pieces: Sequence[Piece]) -> list[tuple[PathPoint, Piece]]:
 
 def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[float, float]]:
     reached = low
-    for a, b in sorted(span for span in (piece.span for piece in pieces) if span):
+    paths = ([p.y[-1] for p in piece.path.points] for piece in pieces if piece.path.points)
+    for a, b in sorted((min(omega), max(omega)) for omega in paths):
         if a > reached * (1.0 + 1e-12):
             yield reached, a
         reached = max(reached, b)
@@ -144,13 +140,8 @@ def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, 
     if gaps:
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
         return INCOMPLETE, f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
-    through = [piece for piece in pieces if piece.path.status == "complete" and not piece.inside]
-    extra = len({piece.branch for piece in pieces if piece.path.points}) - 1
-    if through:
-        reason = through[0].path.reason + (f"; {extra} further branches" if extra else "")
-    else:
-        reason = f"{extra + 1} separate branches cover the interval"
-    return COMPLETE, reason, left
+    through = (piece.path.reason for piece in pieces if piece.path.status == "complete" and not piece.inside)
+    return COMPLETE, next(through, "separate branches cover the interval"), left
 
 
 def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut, ...]:
@@ -188,7 +179,7 @@ class Coverage:
     limits: tuple[float, float]
     options: ContinuationOptions
     meter: CostMeter
-    on_point: Callable[[PathPoint], None] | None = None
+    on_point: Callable[[Correction], None] | None = None
     reach: tuple[float, float] | None = None
     pieces: list[Piece] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
@@ -271,7 +262,7 @@ class Coverage:
         low, high = self.limits
         bottom, top = self.outside
         look = replace(self.options, locate=False, max_points=SIDE_POINTS, step=0.5, max_step=1.0)
-        seen: list[PathPoint] = []
+        seen: list[Correction] = []
         while not self.system.spent:
             paths = [piece.path.points for piece in self.pieces if piece.path.status in ARRIVED]
             ends = (p for points in paths for p in (points[0], points[-1]))
@@ -325,47 +316,12 @@ class Coverage:
         places = [a + part * (b - a) for part in PLACES]
         for omega in places:
             for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
-                c = self._solve(point.y[:-1], omega, point.scale, 30)
+                c = self.system.correct_at(point.y[:-1], omega, point.scale, self.options.tolerance, 30, True)
+                self.meter.count(c.iterations)
                 if c.status == OK:
                     return c.y
         return next((start for start in map(find_start, places) if start is not None), None)
 
-    def _solve(self, guess: NDArray, omega: float, scale: NDArray, iterations: int) -> Correction:
-        c = self.system.correct_at(guess, omega, scale, self.options.tolerance, iterations, True)
-        self.meter.count(c.iterations)
-        return c
 
-    # ---- other branches ----
-
-    def new_solutions(self, starts: Sequence[NDArray]) -> Iterator[NDArray]:
-        """Solutions near the starts, at their frequencies, that lie on none of the pieces (which may grow meanwhile)."""
-        for start in starts:
-            scale = self.system.units(start, max(self.system.vibration(start), 1e-300), start[-1])
-            c = self.system.correct_at(start[:-1], start[-1], scale, self.options.tolerance, 20)
-            if c.status == OK and not self._known(c.y):
-                yield c.y
-
-    def _known(self, y: NDArray) -> bool:
-        """Whether a solution lies on a path: Newton from where the path crosses its frequency leads to it."""
-        n = self.system.n_mean
-        size = max(float(np.linalg.norm(y[n:-1])), 1e-300)
-        for piece in self.pieces:
-            points = piece.path.points
-            for a, b in zip(points, points[1:]):
-                if (a.y[-1] - y[-1]) * (b.y[-1] - y[-1]) > 0.0:
-                    continue
-                width = b.y[-1] - a.y[-1]
-                part = (y[-1] - a.y[-1]) / width if width else 0.5
-                between = a.y + part * (b.y - a.y)
-                reach = float(np.linalg.norm((b.y - a.y)[n:-1])) + 1e-6 * size
-                if np.linalg.norm((between - y)[n:-1]) > 10.0 * reach:
-                    continue
-                for guess in (between, a.y, b.y):
-                    c = self._solve(guess[:-1], y[-1], a.scale, 60)
-                    if c.status == OK and np.linalg.norm((c.y - y)[n:-1]) < 1e-5 * size:
-                        return True
-        return False
-
-
-def _same(y: NDArray, point: PathPoint) -> bool:
+def _same(y: NDArray, point: Correction) -> bool:
     return y[-1] == point.y[-1] and bool(np.linalg.norm((y - point.y) / point.scale) < 1e-6)

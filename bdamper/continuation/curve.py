@@ -23,7 +23,7 @@ from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import INTERRUPTED, Status
+from bdamper.util.status import INTERRUPTED
 from bdamper.util.tables import (
     ROW,
     Followed,
@@ -138,7 +138,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     branch: Numbers
     point_kind: Kinds
     preload: float
-    status: Status
+    status: str
     reason: str
     cost: Cost
     left_out: tuple[LeftOut, ...] = ()
@@ -185,10 +185,9 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
 
     def _jump(self, fold: Fold) -> tuple[float, float]:
         """Distance (m) of the response at a fold from the nearest other one at its frequency, 0 without; and that."""
-        f, a = self.frequency - fold.frequency, self.amplitude
         away = np.abs(np.arange(len(self) - 1) - fold.index + 0.5) > 1.0
-        across = np.flatnonzero((f[:-1] * f[1:] < 0.0) & (np.diff(self.branch) == 0) & away)
-        met = a[across] + f[across] / (f[across] - f[across + 1]) * (a[across + 1] - a[across])
+        joined = away & (np.diff(self.branch) == 0)
+        _, met = crossed(self.frequency, self.amplitude, fold.frequency, joined)
         return float(min(np.abs(met - fold.amplitude), default=0.0)), fold.frequency
 
     def _highest(self) -> int:
@@ -272,6 +271,13 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         if not self.complete:
             out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
         return " ".join(out)
+
+
+def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[NDArray, NDArray]:
+    """Joined neighbours between which a curve over x comes to an abscissa, by the first of them, and the heights there."""
+    f = x - at
+    across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & joined)
+    return across, height[across] + f[across] / (f[across] - f[across + 1]) * (height[across + 1] - height[across])
 
 
 class InterruptedCurve(KeyboardInterrupt):

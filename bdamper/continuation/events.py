@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.path import ContinuationOptions, PathPoint, is_drift
+from bdamper.continuation.path import ContinuationOptions, is_drift
 from bdamper.harmonic_balance.conditions import Fold, Peak, Plane
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, norm2
 from bdamper.util.rootfind import root_trials
@@ -47,7 +47,7 @@ def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) ->
     return first - 0.25 * b * b / c < -margin * max(first, last)
 
 
-def _on_cubic(near: Place, far: Place, s: float, a: PathPoint) -> NDArray:
+def _on_cubic(near: Place, far: Place, s: float, a: Correction) -> NDArray:
     """Point of the cubic through two places of a step, with their tangents; on that of the near one where the far one turns
     away.
     """
@@ -67,7 +67,7 @@ class Step(NamedTuple):
 
     Parameters
     ----------
-    a : PathPoint
+    a : Correction
         Where it sets off.
     b : Correction
         Where it ends.
@@ -75,7 +75,7 @@ class Step(NamedTuple):
         How far it reaches along the tangent at a; 0 where a path ends at once, on the limit it set off from.
     """
 
-    a: PathPoint
+    a: Correction
     b: Correction
     end: float
 
@@ -104,13 +104,13 @@ class Events:
         """Whether a linear resonance in a step is not resolved: the phase of its modal coordinate jumps."""
         for omega, width, row in self.system.watched:
             if (a[-1] - omega) * (b[-1] - omega) < 0.0 and abs(b[-1] - a[-1]) > width:
-                before = self.system.amplitudes(a[:-1], 1) @ row
-                after = self.system.amplitudes(b[:-1], 1) @ row
+                before = self.system.layout.amplitudes(a[:-1], 1) @ row
+                after = self.system.layout.amplitudes(b[:-1], 1) @ row
                 if (before.conjugate() * after).real < 0.5 * abs(before * after):
                     return True
         return False
 
-    def over_pair(self, here: PathPoint, c: Correction) -> bool:
+    def over_pair(self, here: Correction, c: Correction) -> bool:
         """Whether frequency or amplitude seems to turn twice within a step from a point, which its ends do not show.
 
         Without this question 3 of 240 ordinary curves lose a pair of folds; it costs half a per cent of the evaluations.
@@ -121,18 +121,18 @@ class Events:
         length = norm2((c.y - y) / scale)
         if turns_twice(length * tangent[-1], length * c.tangent[-1], (c.y[-1] - y[-1]) / scale[-1]):
             return True
-        (g_before, before), (g_after, after) = (self.system.squared_gradient(p) for p in (y, c.y))
+        (g_before, before), (g_after, after) = (self.system.rows.squared_gradient(p) for p in (y, c.y))
         first, last = (length * float(g @ (t * scale)) for g, t in ((g_before, tangent), (g_after, c.tangent)))
         return max(abs(first), abs(last)) > LEVEL_RISE * before and turns_twice(first, last, 0.5 * (after - before))
 
     # ---- folds and maxima ----
 
-    def between(self, step: Step) -> tuple[list[PathPoint], str]:
+    def between(self, step: Step) -> tuple[list[Correction], str]:
         """Events of a step, located.
 
         Returns
         -------
-        list of PathPoint, in the order of the path, and the kind of its end: that of an event which could not be located
+        list of Correction, in the order of the path, and the kind of its end: that of an event which could not be located
         """
         n, (a, b, end) = self.system.n_mean, step
         sense = 0.0 if is_drift(b.tangent, n) else float(np.sign(b.tangent[-1]))
@@ -147,7 +147,7 @@ class Events:
         elif turned:  # a drift is one point in frequency, and so is the fold at its end
             missed = "fold"
         rises = [self._value("maximum", p.y, p.tangent, a.scale) for p in (a, b)]
-        level = LEVEL_RISE * self.system.squared_gradient(a.y)[1]
+        level = LEVEL_RISE * self.system.rows.squared_gradient(a.y)[1]
         if not drift and not is_drift(b.tangent, n) and rises[0] > level and rises[1] < -level:
             found.append("maximum")
         located = []
@@ -156,13 +156,13 @@ class Events:
             if at is None:
                 missed = kind
             else:
-                located.append(point_of(at, a.scale, kind))
+                located.append(replace(at, kind=kind))
         located.sort(key=lambda p: float(a.tangent @ ((p.y - a.y) / a.scale)))
         return located, missed
 
     def _value(self, kind: str, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
         """What changes its sign at a fold or a maximum."""
-        return float(tangent[-1] if kind == "fold" else self.system.squared_gradient(y)[0] @ (tangent * scale))
+        return float(tangent[-1] if kind == "fold" else self.system.rows.squared_gradient(y)[0] @ (tangent * scale))
 
     def locate(self, step: Step, kind: str, tolerance: float) -> Correction | None:
         """A fold or maximum within a step: by Newton's method where the step bends evenly, otherwise bracketed.
@@ -191,7 +191,7 @@ class Events:
         if bend < even * norm2(b.tangent - a.tangent):
             part = values[0] / (values[0] - values[1])
             tangent = a.tangent + part * (b.tangent - a.tangent)
-            condition, weight = (Fold, 1.0) if kind == "fold" else (Peak, self.system.squared_gradient(a.y)[1])
+            condition, weight = (Fold, 1.0) if kind == "fold" else (Peak, self.system.rows.squared_gradient(a.y)[1])
             curvature = (values[1] - values[0]) / (end * weight)
             asked = condition(tangent / norm2(tangent), curvature, tolerance, 0.5 * end)
             guess = _on_cubic((0.0, a.y, a.tangent), (end, b.y, b.tangent), part * end, a)
@@ -222,7 +222,8 @@ class Events:
                 if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
                     value = self._value(kind, c.y, c.tangent, a.scale)
                     beyond = value * last >= 0.0
-                    across, weight = around[not beyond], 1.0 if kind == "fold" else self.system.squared_gradient(c.y)[1]
+                    square, across = self.system.rows.squared_gradient(c.y)[1], around[not beyond]
+                    weight = 1.0 if kind == "fold" else square
                     around[beyond] = s, value
                     near, far = (near, (s, c.y, c.tangent)) if beyond else ((s, c.y, c.tangent), far)
                     curvature = (value - across[1]) / (s - across[0])
@@ -243,7 +244,7 @@ class Events:
             return None
         return c.orientation * sign * c.tangent if sign else c.tangent
 
-    def around_corner(self, here: PathPoint, step: float, sign: int) -> tuple[Correction, float] | None:
+    def around_corner(self, here: Correction, step: float, sign: int) -> tuple[Correction, float] | None:
         """The first point beyond a corner within a step from a point, and the length of the part beyond the corner.
 
         Bisection between where the null vector of the Jacobian is the tangent and where it is another.  A curve without a
@@ -254,7 +255,7 @@ class Events:
 
         Parameters
         ----------
-        here : PathPoint
+        here : Correction
         step : float
         sign : int
             Of det [J; tangent] along the path, 0 where it is not known.
@@ -300,7 +301,7 @@ class Events:
         near = c.status == OK and norm2((c.y - guess) / scale) <= reach
         return c if near and float(c.tangent @ direction) >= np.cos(self.options.max_turn) else None
 
-    def _goes_on(self, here: PathPoint, c: Correction, sign: int) -> bool:
+    def _goes_on(self, here: Correction, c: Correction, sign: int) -> bool:
         """Whether a path goes on from a point to a solution beyond a corner, and not back along itself."""
         if sign and c.orientation == -sign:
             return False
@@ -308,8 +309,3 @@ class Events:
         if not sign and float(moved @ here.tangent) < -0.99 * norm2(moved):
             return False
         return not self.over_resonance(here.y, c.y)
-
-
-def point_of(c: Correction, scale: NDArray, kind: str = "regular") -> PathPoint:
-    """A correction as a point of a path."""
-    return PathPoint(c.y, c.tangent, scale, np.array(c.shares), c.residual, c.iterations, c.rank_deficiency, kind)

@@ -20,8 +20,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.events import Events, Step, point_of
-from bdamper.continuation.path import ContinuationOptions, Path, PathPoint, is_drift
+from bdamper.continuation.events import Events, Step
+from bdamper.continuation.path import ContinuationOptions, Path, is_drift
 from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equations, norm2
 
@@ -41,14 +41,14 @@ class Follower:
         system: Equations,
         limits: tuple[float, float],
         options: ContinuationOptions,
-        on_point: Callable[[PathPoint], None] | None = None,
+        on_point: Callable[[Correction], None] | None = None,
     ) -> None:
-        self.system = system
+        self.system, self.place = system, system.measure.place
         self.low, self.high = limits
         self.options = options
         self.on_point = on_point
         self.events = Events(system, options)
-        self.points: list[PathPoint] = []
+        self.points: list[Correction] = []
         self.iterations = 0
         self.failed = 0
         self.largest = 0.0
@@ -59,15 +59,16 @@ class Follower:
 
     def scale_at(self, y: NDArray) -> NDArray:
         """Units of the mean, of the vibration and of the parameter at a point."""
-        vibration = self.system.vibration(y)
+        vibration = self.system.measure.vibration(y)
         self.largest = max(self.largest, vibration)
-        return self.system.units(y, max(vibration, 1e-9 * self.largest, 1e-300), 0.5 * (self.high - self.low))
+        least = max(1e-9 * self.largest, 1e-300)
+        return self.system.measure.units(y, max(vibration, least), 0.5 * (self.high - self.low))
 
     def drifts(self, tangent: NDArray) -> bool:
         """Whether the path moves the mean position alone."""
         return is_drift(tangent, self.system.n_mean)
 
-    def record(self, point: PathPoint) -> PathPoint:
+    def record(self, point: Correction) -> Correction:
         """Adds a point to the path."""
         if point.kind == "regular" and self.drifts(point.tangent):
             point = replace(point, kind="drift")
@@ -82,12 +83,12 @@ class Follower:
 
     # ---- steps ----
 
-    def try_step(self, here: PathPoint, step: float) -> tuple[Correction, str]:
+    def try_step(self, here: Correction, step: float) -> tuple[Correction, str]:
         """One predictor and corrector; the text says why it is refused, if it is."""
         y, tangent, scale = here.y, here.tangent, here.scale
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
-            return Correction(1, predicted, tangent, 0, np.inf, 0.0, 0), "frequency not positive"
+            return Correction(1, predicted, tangent, scale, 0, np.inf, 0), "frequency not positive"
         options = self.options
         c = self.system.solve(predicted, Plane(tangent), scale, options.tolerance, options.max_iterations, reach=step)
         self.iterations += c.iterations
@@ -107,7 +108,7 @@ class Follower:
             return c, "two folds or extrema lie within the step"
         return c, ""
 
-    def advance(self, here: PathPoint, step: float) -> tuple[Correction | None, float, float, str]:
+    def advance(self, here: Correction, step: float) -> tuple[Correction | None, float, float, str]:
         """One accepted step: the new point, its length, how far it reaches along the tangent; or why there is none."""
         refused = "step too short"
         while step >= self.options.min_step and not self.system.spent:
@@ -127,7 +128,7 @@ class Follower:
         growth = min(2.0, 0.6 * self.options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(iterations, 1)) ** 1.5)
         return min(self.options.max_step, step * max(0.5, growth))
 
-    def end_at(self, last: PathPoint, beyond: NDArray, omega: float) -> Correction | None:
+    def end_at(self, last: Correction, beyond: NDArray, omega: float) -> Correction | None:
         """The end of the path at a bound of the interval, which a step leaves."""
         guess = last.y + (omega - last.y[-1]) / (beyond[-1] - last.y[-1]) * (beyond - last.y)
         scale = last.scale
@@ -159,22 +160,22 @@ class Follower:
     def _tangled(self, since: int) -> Path:
         omega = [float(p.y[-1]) for p in self.points[since:]]
         self.tangle = min(omega), max(omega)
-        low, high = map(self.system.place, self.tangle)
+        low, high = map(self.place, self.tangle)
         return self.path(MANY_FOLDS, f"{self.options.patience} points of folds from {low} to {high} without progress")
 
     def _stopped(self, y: NDArray, tangent: NDArray, start: NDArray, refused: str) -> Path:
         """The path where no step leads on."""
         if self.system.spent:
-            return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {self.system.place(y[-1])}")
+            return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {self.place(y[-1])}")
         if self.drifts(tangent) and self._far(y, start, 1e3):
             return self.path("drifted off", DRIFTED_OFF)
-        return self.path("stalled", f"at {self.system.place(y[-1])}: {refused} at the smallest step")
+        return self.path("stalled", f"at {self.place(y[-1])}: {refused} at the smallest step")
 
     def _arrived(self, bound: float, up: bool, start: float) -> Path:
         if (bound == self.high) == up:
-            return self.path("complete", f"reached {self.system.place(bound)}")
+            return self.path("complete", f"reached {self.place(bound)}")
         started = ", where it started" if start == bound else ""
-        return self.path("turned back", f"came back to {self.system.place(bound)}{started}")
+        return self.path("turned back", f"came back to {self.place(bound)}{started}")
 
     # ---- the run ----
 
@@ -188,7 +189,7 @@ class Follower:
             return self.path("stalled", f"no solution at the start: {STATUS_TEXT[c.status]}")
         self.sign = c.orientation if up else -c.orientation
         self.events.sense = 1.0 if up else -1.0
-        point = self.record(point_of(replace(c, tangent=c.tangent if up else -c.tangent), scale, "end"))
+        point = self.record(replace(c, tangent=c.tangent if up else -c.tangent, kind="end"))
         step = options.step
         lowest = highest = float(start[-1])
         front_at = 1
@@ -212,20 +213,20 @@ class Follower:
                 if end is not None:
                     for event in self.events.between(Step(here, end, norm2((end.y - y) / scale)))[0]:
                         self.record(event)
-                    self.record(point_of(end, scale, "end"))
+                    self.record(replace(end, kind="end"))
                     return self._arrived(bound, up, start[-1])
                 step *= 0.5
                 self.failed += 1
                 if step < options.min_step:
-                    return self.path("stalled", f"no solution at {self.system.place(bound)}")
+                    return self.path("stalled", f"no solution at {self.place(bound)}")
                 continue
             self.sign = new.orientation or self.sign
             if len(self.points) > 10 and self._closes(y, new):
-                return self.path("closed", f"the branch closes on itself at {self.system.place(new.y[-1])}")
+                return self.path("closed", f"the branch closes on itself at {self.place(new.y[-1])}")
             located, kind = self.events.between(Step(here, new, reach))
             for event in located:
                 self.record(event)
-            point = self.record(point_of(new, scale, kind))
+            point = self.record(replace(new, kind=kind))
             drifting = self.drifts(new.tangent) and self.drifts(tangent)
             if (self.system.supported and self._far(new.y, start, 1e2)) or (drifting and self._far(new.y, start, 1e6)):
                 return self.path("drifted off", DRIFTED_OFF)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy  # scipy.signal is loaded where it is used
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
@@ -77,7 +78,7 @@ def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float,
     n = len(omega)
     u, error, largest = np.zeros((n, system.n_unknowns)), np.zeros(n), 1e-300
     for l in problem.settings.excited:
-        force, (cosine, sine) = system.amplitudes(system.structure.force, l), system.slices(l)
+        force, (cosine, sine) = system.layout.amplitudes(system.structure.force, l), system.layout.slices(l)
         q = np.array([linear.response(w, springs, l) for w in omega])
         u[:, cosine], u[:, sine] = q.real, -q.imag
         wrong = [np.abs(linear.matrix(w, springs, l) @ a - force).max() for w, a in zip(omega, q)]
@@ -109,21 +110,12 @@ def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
     return np.array([stick, 0.0, float(counted.any()) - stick])
 
 
-
-
 def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     """Places (rad/s) of the maxima within the ends of an ascending sample of frequencies."""
     a = np.array([height(w) for w in omega])
-    rises, falls = a[1:-1] > a[:-2], a[1:-1] >= a[2:]
-    found: list[int] = []
-    flat = 1e-9  # dips between two maxima below this share of the lower one are rounding
-    for i in (np.flatnonzero(rises & falls) + 1).tolist():
-        if found and a[found[-1] : i + 1].min() >= (1.0 - flat) * min(a[found[-1]], a[i]):
-            found[-1] = max(found[-1], i, key=a.item)
-        else:
-            found.append(i)
-    out = []
-    for i in found:
+    flat, within = 1e-9, np.pad(a, 1)  # dips between two maxima below this share of the lower one are rounding
+    found, out = scipy.signal.find_peaks(within, prominence=flat * within)[0] - 1, []
+    for i in found[(found > 0) & (found < len(a) - 1)].tolist():
         ends = (float(omega[i - 1]), float(omega[i + 1]))
         best = minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options={"xatol": 1e-9 * ends[1]})
         out.append(float(best.x) if -best.fun > a[i] else float(omega[i]))

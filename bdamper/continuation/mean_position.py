@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.follower import TWO_PI
-from bdamper.continuation.path import PathPoint
-from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.equations import Correction, Equations
 from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coupling import Coordinate
 from bdamper.model.model import Model
@@ -24,7 +23,7 @@ def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
 
 
 def notes(
-    system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], points: Sequence[PathPoint]
+    system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], points: Sequence[Correction]
 ) -> tuple[str, ...]:
     """Stretches on which the mean position drifts, and mean positions determined by least norm only."""
     out = []

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.equations import norm2
+from bdamper.harmonic_balance.equations import Correction, norm2
 from bdamper.util import validate
 from bdamper.util.repr import brief
 
+AtLeastTwo = Annotated[int, partial(validate.whole, least=2)]
 SIDE_POINTS = 1000
 """Points of a path that is no part of a curve: outside of its interval, or along which an excitation is raised or a support
 fades.  Outside, with 150, one more of 100 narrow bands (``benchmarks/bench_narrow.py``) loses its highest branch."""
@@ -47,59 +50,23 @@ class ContinuationOptions:
         Longest failed step that is searched for a corner of the curve; longer ones are shortened first.
     """
 
-    tolerance: float = 1e-9
-    step: float = 0.05
-    min_step: float = 1e-7
-    max_step: float = 0.15
-    max_turn: float = 0.45
-    max_points: int = 5000
-    patience: int = 400
-    budget: int | None = None
-    max_iterations: int = 8
+    tolerance: Annotated[float, validate.Limits(above=0.0, below=1e-2)] = 1e-9
+    step: validate.Positive = 0.05
+    min_step: validate.Positive = 1e-7
+    max_step: validate.Positive = 0.15
+    max_turn: Annotated[float, validate.Limits(above=0.0, most=np.pi)] = 0.45
+    max_points: AtLeastTwo = 5000
+    patience: AtLeastTwo = 400
+    budget: validate.Count | None = None
+    max_iterations: AtLeastTwo = 8
     locate: bool = True
-    locate_tolerance: float = 1e-8
-    corner_step: float = 0.3
+    locate_tolerance: Annotated[float, validate.Limits(above=0.0, below=1.0)] = 1e-8
+    corner_step: validate.Positive = 0.3
 
     def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "tolerance", above=0.0, below=1e-2)
-        validate.fields(self, validate.number, "step", "min_step", "max_step", "corner_step", above=0.0)
-        validate.fields(self, validate.number, "max_turn", above=0.0, most=np.pi)
-        validate.fields(self, validate.number, "locate_tolerance", above=0.0, below=1.0)
-        validate.fields(self, validate.whole, "max_points", "patience", "max_iterations", least=2)
-        if self.budget is not None:
-            validate.fields(self, validate.whole, "budget", least=1)
-        validate.fields(self, validate.flag, "locate")
+        validate.checked(self)
         steps = self.min_step, self.step, self.max_step
         validate.that(sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps)
-
-
-@brief
-@dataclass(frozen=True)
-class PathPoint:
-    """One solution on the path.
-
-    Parameters
-    ----------
-    y, tangent : (n_unknowns + 1,) float
-        Point and direction of travel, the latter of unit length in the units of the step.
-    scale : (n_unknowns + 1,) float
-    shares : (3,) float
-        Stick, slip and open shares of the cycle, mean over friction points.
-    residual : float
-    iterations : int
-    rank_deficiency : int
-    kind : str
-        "regular", "fold", "maximum", "end", or "drift": the mean position moves while vibration and frequency stay.
-    """
-
-    y: NDArray
-    tangent: NDArray
-    scale: NDArray
-    shares: NDArray
-    residual: float
-    iterations: int
-    rank_deficiency: int
-    kind: str = "regular"
 
 
 @brief
@@ -109,7 +76,7 @@ class Path:
 
     Parameters
     ----------
-    points : tuple of PathPoint
+    points : tuple of Correction
     status : str
         "complete", "turned back" (to the bound away from which it set off), "closed" (on itself), "many folds" (too many
         without progress), "drifted off" (a free body that nothing stops), "stalled", "too many points", "out of budget" or
@@ -120,7 +87,7 @@ class Path:
         Of the folds in which the path was left.
     """
 
-    points: tuple[PathPoint, ...]
+    points: tuple[Correction, ...]
     status: str
     reason: str
     iterations: int

@@ -11,8 +11,8 @@ show it does the marched amplitude become steady within 250 periods, and on 18 o
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from bdamper.continuation.curve import Curve
 from bdamper.problem.problem import Problem
 
 NO_STEADY = "no steady periodic response"
@@ -31,30 +31,21 @@ def open_at_rest(problem: Problem, preload: float) -> float:
     return 1.0 - float(closed.mean()) if closed.any() else 0.0
 
 
-def rattles(
-    frequency: ArrayLike,
-    amplitude: ArrayLike,
-    share_open: ArrayLike,
-    branch: ArrayLike | None = None,
-    at_rest: float = 0.0,
-) -> str:
+def rattles(curve: Curve, at_rest: float = 0.0) -> str:
     """Why no steady periodic response is expected at the preload of a curve; "" without the sign.
 
     Parameters
     ----------
-    frequency, amplitude, share_open : (n,) float
-        Of the points in the order of their paths.
-    branch : (n,) int, optional
+    curve : Curve
         Points of different branches are not connected.
     at_rest : float
         Share that is open without vibration (:func:`open_at_rest`).
     """
-    omega, height = np.asarray(frequency, float), np.asarray(amplitude, float)
-    if len(omega) < FOLDS:
+    if len(curve) < FOLDS:
         return ""
-    step = np.sign(np.diff(omega))
-    step = step[(step != 0.0) & (True if branch is None else np.diff(branch) == 0)]
-    folds, opened = int(np.count_nonzero(np.diff(step))), float(np.asarray(share_open)[height.argmax()])
+    step = np.sign(np.diff(curve.frequency))[np.diff(curve.branch) == 0]
+    folds = int(np.count_nonzero(np.diff(step[step != 0.0])))
+    opened = float(curve.shares[curve.amplitude.argmax(), 2])
     if folds < FOLDS or opened - at_rest <= OPEN * (1.0 - at_rest):
         return ""
     return f"{folds} folds, and the contacts open for {100.0 * opened:.0f} % of the cycle at the highest response"

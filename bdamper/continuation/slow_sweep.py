@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
+from bdamper.continuation.curve import Curve, crossed
 from bdamper.util import validate
 
 
@@ -73,21 +73,17 @@ class _Sweep:
         stable = ~curve.backward if curve.stable is None else np.asarray(curve.stable, bool)
         self.fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
         self.held = stable | self.fold  # at a fold itself rounding decides
-        first, last = np.minimum(self.x[:-1], self.x[1:]), np.maximum(self.x[:-1], self.x[1:])
-        self.first, self.last = first, last
-        joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:] & (first < last)
-        self.stretches = np.flatnonzero(joined & ~(self.fold[:-1] & self.fold[1:]))
+        joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:]
+        self.joined = joined & ~(self.fold[:-1] & self.fold[1:])
 
     def landings(self, x: float) -> list[_Landing]:
         """Stable solutions from which the sweep can go on, the lowest first: a branch that ends at x is none."""
         found: list[_Landing] = []
         # relative difference of amplitudes below which two places of a curve at one frequency are one solution
         same = 1e-6
-        for i in self.stretches[(self.first[self.stretches] <= x) & (self.last[self.stretches] > x)].tolist():
-            part = (x - self.x[i]) / (self.x[i + 1] - self.x[i])
-            height = float(self.amplitude[i] + part * (self.amplitude[i + 1] - self.amplitude[i]))
+        for i, height in zip(*(found.tolist() for found in crossed(self.x, self.amplitude, x, self.joined))):
             way = 1 if self.x[i + 1] > self.x[i] else -1
-            if all(abs(height - other.amplitude) > same * height for other in found):
+            if max(self.x[i], self.x[i + 1]) > x and all(abs(height - other.amplitude) > same * height for other in found):
                 found.append(_Landing(height, i + 1 if way > 0 else i, way))
         return sorted(found)
 

@@ -15,7 +15,6 @@ The result lists what was tried.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +35,6 @@ and this support at 8 of the 13 that are left.  Of nine other supports none did 
 model, whose shrouds just touch without preload, two supports were compared: only the one that raises the excitation
 meanwhile found a start.
 """
-DRIFTED_AWAY = "the bodies drift away"
 
 
 def first_point(
@@ -66,9 +64,9 @@ def first_point(
     """
     log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
     mean, stuck = state.q[: system.n_mean], system.structure.linear.response(omega, springs)
-    start = system.pack(mean, stuck)
+    start = system.layout.pack(mean, stuck)
     last = np.append(start, omega)
-    scale = system.units(last, max(system.vibration(last), 1e-300), omega)
+    scale = system.units(last, omega)
     for name, line_search, iterations in (("Newton", False, 20), ("Newton with line search", True, 60)):
         if system.spent:
             break
@@ -78,33 +76,25 @@ def first_point(
         last = c.y
         if c.status == OK:
             return c.y, log, last
-    found = None if system.spent else _by_homotopy(_Tries(system, omega, options, meter, log), mean, stuck)
+    found = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
     if found is None and system.spent:
         log.append("the budget of evaluations is used up")
     return found, log, last
 
 
-class _Tries(NamedTuple):
-    """What all ways to a first point have in common."""
-
-    system: Equations[Sector]
-    omega: float
-    options: ContinuationOptions
-    meter: CostMeter
-    log: list[str]
-
-
-def _by_homotopy(tries: _Tries, mean: NDArray, stuck: NDArray) -> NDArray | None:
+def _by_homotopy(
+    system: Equations[Sector], omega: float, options: ContinuationOptions, meter: CostMeter, log: list[str],
+    mean: NDArray, stuck: NDArray,
+) -> NDArray | None:  # fmt: skip
     """The excitation is raised from almost nothing to its full level, along the curve and around its folds; failing that,
     free bodies (all, if none is free) start on a support, where they neither bounce nor drift, and it fades.
     """
-    system, omega, options, meter, log = tries
     # share of the excitation at which the support sets off; the ramp does at a tenth of it. With the whole of it the
     # ramp finds no start on the wedge dampers of eight sectors where the excitation equals the preload; with a tenth of
     # it the support finds none on one of two random structures that need it
     first = 1e-2
     level = 0.1 * first
-    start = np.append(system.pack(mean, level * stuck), level)
+    start = np.append(system.layout.pack(mean, level * stuck), level)
     path = _homotopy(excitation_ramp(system, omega), start, options, meter)
     if path.status == "complete":
         log.append(f"excitation ramp: full level after {len(path.points)} steps")
@@ -115,7 +105,7 @@ def _by_homotopy(tries: _Tries, mean: NDArray, stuck: NDArray) -> NDArray | None
     if system.spent:
         return None
     supported = supported_by(system, omega, DRAG, SPRING)
-    u = system.pack(mean, first * stuck)
+    u = system.layout.pack(mean, first * stuck)
     scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
     c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
     meter.count(c.iterations)
@@ -126,7 +116,7 @@ def _by_homotopy(tries: _Tries, mean: NDArray, stuck: NDArray) -> NDArray | None
     if path.status == "complete":
         log.append(f"support homotopy: support gone after {len(path.points)} steps")
         return np.append(path.points[-1].y[:-1], omega)
-    why = DRIFTED_AWAY if path.status == "drifted off" else path.status
+    why = "the bodies drift away" if path.status == "drifted off" else path.status
     log.append(f"support homotopy failed after {len(path.points)} points ({why})")
     return None
 

@@ -1,14 +1,12 @@
 """A tracking curve: all branches that are found over a frequency interval at one preload.
 
 From the end where it starts; from the other end if it does not lead through; beyond both ends as far as the free and the
-stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations; on
-demand from solutions at other preloads, which may lie on branches apart.
+stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -23,7 +21,7 @@ from bdamper.continuation.follower import OUT_OF_BUDGET, TWO_PI
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.rattle import NO_STEADY, open_at_rest, rattles
-from bdamper.continuation.start import DRIFTED_AWAY, first_point
+from bdamper.continuation.start import first_point
 from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import reach
 from bdamper.problem.problem import Problem, stuck_springs
@@ -32,7 +30,7 @@ from bdamper.util.blas import single_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import passes_interrupts_on, progress_bar
-from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND
+from bdamper.util.status import INCOMPLETE, NOT_FOUND
 
 ELASTIC = 1e-3
 """Of the lowest frequency of a curve: resonances below it are rigid motions, or too far away."""
@@ -45,7 +43,6 @@ def track(
     *,
     options: ContinuationOptions | None = None,
     progress: bool = False,
-    search_branches: bool = False,
 ) -> Curve:
     """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -58,8 +55,6 @@ def track(
     options : ContinuationOptions
     progress : bool
         Show a progress bar.
-    search_branches : bool
-        Look for branches apart from the one that is followed, with solutions at 0.9 and 1.2 times the preload as starts.
 
     Returns
     -------
@@ -70,7 +65,6 @@ def track(
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     validate.flag("progress", progress)
-    ratios = (0.9, 1.2) if validate.flag("search_branches", search_branches) else ()
     if options is not None:
         validate.instance("options", options, ContinuationOptions)
     with single_thread():
@@ -86,18 +80,15 @@ def track(
         try:
             with progress_bar(progress, *search.limits) as search.on_point:
                 search.cover(find_start)
-                for start in search.new_solutions(_other_solutions(problem, preload, ratios, search)):
-                    search.note(start[-1], "a solution apart from the branches so far")
-                    search.both_ways(start)
         except KeyboardInterrupt:
             if passes_interrupts_on():
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        ended = _ending(problem, search, preload, len(ratios))
-        curve = as_curve(problem, search, ended, kind="tracking", preload=preload)
+        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=preload)
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
-        return replace(curve, notes=(*curve.notes, *locked))
+        reason, left_out = _explained(problem, search, curve), (*curve.left_out, *search.lost)
+        return replace(curve, reason=reason, left_out=left_out, notes=(*curve.notes, *locked))
 
 
 def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
@@ -131,54 +122,20 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     return found
 
 
-def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], search: Coverage) -> list[NDArray]:
-    """Solutions at other preloads, spread over the frequency interval; each has the budget of a curve."""
-    out: list[NDArray] = []
-    for other in (ratio * preload for ratio in ratios):
-        if not problem.static(other).converged:
-            continue
-        frequency = search.limits[0] / TWO_PI, search.limits[1] / TWO_PI
-        elsewhere = _search(problem, other, frequency, replace(search.options, locate=False))
-        elsewhere.meter = search.meter
-        elsewhere.meter.watch(elsewhere.system)
-        start = _start(problem, other, elsewhere, search.limits[0])
-        search.log += elsewhere.log
-        if start is not None:
-            path = elsewhere.follow(start, True)
-            out += [p.y for p in path.points[:: max(1, len(path.points) // 40)]]
-    return out
-
-
-def _ending(problem: Problem, search: Coverage, preload: float, tried: int) -> tuple[str, str, tuple[LeftOut, ...]]:
-    """Status and reason of the curve, with what was looked for, advice where it is not complete, and what is left out."""
-    status, reason, left_out = ending(search.pieces, *search.limits)
-    left_out = (*left_out, *search.lost)
-    if status == COMPLETE:
+def _explained(problem: Problem, search: Coverage, curve: Curve) -> str:
+    """The reason of a curve with what was looked for, and advice where it is not complete."""
+    reason = curve.reason
+    if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
-        closed = f"closed branches from {tried} other preloads" if tried else "closed branches not"
         broken = ", where a path broke off (left_out)" if search.lost else ""
-        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, {closed}"
-    if why := _rattles(search, open_at_rest(problem, preload)):
+        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
+    if why := rattles(curve, open_at_rest(problem, curve.preload)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
-    if status not in (INCOMPLETE, NOT_FOUND):
-        return status, reason, left_out
+    if curve.status not in (INCOMPLETE, NOT_FOUND):
+        return reason
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
-    if any(DRIFTED_AWAY in line for line in search.log):
-        reason += f"; on a fading support {DRIFTED_AWAY}, constraint planes would hold them"
-    if 0.0 < preload < 2.0 * problem.excitation.amplitude:
-        ratio = preload / problem.excitation.amplitude
-        reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
-    return status, f"{reason}; study.settle marches in time where no solution was found", left_out
-
-
-def _rattles(search: Coverage, at_rest: float) -> str:
-    """Why no steady periodic response is expected, if the pieces show the sign."""
-    ordered = in_order(search.pieces)
-    y = np.array([p.y for p, _ in ordered]).reshape(-1, search.system.n_unknowns + 1)
-    height = np.abs(search.system.response(y[:, :-1])[:, 1])
-    share = [p.shares[2] for p, _ in ordered]
-    return rattles(y[:, -1], height, share, [way.branch for _, way in ordered], at_rest)
+    return f"{reason}; study.settle marches in time where no solution was found"
 
 
 def without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:

@@ -42,7 +42,7 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     curve = free(problem, frequency)
     swing = 0.0
     for l in problem.settings.excited:
-        G, amplitude = problem.bases[l].G[problem.friction_points, 2], system.amplitudes(curve.unknowns, l)
+        G, amplitude = problem.bases[l].G[problem.friction_points, 2], system.layout.amplitudes(curve.unknowns, l)
         swing += np.abs(G @ amplitude.T).max(initial=0.0)
     overlap = max(0.0, -float(problem.point_gaps[problem.friction_points].min()))
     unknowns = curve.unknowns.copy()

@@ -217,12 +217,12 @@ class _Swept:
         self.sweep = sweep_of(curve, direction)
         self.y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
         top = self.y[int(np.argmax(curve.amplitude))] if len(curve) else np.ones(system.n_unknowns + 1)
-        self.scale = system.units(top, max(system.vibration(top), 1e-300), float(np.pi * np.ptp(curve.frequency)))
+        self.scale = system.units(top, float(np.pi * np.ptp(curve.frequency)))
         options = ContinuationOptions()
         self.tolerance, self.most = options.tolerance, 2 * options.max_iterations
 
     def first(self, c: Correction) -> complex:
-        return complex(self.system.first_harmonic(c.y))
+        return complex(self.system.rows.value(c.y))
 
     def jumps(self, frequency: float, within: float) -> bool:
         """Whether the sweep jumps or ends within a relative distance of a frequency."""
@@ -252,7 +252,7 @@ class _Swept:
     def away(self, c: Correction, place: NDArray, units: NDArray) -> tuple[NDArray, NDArray]:
         """From a measured place to a point of the curve, and the change of place along the curve there."""
         first, along = self.first(c), c.tangent * self.scale
-        way = np.array([along[-1] / c.y[-1], (self.system.first_harmonic(along) / first).real]) / units
+        way = np.array([along[-1] / c.y[-1], (self.system.rows.value(along) / first).real]) / units
         here = np.array([np.log(c.y[-1] / (2.0 * np.pi)), np.log(abs(first))]) / units
         return here - place, way
 

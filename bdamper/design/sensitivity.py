@@ -88,7 +88,7 @@ def curve_sensitivities(
     system, n = problem.system(curve.preload), len(curve)
     y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
     width = max(float(np.pi * np.ptp(curve.frequency)), 1e-300) if n else 1.0
-    scale = np.array([system.units(p, max(system.vibration(p), 1e-300), width) for p in y]).reshape(y.shape)
+    scale = np.array([system.units(p, width) for p in y]).reshape(y.shape)
     points = []
     for i, (p, unit) in enumerate(zip(y, scale)):
         beside = [k for k in (i - 1, i + 1) if 0 <= k < n and curve.branch[k] == curve.branch[i]]

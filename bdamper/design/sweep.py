@@ -35,7 +35,7 @@ from bdamper.util.hdf5 import Recorded, Storable, enter_former
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief, short
 from bdamper.util.results_file import ResultsFile
-from bdamper.util.status import FAILED, Statuses, all_complete, word
+from bdamper.util.status import FAILED, all_complete, word
 from bdamper.util.tables import Column, Tabular
 from bdamper.util.text import UNITS, amount, spaced
 from bdamper.util.versions import HERE
@@ -149,7 +149,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     names: tuple[str, ...]
     points: tuple[dict[str, Any], ...]
     values: tuple[dict[str, Any], ...]
-    status: Statuses
+    status: tuple[str, ...]
     seconds: NDArray
     shape: tuple[int, ...]
     cost: tuple[Cost, ...] = ()

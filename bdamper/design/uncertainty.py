@@ -31,7 +31,6 @@ from bdamper.util.status import (
     INCOMPLETE,
     INTERRUPTED,
     NOT_RUN,
-    Statuses,
     all_complete,
     because,
     word,
@@ -135,7 +134,7 @@ class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncer
     amplitude: Annotated[NDArray, Quantity("m", dims=("draw", ROW))]
     frequency: Annotated[NDArray, Quantity("Hz", dims=("draw", ROW))]
     samples: dict[str, NDArray]
-    status: Statuses
+    status: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:

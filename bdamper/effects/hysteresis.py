@@ -321,8 +321,9 @@ def _of_solution(problem: Problem, s: _Solution) -> dict[str, Any]:
     e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
     return {
         "preload": s.preload, "frequency": s.frequency, "amplitude": float(np.abs(system.response(s.unknowns)[1])),
-        "energy": _on_points(problem, system, e.contact)[shown], "damping": e.damping, "excitation": e.excitation,
-        "kinetic": e.kinetic, "stiffness": e.stiffness.real, "width": e.stiffness.imag,
+        "energy": _on_points(problem, system, e["contact"])[shown], "damping": e["damping"],
+        "excitation": e["excitation"], "kinetic": e["kinetic"], "stiffness": e["stiffness"].real,
+        "width": e["stiffness"].imag,
     }  # fmt: skip
 
 

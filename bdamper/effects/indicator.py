@@ -87,7 +87,7 @@ def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
             out[to] += y[at] - before[at]
     for l in range(1, min(a.n_harmonics, b.n_harmonics) + 1):
         at, to = _common(a.structure.bases[l].coordinates, b.structure.bases[l].coordinates)
-        for from_part, to_part in zip(a.slices(l), b.slices(l)):
+        for from_part, to_part in zip(a.layout.slices(l), b.layout.slices(l)):
             out[to_part.start + to] = y[from_part.start + at]
     return out
 

@@ -21,7 +21,7 @@ from bdamper.continuation.track import track
 from bdamper.effects.indicator import Change, embed
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.peaks.highest import highest_of_curve, maxima
-from bdamper.peaks.newton import Peak, find_peak, peak_scale, same_peak
+from bdamper.peaks.newton import Peak, find_peak, same_peak
 from bdamper.problem.problem import Problem
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.repr import short
@@ -191,7 +191,7 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
     """To the response of another system at the frequency of a point, if nothing else may become the highest."""
     y = embedded[0]
     for search in (False, True) if len(embedded) == 1 else ():
-        c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
+        c = system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), 1e-9, 60 if search else 20, search)
         if c.status == OK:
             change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
             return Change(change, 0.0, how="solved at the end of the interval")

@@ -270,7 +270,7 @@ def coefficients_of(
         for l in present:
             f = F[..., 0] if l == 0 else F[..., 2 * l - 1] - 1j * F[..., 2 * l]
             force = np.einsum("pdk,pd->k", axes, f)
-            q = system.amplitudes(u, l)
+            q = system.layout.amplitudes(u, l)
             coordinates = problem.bases[l].coordinates
             if l == 0 and not problem.settings.bias:
                 state = problem.equilibrium(preload)

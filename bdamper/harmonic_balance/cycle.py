@@ -20,54 +20,23 @@ transitions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_USER
+from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector, segments
-from bdamper.util.repr import brief
 
-STICK, PLUS, MINUS, OPEN = range(4)
 MOST_PERIODS = 100
 """Periods within which the sliders of a coupled law settle in a given motion."""
 
 
-@brief
-@dataclass(frozen=True)
-class Energies:
-    """Energies of one cycle of a solution, J, of one sector.
-
-    Parameters
-    ----------
-    contact : (n_points,) float
-        Lost at each contact point of the equations.
-    damping : float
-        Lost to the damping of the modes.
-    excitation : float
-        Work of the excitation.
-    kinetic : float
-        Kinetic energy if all modes and harmonics passed through rest together.
-    stiffness : complex, N/m
-        Of the contacts with the elasticity around them, seen from the response: the force there that does the work of all
-        contact forces on the fundamental harmonic (:func:`bodily_motion`), over the fundamental harmonic of the response.
-        Its real part is an equivalent spring, its imaginary part the angular frequency times an equivalent viscous damper.
-        NaN where the response is at rest.
-    """
-
-    contact: NDArray
-    damping: float
-    excitation: float
-    kinetic: float
-    stiffness: complex
-
-
-def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None) -> Energies:
-    """Work of the excitation and its losses in one cycle.
+def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None) -> dict[str, Any]:
+    """Work of the excitation and its losses in one cycle, J, of one sector.
 
     Parameters
     ----------
@@ -77,6 +46,20 @@ def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDAr
     omega : float, rad/s
     contacts : (n_points,) bool, optional
         Points whose equivalent stiffness is asked for, where others are springs of the bodies; all of them by default.
+
+    Returns
+    -------
+    "contact" : (n_points,) float
+        Lost at each contact point of the equations.
+    "damping", "excitation" : float
+        Lost to the damping of the modes; work of the excitation.
+    "kinetic" : float
+        Kinetic energy if all modes and harmonics passed through rest together.
+    "stiffness" : complex, N/m
+        Of the contacts with the elasticity around them, seen from the response: the force there that does the work of all
+        contact forces on the fundamental harmonic (:func:`bodily_motion`), over the fundamental harmonic of the response.
+        Its real part is an equivalent spring, its imaginary part the angular frequency times an equivalent viscous damper.
+        NaN where the response is at rest.
     """
     X, F, _ = system.contact(u)
     counted = np.ones(system.n_points, bool) if contacts is None else contacts
@@ -84,19 +67,20 @@ def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDAr
     x, f = (a[..., 1::2] - 1j * a[..., 2::2] for a in (X, F))
     damping = excitation = kinetic = 0.0
     for n in range(1, system.n_harmonics + 1):
-        q, e, basis = system.amplitudes(u, n), system.amplitudes(system.structure.force, n), system.structure.bases[n]
+        q, e = (system.layout.amplitudes(a, n) for a in (u, system.structure.force))
+        basis = system.structure.bases[n]
         excitation += np.pi * n * float((e * q.conj()).imag.sum())
         damping += np.pi * n**2 * omega * float(basis.damping @ np.abs(q) ** 2)
         kinetic += 0.5 * (n * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
-    first = float(np.abs(system.amplitudes(u, 1) @ system.response_rows[1]))
+    first = float(np.abs(system.layout.amplitudes(u, 1) @ system.response_rows[1]))
     work = complex((bodily_motion(system, u).conj() * f[..., 0])[counted].sum())
-    return Energies(
-        contact=np.pi * (l * (f * x.conj()).imag).sum(axis=(1, 2)),
-        damping=damping,
-        excitation=excitation,
-        kinetic=kinetic,
-        stiffness=work / first**2 if first > 0.0 else complex(np.nan, np.nan),
-    )
+    return {
+        "contact": np.pi * (l * (f * x.conj()).imag).sum(axis=(1, 2)),
+        "damping": damping,
+        "excitation": excitation,
+        "kinetic": kinetic,
+        "stiffness": work / first**2 if first > 0.0 else complex(np.nan, np.nan),
+    }
 
 
 def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
@@ -106,7 +90,7 @@ def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
     """
     basis = system.structure.bases[1]
     own = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
-    return np.asarray(basis.G[..., own] @ system.amplitudes(u, 1)[own])
+    return np.asarray(basis.G[..., own] @ system.layout.amplitudes(u, 1)[own])
 
 
 def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
@@ -191,11 +175,9 @@ def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray
             within = (theta - start) % (2.0 * np.pi) <= end - start
             if state == STICK:
                 out[d, within] = kt[d] * (at_angles(x[d], theta[within]) - w)
-            elif state != OPEN:
-                out[d, within] = (1.0 if state == PLUS else -1.0) * limit(theta[within])
-            if state != STICK:
-                sense = {PLUS: 1.0, MINUS: -1.0, OPEN: 0.0}[state]
-                last = np.array([end])
+            else:
+                sense, last = {SLIP_PLUS: 1.0, SLIP_MINUS: -1.0, OPEN: 0.0}[state], np.array([end])
+                out[d, within] = sense * limit(theta[within])
                 w = float((at_angles(x[d], last) - sense * limit(last) / kt[d])[0])
     return out
 

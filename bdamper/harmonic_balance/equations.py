@@ -46,17 +46,18 @@ def norm2(x: NDArray) -> float:
 @brief
 @dataclass(frozen=True)
 class Correction:
-    """Outcome of one Newton corrector.
+    """Outcome of one Newton corrector: where it converged, a point of a curve.
 
     Parameters
     ----------
     status : int
     y, tangent : (n_unknowns + 1,) float
+        Point and direction of the curve, the latter of unit length in scaled unknowns.
+    scale : (n_unknowns + 1,) float
+        Units of the unknowns.
     iterations : int
     residual : float
         Largest residual relative to the excitation (harmonics) or the static load (mean).
-    condition : float
-        Estimated reciprocal condition of the equilibrated bordered matrix.
     rank_deficiency : int
         Directions that the equations leave undetermined, held by least norm.
     shares : tuple of three floats
@@ -66,19 +67,23 @@ class Correction:
         Sign of det [J; tangent], which stays the same along a curve, corners included; 0 if it is not known.
     slope, curvature : float
         Of a stationary point: what vanishes there, and its derivative along the curve.
+    kind : str
+        On a path: "regular", "fold", "maximum", "end", or "drift": the mean position moves while vibration and frequency
+        stay.
     """
 
     status: int
     y: NDArray
     tangent: NDArray
+    scale: NDArray
     iterations: int
     residual: float
-    condition: float
     rank_deficiency: int
     shares: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     orientation: int = 0
     slope: float = math.nan
     curvature: float = math.nan
+    kind: str = "regular"
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,42 +287,14 @@ class Equations(Generic[S]):
         """Highest harmonic."""
         return len(self.layout.n_mode) - 1
 
-    def slices(self, harmonic: int) -> tuple[slice, slice]:
-        """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
-        return self.layout.slices(harmonic)
-
-    def amplitudes(self, u: NDArray, harmonic: int) -> NDArray:
-        """(..., n_modes) complex modal amplitudes of one harmonic."""
-        return self.layout.amplitudes(u, harmonic)
-
-    def pack(self, mean: NDArray, first: NDArray) -> NDArray:
-        """Unknowns from the mean and the complex amplitudes of the first harmonic, the others zero."""
-        return self.layout.pack(mean, first)
-
     def response(self, u: NDArray) -> NDArray:
         """(..., n_harmonics + 1) complex response amplitudes, the mean first."""
         rows = self.response_rows
-        return np.stack([self.amplitudes(np.asarray(u), l) @ rows[l] for l in range(self.n_harmonics + 1)], axis=-1)
+        return np.stack([self.layout.amplitudes(np.asarray(u), l) @ rows[l] for l in range(self.n_harmonics + 1)], axis=-1)
 
-    def first_harmonic(self, y: NDArray) -> NDArray:
-        """(...,) complex amplitude of the first harmonic of the response at points (..., n_unknowns + 1)."""
-        return self.rows.value(y)
-
-    def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
-        """Gradient of half the squared amplitude of the first harmonic with respect to y, and the squared amplitude."""
-        return self.rows.squared_gradient(y)
-
-    def vibration(self, y: NDArray) -> float:
-        """Size of the vibration at a point."""
-        return self.measure.vibration(y)
-
-    def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
+    def units(self, y: NDArray, width: float) -> NDArray:
         """(n_unknowns + 1,) units of the mean, of the vibration and of the parameter (``width``) at a point."""
-        return self.measure.units(y, vibration, width)
-
-    def place(self, parameter: float) -> str:
-        """A value of the parameter in words."""
-        return self.measure.place(parameter)
+        return self.measure.units(y, max(self.measure.vibration(y), 1e-300), width)
 
     # ---- budget ----
 
@@ -423,15 +400,15 @@ class Equations(Generic[S]):
         if isinstance(condition, Peak):
             arguments["re"], arguments["im"] = self.rows.at(y[-1])
         if self.spent:
-            return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
+            return Correction(NOT_CONVERGED, y, tangent, scale, 0, np.nan, 0)
         if self.last < math.inf:
             max_iterations = min(max_iterations, 1 + int(self.left) // (LINE_SEARCH_TRIALS if line_search else 1))
         c = self.core.solve(
             y, tangent, scale, tolerance, max_iterations, int(line_search), reach, loose=loose, rough=rough, **arguments
         )
         found = Correction(
-            c.status, y, tangent, c.iterations, c.residual, c.condition, len(y) - c.rank, c.shares, c.orientation, c.slope,
-            c.curvature,
+            c.status, y, tangent, scale, c.iterations, c.residual, len(y) - c.rank, c.shares, c.orientation,
+            c.slope, c.curvature,
         )  # fmt: skip
         if isinstance(condition, Peak) and self.rows.moving:
             return self._to_own_peak(found, condition, scale, tolerance, max_iterations)
@@ -444,7 +421,7 @@ class Equations(Generic[S]):
         for _ in range(max_iterations):
             if c.status != OK or not c.curvature < 0.0:
                 break
-            gradient, square = self.squared_gradient(c.y)
+            gradient, square = self.rows.squared_gradient(c.y)
             way = -float(gradient @ (c.tangent * scale)) / square / c.curvature
             if abs(way) <= condition.tolerance:
                 break

@@ -92,7 +92,7 @@ class Family:
 def responses(system: Equations[Family], y: NDArray) -> NDArray:
     """(n, n_harmonics + 1) complex response amplitudes at points (n, n_unknowns + 1) along the line, the mean first."""
     rows = [system.structure.response_rows(point[-1]) for point in y]
-    out = [[system.amplitudes(point[:-1], l) @ row for l, row in enumerate(of)] for point, of in zip(y, rows)]
+    out = [[system.layout.amplitudes(point[:-1], l) @ row for l, row in enumerate(of)] for point, of in zip(y, rows)]
     return np.array(out, complex).reshape(len(y), system.n_harmonics + 1)
 
 

@@ -80,7 +80,7 @@ class Mode:
         """The linear mode at an amplitude (m) of the response, a guess."""
         size = np.abs(self.stuck) ** 2
         zeta = float(size @ self.basis.damping / (size @ self.basis.mass)) / (2.0 * omega)
-        u = self.driven.pack(mean[: self.driven.n_mean], self.stuck)
+        u = self.driven.layout.pack(mean[: self.driven.n_mean], self.stuck)
         return np.append(u, [omega, zeta, np.log(amplitude / self.reference)])
 
     def point(self, u: NDArray, omega: float, zeta: float) -> NDArray:

@@ -113,16 +113,11 @@ class Sector:
         own, memory = self.points.own, self.points.memory
         return None if own is None or memory is None else own.core(memory)
 
-    @property
-    def row_scale(self) -> NDArray:
-        """(n_unknowns,) factors on the residual that relate it to static load and excitation."""
-        return row_scale(self.layout, self.force_scale)
-
     def core(self, **over_speed: Any) -> _core.Sector:
         """The core's equations, those of a family if its arguments are given."""
         mode, n_time = self.evaluation_code
         given: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
-        return _core.Sector(**given, evaluation=mode, n_time=n_time, row_scale=self.row_scale)
+        return _core.Sector(**given, evaluation=mode, n_time=n_time, row_scale=row_scale(self.layout, self.force_scale))
 
     @property
     def rows(self) -> Rows:
@@ -146,7 +141,7 @@ class Sector:
         if not hasattr(self._of_thread, "equations"):
             self._of_thread.equations = Equations(
                 self.core(), self, self.layout, self.response_rows, self.rows, InFrequency(int(self.layout.n_mode[0])),
-                self.row_scale, len(self.points.kn), self.work,
+                row_scale(self.layout, self.force_scale), len(self.points.kn), self.work,
             )  # fmt: skip
         made: Equations[Sector] = self._of_thread.equations
         return made
@@ -188,7 +183,7 @@ def supported_by(system: Equations[Sector], omega: float, drag: float, spring: f
     """
     support = np.zeros((system.n_unknowns, system.n_unknowns))
     for l, free in enumerate(supported_coordinates(system.structure)):
-        c, s = (np.arange(system.n_unknowns)[part] for part in system.slices(l))
+        c, s = (np.arange(system.n_unknowns)[part] for part in system.layout.slices(l))
         if l == 0:
             support[c[free], c[free]] = spring * omega**2
         else:

@@ -26,7 +26,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, Statuses, because
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
 from bdamper.util.text import amount
 
@@ -64,7 +64,7 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
     stable: Numbers
     highest: float
     aerodynamic_damping: dict[str, list[float]]
-    statuses: Annotated[Statuses, Quantity(name="status")]
+    statuses: Annotated[tuple[str, ...], Quantity(name="status")]
 
     @property
     def safe(self) -> NDArray:
@@ -180,7 +180,7 @@ def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[fl
             system.structure.point(mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1)
         )
         guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
-        scale = system.units(guess, system.vibration(guess), 1.0)
+        scale = system.units(guess, 1.0)
         c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
         y, status = (c.y, COMPLETE) if c.status == OK else (guess, because(INCOMPLETE, "between two points of the mode"))
         stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)

@@ -8,15 +8,15 @@ harmonic meets another mode; from its upper end, too, where it does not get ther
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.preload import PreloadState
 from bdamper.continuation.coverage import Piece, evaluation_budget, in_order
-from bdamper.continuation.events import point_of
 from bdamper.continuation.follower import TWO_PI, follow
-from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
+from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.harmonic_balance.equations import OK, Correction, Equations
 from bdamper.harmonic_balance.modes import Mode, mode_equations
 from bdamper.modes.result import NonlinearMode
@@ -138,20 +138,19 @@ class _Branch:
         ahead = self._linear(start)
         if ahead.y[-1] >= self.high:
             last = self._at(start.y, self.high)
-            points = [point_of(c, self._scale(c.y), "end") for c in (start, last)]
-            reason = f"reached {self.system.place(self.high)}, where nothing slips yet"
+            points = [replace(c, kind="end") for c in (start, last)]
+            reason = f"reached {self.system.measure.place(self.high)}, where nothing slips yet"
             self.pieces.append(Piece(Path(tuple(points), COMPLETE, reason, 0, 0), True))
             return
         path = follow(self.system, ahead.y, (float(start.y[-1]), self.high), options=self.options)
         if ahead is not start:
-            first = point_of(start, self._scale(start.y), "end")
-            path = Path((first, *path.points), path.status, path.reason, path.iterations, path.failed_steps, path.tangle)
+            path = replace(path, points=(replace(start, kind="end"), *path.points))
         self.pieces.append(Piece(path, True))
         if path.status != COMPLETE and path.points and not self.system.spent:
             self._from_above(path.points[-1].y)
 
     def _scale(self, y: NDArray) -> NDArray:
-        return self.system.units(y, self.system.vibration(y), 1.0)
+        return self.system.units(y, 1.0)
 
     def _at(self, y: NDArray, parameter: float) -> Correction:
         """Newton with line search from a point at another amplitude."""
@@ -198,7 +197,7 @@ class _Branch:
 
 def _correlation(system: Equations[Mode], y: NDArray) -> NDArray:
     """(n,) square of the cosine between the first harmonic and the stuck mode, in the norm of the mass."""
-    a, mass = system.amplitudes(y, 1), system.structure.basis.mass
+    a, mass = system.layout.amplitudes(y, 1), system.structure.basis.mass
     across = np.abs(a @ (mass * system.structure.stuck.conj())) ** 2
     return np.asarray(across / ((np.abs(a) ** 2 @ mass) * (np.abs(system.structure.stuck) ** 2 @ mass)))
 
@@ -223,7 +222,7 @@ def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: f
     return 0.0 if most >= 1.0 else preload / most if most > 0.0 else float("inf")
 
 
-def _kinds(points: list[tuple[PathPoint, Piece]], damping: NDArray) -> tuple[str, ...]:
+def _kinds(points: list[tuple[Correction, Piece]], damping: NDArray) -> tuple[str, ...]:
     """What the points are; a maximum of the damping that hardly stands out among its neighbours is none."""
     around = np.concatenate([damping[:1], damping, damping[-1:]])
     low = np.maximum(around[:-2], around[2:]) >= (1.0 - FLAT) * damping
@@ -232,20 +231,20 @@ def _kinds(points: list[tuple[PathPoint, Piece]], damping: NDArray) -> tuple[str
 
 def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tuple[str, str]:
     """Status and reason of the mode."""
-    path, system = branch.pieces[0].path, branch.system
+    path, place = branch.pieces[0].path, branch.system.measure.place
     if not path.points:
         return NOT_FOUND, path.reason
     reason = f"{path.status}: {path.reason}" if path.status != COMPLETE else path.reason
     apart = len(branch.pieces) > 1
-    reason += f"; another branch from {system.place(branch.high)} down" if apart else ""
+    reason += f"; another branch from {place(branch.high)} down" if apart else ""
     familiar = 0.5  # correlation with the stuck mode below which a motion counts as that of another one
     overdamped = 0.5  # damping ratio beyond which a periodic motion says little about one that decays
     foreign, over = correlation < familiar, y[:, -2] > overdamped
     if foreign.any():
         at = y[int(np.argmax(foreign))]
-        reason += f"; beyond {system.place(at[-1])} the motion is no longer that of mode {mode}: it meets another one"
+        reason += f"; beyond {place(at[-1])} the motion is no longer that of mode {mode}: it meets another one"
     if over.any():
         at = y[int(np.argmax(over))]
-        reason += f"; damping is above {overdamped:g} from {system.place(at[-1])} on, where no motion decays so"
+        reason += f"; damping is above {overdamped:g} from {place(at[-1])} on, where no motion decays so"
     whole = path.status == COMPLETE and not foreign.any() and not over.any()
     return COMPLETE if whole else INCOMPLETE, reason

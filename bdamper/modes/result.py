@@ -15,7 +15,6 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import Status
 from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, Quantity, Shares, Tabular
 from bdamper.util.text import amount, height
 
@@ -65,7 +64,7 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     preload: float
     mode: int
     scales_to: float
-    status: Status
+    status: str
     reason: str
     cost: Cost
     _told = ("mode", "preload", "status", "folds", "linear_to", "scales_to")

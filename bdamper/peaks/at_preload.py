@@ -42,7 +42,7 @@ def at_preload(
             found = AtPreload(preload, lost, None, np.nan, "", Cost())
     curve, slope, why = found.curve, np.nan, ""
     if found.top is not None:
-        why = rattles(curve.frequency, curve.amplitude, curve.shares[:, 2], curve.branch, open_at_rest(problem, preload))
+        why = rattles(curve, open_at_rest(problem, preload))
         peak = found.top.peak
         if not peak.corner:
             try:

@@ -35,7 +35,6 @@ from bdamper.peaks.newton import (
     amplitude_at,
     coarse_options,
     find_peak,
-    peak_scale,
     same_peak,
 )
 from bdamper.problem.problem import Problem
@@ -190,7 +189,7 @@ class _Refined:
     def _direction(self, before: int, after: int, y: NDArray) -> tuple[NDArray, NDArray]:
         """Direction of the curve in scaled unknowns, of unit length, from two of its points, and the units."""
         chord = self.y[after] - self.y[before]
-        scale = peak_scale(self.system, y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
+        scale = self.system.units(y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
         chord = chord / scale
         if np.linalg.norm(chord[self.system.n_mean :]) > 0.0:
             chord[: self.system.n_mean] = 0.0

@@ -24,9 +24,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.events import Step, point_of
+from bdamper.continuation.events import Step
 from bdamper.continuation.follower import Follower
-from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.path import AtLeastTwo, ContinuationOptions
 from bdamper.harmonic_balance import conditions
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, STATUS_TEXT, Correction, Equations, norm2
 from bdamper.util import validate
@@ -48,12 +48,13 @@ ANOTHER = "a solution on another part of the curve, by the sign of det J"
 LOOSEST = ContinuationOptions().tolerance
 """Residual at most that counts as rounding, as along curves."""
 
+BelowTen = Annotated[float, validate.Limits(above=0.0, below=10.0)]
 Family = Callable[[float], Equations]
 """The equations as a function of one scalar parameter."""
 
 
 @dataclass(frozen=True)
-class PeakOptions:
+class PeakOptions(validate.Checked):
     """Settings of the search for a peak and of its continuation.
 
     Parameters
@@ -71,15 +72,11 @@ class PeakOptions:
         Correctors spent on one peak.
     """
 
-    tolerance: float = 1e-10
-    position_tolerance: float = 1e-8
-    max_step: float = 0.4
-    max_iterations: int = 12
-    max_trials: int = 60
-
-    def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "tolerance", "position_tolerance", "max_step", above=0.0, below=10.0)
-        validate.fields(self, validate.whole, "max_iterations", "max_trials", least=2)
+    tolerance: BelowTen = 1e-10
+    position_tolerance: BelowTen = 1e-8
+    max_step: BelowTen = 0.4
+    max_iterations: AtLeastTwo = 12
+    max_trials: AtLeastTwo = 60
 
 
 @brief
@@ -152,11 +149,6 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         return f"Resonance of {height(self.amplitude, self.frequency)}{load}.{open_}"
 
 
-def peak_scale(system: Equations, y: NDArray, width: float) -> NDArray:
-    """Units of the mean, of the vibration and of the frequency (``width``, rad/s) at a point."""
-    return system.units(y, max(system.vibration(y), 1e-300), width)
-
-
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
     """Change of frequency over which the vibration changes by its own size, within reason."""
     raw = tangent * scale
@@ -168,24 +160,20 @@ def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -
 def amplitude_and_phase(system: Equations, u: NDArray) -> tuple[NDArray, NDArray, float]:
     """Gradients (n_unknowns,) of the amplitude and of amplitude times phase of the response, and the amplitude."""
     row = system.response_rows[1]
-    x = system.amplitudes(u, 1) @ row
+    x = system.layout.amplitudes(u, 1) @ row
     amplitude = float(abs(x))
-    z = np.conj(x) * row / max(amplitude, 1e-300)
-    c, s = system.slices(1)
-    grow, turn = np.zeros(len(u)), np.zeros(len(u))
-    grow[c], grow[s] = z.real, z.imag
-    turn[c], turn[s] = z.imag, -z.real
+    grow, turn = system.layout.parts(np.conj(x) * row / max(amplitude, 1e-300))
     return grow, turn, amplitude
 
 
 def amplitude_at(system: Equations, y: NDArray) -> float:
     """Amplitude (m) of the first harmonic of the response."""
-    return float(abs(system.first_harmonic(y)))
+    return float(abs(system.rows.value(y)))
 
 
 def slope_along(system: Equations, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
     """Derivative of ln(amplitude) along a direction in scaled unknowns."""
-    gradient, square = system.squared_gradient(y)
+    gradient, square = system.rows.squared_gradient(y)
     return float(gradient @ (tangent * scale)) / max(square, 1e-300)
 
 
@@ -247,9 +235,9 @@ class _Search:
     def in_own_units(self, c: Correction) -> Correction:
         """The same point with the unit of frequency that follows from the direction of the curve there."""
         raw = c.tangent * self.scale
-        self.scale = peak_scale(self.system, c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean))
+        self.scale = self.system.units(c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean))
         t = raw / self.scale
-        return replace(c, tangent=t / norm2(t))
+        return replace(c, tangent=t / norm2(t), scale=self.scale)
 
     def uphill(self, start: Correction) -> Correction | None:
         """The first maximum along the curve uphill: steps of a path until the slope turns, and the maximum of that step."""
@@ -259,7 +247,7 @@ class _Search:
             self.system, (0.0, np.inf), ContinuationOptions(tolerance=options.tolerance, max_step=options.max_step)
         )
         follower.sign = int(sense) * start.orientation
-        here, step = point_of(replace(start, tangent=sense * start.tangent), self.scale), follower.options.step
+        here, step = replace(start, tangent=sense * start.tangent), follower.options.step
         while self.trials < options.max_trials:
             self.trials += 1
             new, step, end, refused = follower.advance(here, step)
@@ -277,7 +265,7 @@ class _Search:
                 return top
             turn = float(np.arccos(np.clip(new.tangent @ here.tangent, -1.0, 1.0)))
             step = follower.longer(step, turn, new.iterations)
-            here = point_of(new, self.scale)
+            here = new
         self.reason = f"not found within {options.max_trials} correctors"
         return None
 
@@ -310,7 +298,7 @@ def find_peak(
         Estimate of the direction of the curve in scaled unknowns; the first corrector works in the plane normal to it, or
         at fixed frequency without it.
     scale : (n_unknowns + 1,) float, optional
-        Units of the unknowns (:func:`peak_scale`); found from the curve by default.
+        Units of the unknowns (``Equations.units``); found from the curve by default.
     curvature : float
         Estimate of the second derivative of ln(amplitude) along the curve in scaled unknowns.
     options : PeakOptions
@@ -326,7 +314,7 @@ def find_peak(
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
-    search = _Search(system, peak_scale(system, guess, 0.01 * guess[-1]) if scale is None else scale, options, reach)
+    search = _Search(system, system.units(guess, 0.01 * guess[-1]) if scale is None else scale, options, reach)
     top = start = None
     if tangent is not None and scale is not None and curvature < 0.0:
         top = search.newton(guess, tangent, curvature)
@@ -345,7 +333,7 @@ def find_peak(
             system, guess, tangent=tangent, scale=scale, curvature=curvature, options=replace(options, tolerance=floor),
             parameter=parameter, reach=reach,
         )  # fmt: skip
-    at = top or start or Correction(NOT_CONVERGED, guess, np.zeros(len(guess)), 0, np.nan, 0.0, 0)
+    at = top or start or Correction(NOT_CONVERGED, guess, np.zeros(len(guess)), search.scale, 0, np.nan, 0)
     return Peak(
         parameter, float(at.y[-1] / (2.0 * np.pi)), amplitude_at(system, at.y), at.y, at.tangent, search.scale, at.slope,
         at.curvature, np.array(at.shares), at.residual, search.iterations, search.trials, at.rank_deficiency,
@@ -355,7 +343,7 @@ def find_peak(
 
 def sign_of_jacobian(system: Equations, y: NDArray) -> int:
     """Sign of det J at a solution, which changes at every fold; 0 where it is not known."""
-    return system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), LOOSEST, 2).orientation
+    return system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), LOOSEST, 2).orientation
 
 
 def peak_of_sign(
@@ -379,7 +367,7 @@ def peak_of_sign(
     # bladed disk at 250 N is lost with 20
     most_iterations = 40
     for search in (2, 1):
-        scale = peak_scale(system, guess, guess[-1])
+        scale = system.units(guess, guess[-1])
         c = system.correct_at(guess[:-1], float(guess[-1]), scale, options.tolerance, most_iterations, search)
         iterations += c.iterations
         if c.status == OK and c.orientation == sign:

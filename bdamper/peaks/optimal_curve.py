@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -20,7 +20,7 @@ from bdamper.util.hdf5 import FilePath, Recorded, Storable
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, Statuses, Translated, because, word
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, word
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, Quantity, Resonance, Shares, Tabular
 from bdamper.util.text import amount, height, percent, shares_of, span
 from bdamper.util.warn import say
@@ -33,13 +33,6 @@ SAFE = (1.2, 1.5)
 """Preloads to build, over the optimum: the amplitude rises steeply below it and slowly above."""
 NEAR_BEST = 1.2
 """Amplitude over that of the optimum up to which a range of preloads is printed: what a designer may give away."""
-
-
-class _OfOptimum(Translated):
-    """Of an optimum: one of versions before 0.3 is "converged", which tells of the search alone."""
-
-    def read(self, value: str | tuple[str, ...]) -> str | tuple[str, ...]:
-        return because(INCOMPLETE, "no tracking curve was compared") if value == "converged" else super().read(value)
 
 
 @dataclass(frozen=True)
@@ -84,17 +77,17 @@ class OptimumPoint:
     frequency: float
     kind: str
     uncertainty: float
-    status: Annotated[str, _OfOptimum()] = COMPLETE
+    status: str = COMPLETE
+
+    def __post_init__(self) -> None:
+        first, colon, reason = self.status.partition(":")  # of files of version 0.6
+        now = {"verified": COMPLETE, "not verified": INCOMPLETE}.get(first, first)
+        object.__setattr__(self, "status", f"{now}{colon}{reason}")
 
     @property
     def verified(self) -> bool:
         """Whether it is complete: nothing known says that a lower value is elsewhere."""
         return self.status == COMPLETE
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether the search was interrupted; files of versions before 0.6 say so in the reason."""
-        return INTERRUPTED in self.status
 
 
 @brief
@@ -125,15 +118,14 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         Of the whole answer: the curves, the marches in time and the peaks with more harmonics.
     settings : mapping
     model_hash : str
-    convergence : Convergence or None
-        The peak at the optimum with more harmonics.
     lower_bound : (n,) float, m
-        Highest response found at a preload without a value, NaN where there is a value or nothing was found (everywhere in
-        files of versions before 0.3).
+        Highest response found at a preload without a value, NaN where there is a value or nothing was found.
     goes_on : (n,) bool
         Whether the highest point lies on one smooth branch with that of the preload before, by their tangents.
     kind : tuple of str
         Of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty without a value.
+    convergence : Convergence or None
+        The peak at the optimum with more harmonics.
     curves : tuple of Curve
         The whole curves that the values are from, and those between them that the search for the optimum took, by rising
         preload; followed coarsely, and without their unknowns.
@@ -152,15 +144,15 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     shares: Shares
     residual: Numbers
     unknowns: NDArray
-    status: Annotated[Statuses, Quantity()]
+    status: Annotated[tuple[str, ...], Quantity()]
     free: Limit
     stuck: Limit
     optimum: OptimumPoint
     cost: Cost
+    lower_bound: Metres
+    goes_on: NDArray
+    kind: Kinds
     convergence: Convergence | None = None
-    lower_bound: Metres = field(default_factory=lambda: np.empty(0))
-    goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
-    kind: Kinds = ()
     curves: tuple[Curve, ...] = ()
     no_steady_below: float = 0.0
     margins: tuple[MarginCurve, ...] = ()
@@ -169,14 +161,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         "optimum", "kept", "least_in_time", "convergence", "free", "stuck", "ratio", "stuck_shift_percent",
         "margins", "detached",
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        if not self.goes_on.size:
-            object.__setattr__(self, "goes_on", np.append(False, np.isfinite(self.amplitude[1:] + self.amplitude[:-1])))
-        if not self.kind:
-            object.__setattr__(self, "kind", tuple("peak" if np.isfinite(a) else "" for a in self.amplitude))
-        if not self.lower_bound.size:
-            object.__setattr__(self, "lower_bound", np.full(len(self.preload), np.nan))
 
     def __len__(self) -> int:
         return len(self.preload)
@@ -189,7 +173,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     @property
     def interrupted(self) -> bool:
         """Whether the search was interrupted: the curve holds what was known by then."""
-        return self.optimum.interrupted
+        return INTERRUPTED in self.optimum.status  # which files of version 0.6 have in the reason
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -126,7 +126,7 @@ def across(
     moves = np.empty((len(sides), len(points), 2), complex)
     tangent = np.empty((len(points), 2), complex)
     for i, (point, unit) in enumerate(zip(points, scale)):
-        y, first = point.y, system.first_harmonic(point.y)
+        y, first = point.y, system.rows.value(point.y)
         dy = np.zeros((len(sides), len(y)))
         for _ in range(2):  # the second time at the ends of the first move: modes that change do not go past an event
             ends = [(y + high.step * d * unit, y + low.step * d * unit) for (high, low), d in zip(sides, dy)]
@@ -134,9 +134,9 @@ def across(
             dy = dy + system.solve_linear(y, point.tangent, unit, np.pad(-np.array(right), ((0, 0), (0, 1))))
         for j, ((high, low), d) in enumerate(zip(sides, dy * unit)):
             explicit = _rate(high, low, high.first(y), low.first(y))
-            moves[j, i] = d[-1] / (2.0 * np.pi), explicit + system.first_harmonic(y + d) - first
+            moves[j, i] = d[-1] / (2.0 * np.pi), explicit + system.rows.value(y + d) - first
         along = point.tangent * unit
-        tangent[i] = along[-1] / (2.0 * np.pi), system.first_harmonic(y + along) - first
+        tangent[i] = along[-1] / (2.0 * np.pi), system.rows.value(y + along) - first
     values = [value for _, value in families.values()]
     return {
         name: CurveSensitivity(name, value, move[:, 0].real, move[:, 1], tangent)
@@ -244,7 +244,7 @@ class _Beside:
         return self.system.residual(self.factors * y)
 
     def first(self, y: NDArray) -> complex:
-        return complex(self.system.first_harmonic(self.factors * y))
+        return complex(self.system.rows.value(self.factors * y))
 
     def amplitude(self, y: NDArray) -> float:
         return abs(self.first(y))
@@ -294,14 +294,14 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
         G, G_0 = (b.G.reshape(-1, b.n_modes) for b in (basis, other))
         own, shared, all_ = (np.einsum("pm,pm->m", a.conj(), b) for a, b in ((G, G), (G, G_0), (G_0, G_0)))
         same = (np.abs(shared) ** 2 > (1.0 - parallel) * own.real * all_.real) & (own.real > 0.0)
-        for places in system.slices(l)[: 1 + (l > 0)]:
+        for places in system.layout.slices(l)[: 1 + (l > 0)]:
             out[places] = np.where(same, shared.real / np.where(same, own.real, 1.0), 1.0)
     return out
 
 
 def _adjoint(system: Equations, peak: Peak) -> NDArray:
     """(n_unknowns,) change of the amplitude at the peak with each of the residuals, for the other sign."""
-    gradient, square = system.squared_gradient(peak.y)
+    gradient, square = system.rows.squared_gradient(peak.y)
     gradient /= np.sqrt(square)
     return system.solve_linear(peak.y, peak.tangent, peak.scale, (gradient * peak.scale)[None], transposed=True)[0, :-1]
 

@@ -83,13 +83,6 @@ class Conditions:
         if self.temperature is not None and self.friction is None:
             raise SettingError("temperature: expected friction with it, a function or table of temperature, found none")
 
-    @staticmethod
-    def of(given: Mapping[str, Any]) -> Conditions:
-        """The conditions given by name, an error for other names."""
-        for name in given:
-            validate.choice("conditions over speed", name, Conditions.__dataclass_fields__)
-        return Conditions(**given)
-
     def __repr__(self) -> str:  # the same from run to run
         def named(value: object) -> str:
             return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
@@ -134,19 +127,6 @@ class Conditions:
 def preload_at(problem: Problem, omega: float) -> float:
     """Preload (N) of the damper's mass at a rotor speed (rad/s), 0 in a study whose damper is not loaded."""
     return centrifugal_load(problem.model) * omega**2 if problem.carries_load else 0.0
-
-
-def own_preload(problem: Problem) -> float:
-    """Preload (N) of a problem at a rotor speed.
-
-    Raises
-    ------
-    SettingError
-        If it is not at a speed.
-    """
-    if problem.settings.speed is None:
-        raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found one without")
-    return preload_at(problem, problem.settings.speed)
 
 
 Speeds = Sequence[float] | NDArray | float
@@ -205,7 +185,7 @@ def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | No
     SettingError
         If no free body carries a load, or a table does not reach the speed.
     """
-    return under(problem, asked_speeds(problem, omega, rpm, validate.number), Conditions.of(conditions))
+    return under(problem, asked_speeds(problem, omega, rpm, validate.number), Conditions(**conditions))
 
 
 def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:

@@ -7,7 +7,7 @@ equations of the harmonic balance at one preload are ``system(preload)``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, replace
+from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,7 @@ from bdamper.contact.own_law import OwnLaws
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, assembly_offsets, scaled_state, static_state
 from bdamper.contact.residual_modes import ResidualModes, joined
-from bdamper.contact.stiffness import Contact, check_method, report
+from bdamper.contact.stiffness import Contact, check_method
 from bdamper.contact.wedge import WedgeFriction, wedge_friction
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.system import Sector
@@ -39,7 +39,6 @@ from bdamper.model.loads import Excitation, Response, direction_vector
 from bdamper.model.model import ContactStiffness, Model
 from bdamper.problem.effects import Effects
 from bdamper.problem.loads import approach, at_points, carried, gaps, normal_loads
-from bdamper.problem.parts import part
 from bdamper.problem.settings import Settings, check_history
 from bdamper.problem.stiffness import contact_of
 from bdamper.util import validate
@@ -62,11 +61,10 @@ class Problem:
 
     settings: Settings
     _given: InitVar[Mapping[str, Any] | None] = None
-    parts: dict[str, Any] = field(init=False, repr=False, compare=False)
-    """What has been made so far, by name (``bdamper.problem.parts.part``)."""
 
     def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
-        object.__setattr__(self, "parts", dict(_given or {}))
+        for name, part in (_given or {}).items():
+            object.__setattr__(self, name, part)
         _ = self.modal_bases  # the nodal diameters that the harmonics need
         _ = self.point_gaps
         self._check_stiffness()
@@ -124,8 +122,9 @@ class Problem:
         return Problem(replace(self.settings, **settings))
 
     def given(self, **parts: Any) -> Problem:
-        """The same problem with parts that were made elsewhere, by name."""
-        return Problem(self.settings, self.parts | parts)
+        """The same problem with parts that were made elsewhere, by name, and its own others as far as they are made."""
+        made = {name: part for name, part in vars(self).items() if name not in ("settings", "_sectors")}
+        return Problem(self.settings, made | parts)
 
     def with_effects(self, effects: Effects) -> Problem:
         """The same problem with other effects."""
@@ -133,12 +132,12 @@ class Problem:
 
     # ---- parts, made once ----
 
-    @part
+    @cached_property
     def static_states(self) -> dict[tuple[float, ...], PreloadState]:
         """Static states so far, by preload and load history."""
         return {}
 
-    @part
+    @cached_property
     def coupling(self) -> Coupling:
         """The model with the retained modes and interfaces."""
         bodies = {
@@ -153,7 +152,7 @@ class Problem:
         model, kept = completed(model, self.settings.places, *modes)
         return Coupling(model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.single_basis)
 
-    @part
+    @cached_property
     def body_loads(self) -> Mapping[str, float] | None:
         """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times radius."""
         if self.settings.speed is None:
@@ -161,7 +160,7 @@ class Problem:
         arms = centrifugal_arms(self.model)
         return {name: arm / next(iter(arms.values())) for name, arm in arms.items()}
 
-    @part
+    @cached_property
     def static_basis(self) -> HarmonicBasis:
         """Modes of the static state."""
         return self._with_residual(self.coupling.basis(0), 0)
@@ -173,7 +172,7 @@ class Problem:
         own = residual.basis(harmonic)
         return joined(basis, replace(own, omega2=float(self.settings.contact_stiffness_factor) * own.omega2))
 
-    @part
+    @cached_property
     def modal_bases(self) -> list[HarmonicBasis]:
         """Modes of the bodies for each harmonic, from the mean on."""
         return [
@@ -181,7 +180,7 @@ class Problem:
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
 
-    @part
+    @cached_property
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
         bases = [
@@ -198,7 +197,7 @@ class Problem:
         own = self._damper_drag
         return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
 
-    @part
+    @cached_property
     def _damper_drag(self) -> dict[Coordinate, float]:
         ratio, drag = (self.settings.by_body(name) for name in ("damper_damping_ratio", "damper_drag"))
         if not (any(ratio.values()) or any(drag.values())):
@@ -207,7 +206,7 @@ class Problem:
         springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
         return damper_drag(self.model, self.static_basis, springs, ratio, drag)
 
-    @part
+    @cached_property
     def friction(self) -> NDArray:
         """(n_points,) friction coefficients."""
         mu = np.zeros(self.coupling.n_points)
@@ -216,7 +215,7 @@ class Problem:
             mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, *faces, united_mean)
         return mu
 
-    @part
+    @cached_property
     def contact(self) -> Contact:
         """Contact stiffness by the method asked for, with residual modes if it has any."""
         return contact_of(self.settings, self.coupling, self.friction)
@@ -231,7 +230,7 @@ class Problem:
         except (ModelError, SettingError):  # no stiffness at all, which an analysis says
             return "residual_modes"
 
-    @part
+    @cached_property
     def stiffness(self) -> dict[str, ContactStiffness]:
         """Contact stiffness of each interface."""
         factor = float(self.settings.contact_stiffness_factor)
@@ -241,29 +240,23 @@ class Problem:
         made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
         return made | {name: law.springs(len(made[name].stiffness)) for name, law in own.items()}
 
-    @part
+    @cached_property
     def own_laws(self) -> OwnLaws | None:
         """Contact laws of the user's own at the points, if there are any."""
         own = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
         return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps) if own else None
 
-    @property
-    def stiffness_report(self) -> str:
-        """Range of the contact stiffness and use of fallback rules, for each interface."""
-        lines = [report(name, contact) for name, contact in self.stiffness.items()]
-        return "\n".join([*lines, self.contact.note] if self.contact.note else lines)
-
-    @part
+    @cached_property
     def point_stiffness(self) -> NDArray:
         """(n_points, 3) contact stiffness along t1, t2, n, N/m."""
         return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
 
-    @part
+    @cached_property
     def point_gaps(self) -> NDArray:
         """(n_points,) initial distance of the surfaces, m; negative for interference, none where a load is given."""
         return gaps(self.coupling, self.settings)
 
-    @part
+    @cached_property
     def point_laws(self) -> NDArray:
         """(n_points,) law of each contact point."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
@@ -275,23 +268,23 @@ class Problem:
             law[rows] = value if value in (LAW_BONDED, LAW_USER) else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
         return law
 
-    @part
+    @cached_property
     def bonded_points(self) -> NDArray:
         """(n_points,) bool: points of linear springs."""
         return self.point_laws == LAW_BONDED
 
-    @part
+    @cached_property
     def tangential_stiffness(self) -> NDArray:
         """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is neither friction nor bond."""
         return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
 
-    @part
+    @cached_property
     def friction_points(self) -> NDArray:
         """(n_points,) bool: points of friction interfaces, whatever their coefficient."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
 
-    @part
+    @cached_property
     def damper_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) per newton of preload, and motion (n_points, 3) of the points that the modes do not
         carry."""
@@ -302,7 +295,7 @@ class Problem:
         loads = normal_loads(self.coupling, self.settings, "loads")
         return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "loads")
 
-    @part
+    @cached_property
     def fixed_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) and motion (n_points, 3) of the points that the preload does not change."""
         own = self.settings.fixed_loads or {}
@@ -329,7 +322,7 @@ class Problem:
         forces = self.settings.excited[harmonic]
         return np.sum([(along @ self.location_modes(at, harmonic)).conj() * force for at, along, force in forces], axis=0)
 
-    @part
+    @cached_property
     def response_rows(self) -> list[NDArray]:
         """(n_modes,) rows that give the response, for each harmonic from the mean on."""
         return self.rows_at(self.settings.response_location)
@@ -346,7 +339,7 @@ class Problem:
 
     # ---- static ----
 
-    @part
+    @cached_property
     def _unloaded(self) -> StaticSystem:
         """The static contact problem without any load."""
         return StaticSystem(
@@ -364,13 +357,13 @@ class Problem:
             own=self.own_laws,
         )
 
-    @part
+    @cached_property
     def static_system(self) -> StaticSystem:
         """The same under the loads."""
         (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
         return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
 
-    @part
+    @cached_property
     def _surfaces(self) -> dict[str, Any]:
         """What static states say of their contact points, whatever the load."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
@@ -430,7 +423,7 @@ class Problem:
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
         return preload
 
-    @part
+    @cached_property
     def carries_load(self) -> bool:
         """Whether the preload loads anything along a motion that the study has."""
         return carried(self.coupling, self.settings, self.body_loads)
@@ -446,10 +439,14 @@ class Problem:
     # ---- harmonic balance ----
 
     @property
+    def layout(self) -> Layout:
+        """Places of the harmonics among the unknowns of the harmonic balance."""
+        return Layout(np.array([basis.n_modes for basis in self.bases]))
+
+    @property
     def n_unknowns(self) -> int:
         """Number of unknowns of the harmonic balance."""
-        n = [len(b.omega2) for b in self.bases]
-        return n[0] + 2 * sum(n[1:])
+        return self.layout.n_unknowns
 
     @cached_property
     def _sectors(self) -> dict[float, Sector]:
@@ -493,7 +490,7 @@ class Problem:
             )
         state = self.equilibrium(preload)
         load, constant = self.damper_load[0], self.fixed_load[0]
-        layout = Layout(np.array([basis.n_modes for basis in self.bases]))
+        layout = self.layout
         force, mean = np.zeros(layout.n_unknowns), layout.slices(0)[0]
         force[mean] = (state.load * load + constant)[mean]
         for harmonic, e in forces.items():

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.equations import Layout
 from bdamper.model.loads import Direction, Response
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -120,5 +119,5 @@ def response_at(problem: Problem, result: SomeResult, location: str, direction: 
     """
     places = [name for name, at in problem.model.locations.items() if at.kind is None]
     rows = problem.rows_at(Response(validate.choice("location", location, sorted(places)), direction))
-    unknowns, layout = unknowns_of(problem, result), Layout(np.array([basis.n_modes for basis in problem.bases]))
-    return np.stack([layout.amplitudes(unknowns, l) @ row for l, row in enumerate(rows)], axis=-1)
+    unknowns = unknowns_of(problem, result)
+    return np.stack([problem.layout.amplitudes(unknowns, l) @ row for l, row in enumerate(rows)], axis=-1)

@@ -6,8 +6,9 @@ stiffness, friction law, preload history, harmonics of the response.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from typing import Annotated, Any, get_type_hints
 
@@ -433,7 +434,7 @@ class Settings:
         out["contact_stiffness"] = _stiffness_setting(stiffness_method)
         if options is not None:
             out["continuation"] = options
-        settings: dict[str, Any] = _plain(out)
+        settings: dict[str, Any] = json.loads(json.dumps(out, default=_plain))
         return settings
 
 
@@ -474,18 +475,14 @@ def _stiffness_setting(given: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Settings as they stand in a file: numbers, texts, lists and mappings of these."""
+    """What JSON does not know among settings, in numbers, texts, lists and mappings of these."""
     if isinstance(value, ContactLaw):
         return value.record()
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     if isinstance(value, complex):
         return [value.real, value.imag]
-    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+    return dict(value) if isinstance(value, Mapping) else asdict(value)
 
 
 def check_history(name: str, history: Sequence[float]) -> tuple[float, ...]:

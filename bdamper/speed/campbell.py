@@ -186,7 +186,7 @@ def campbell(
         crossings = isinstance(item, SweepResult) and {"speed", "mass"} <= {*item.quantities}
         validate.that(crossings, "damped", "crossings, as Study.crossings returns them", item)
         validate.require(item.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one")
-    given = Conditions.of(conditions)
+    given = Conditions(**conditions)
     bases = [item for body in problem.model.bodies.values() if body.kind == "constrained" for item in body.bases.items()]
     found = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
     diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]

@@ -36,7 +36,7 @@ from bdamper.util import validate
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import enter_former
-from bdamper.util.status import COMPLETE, FAILED, INCOMPLETE, NOT_FOUND, NOT_RUN, current, word
+from bdamper.util.status import COMPLETE, FAILED, INCOMPLETE, NOT_FOUND, NOT_RUN, word
 
 AROUND = (0.03, 0.01, 0.003)
 """Ranges, relative, around a highest point at which interpolation leaves too much, one after the other: tables over speed
@@ -204,7 +204,7 @@ def crossings(
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
-    given = Conditions.of(conditions)
+    given = Conditions(**conditions)
     named = given.values(values.tolist(), orders)  # what tables do not reach is told before any work
     if margin is not None:
         validate.instance("margin", margin, LeastMargin)
@@ -221,7 +221,7 @@ def _of_0_6(group: h5py.Group) -> dict[str, Any]:
     texts = {name: json.loads(group[was][()]) for name, was in (("kind", "kind"), ("warning", "warnings"))}
     over = {"damper_mass": group["mass_factor"][()].tolist(), "engine_order": group["engine_order"][()].tolist()}
     masses = len(set(over["damper_mass"]))
-    answers = numbers | texts | {"kind": [current(kind, "") for kind in texts["kind"]]}
+    answers = numbers | texts
     return {
         "names": tuple(over),
         "points": tuple(dict(zip(over, row)) for row in zip(*over.values())),

@@ -72,7 +72,7 @@ def run_up(
     BdamperError
         If there is no crossing in the range.
     """
-    given = Conditions.of(conditions)
+    given = Conditions(**conditions)
     everywhere = np.clip(given.reach(int(problem.engine_order)), *WITHIN)
     if speeds is not None or rpm is not None:
         speeds = asked_speeds(problem, speeds, rpm)

@@ -49,11 +49,12 @@ from scipy.linalg import expm
 from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
 from bdamper.contact.own_law import refuse
 from bdamper.continuation.curve import Curve
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector
 from bdamper.problem.problem import Problem
-from bdamper.stability.disturbances import TWO_PI, WaveDisturbances, cycles, rests
+from bdamper.stability.disturbances import WaveDisturbances, cycles, rests
 from bdamper.stability.in_time import judged_in_time
 from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate

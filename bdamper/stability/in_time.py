@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
-from bdamper.stability.disturbances import TWO_PI, rests
+from bdamper.continuation.follower import TWO_PI
+from bdamper.stability.disturbances import rests
 from bdamper.stability.march import AGREES, BOUNDS, UNDECIDED
 from bdamper.stability.settled import march_from, verified
 from bdamper.stability.time_integration import MarchFailed, Ring

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_NORMAL
-from bdamper.continuation.curve import Curve
+from bdamper.continuation.curve import Curve, crossed
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
-from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import March, to_come
 from bdamper.stability.time_integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.util import validate
@@ -211,10 +211,7 @@ class Levels:
 
     def at(self, frequency: float) -> NDArray:
         """All solutions at a frequency, the highest first."""
-        f, a = self.frequency - frequency, self.amplitude
-        across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & (np.diff(self.branch) == 0))
-        share = f[across] / (f[across] - f[across + 1])
-        return np.sort(a[across] + share * (a[across + 1] - a[across]))[::-1]
+        return np.sort(crossed(self.frequency, self.amplitude, frequency, np.diff(self.branch) == 0)[1])[::-1]
 
     def start(self, frequency: float) -> NDArray:
         """Unknowns of the point of the highest level next to a frequency, of any level where the curve has a gap."""
@@ -458,10 +455,7 @@ def kept(
     sides = [levels.side(sign) for sign in (1.0, -1.0)]
     width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
     near = np.abs(curve.frequency - top.frequency) <= width
-    found = Marched(
-        *(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, settings=problem.record(),
-        model_hash=problem.model.hash,
-    )  # fmt: skip
+    found = Marched(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
     part = "" if curve.complete else f"there may be a higher peak, as the curve is {curve.status}"
     if not _opens(problem, curve, near) and not any(near[f.index] for f in curve.folds):
         return replace(found, status=because(INCOMPLETE, part) if part else COMPLETE, cost=Cost(**watch.read()))

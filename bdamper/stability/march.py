@@ -141,17 +141,14 @@ class March:
     @property
     def blades(self) -> NDArray:
         """(n_periods, n_blades) complex: harmonic of the excitation of all blades, m."""
-        return self._all[:, :, 1]
-
-    @property
-    def _all(self) -> NDArray:
-        return np.array(self.harmonics)
+        return np.array(self.harmonics)[:, :, 1]
 
     @property
     def response(self) -> NDArray:
         """(n_periods, n_harmonics + 1) complex response of that blade, m, with the phases of the first blade."""
         turn = 2.0 * np.pi * self.blade * self.ring.wave / self.ring.n
-        return np.asarray(self._all[:, self.blade] * np.exp(-1j * turn * np.arange(self._all.shape[2])))
+        own = np.array(self.harmonics)[:, self.blade]
+        return np.asarray(own * np.exp(-1j * turn * np.arange(own.shape[1])))
 
     @property
     def blade(self) -> int:

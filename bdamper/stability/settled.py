@@ -153,8 +153,7 @@ def settle(
         frequency = float(np.mean(start.gap))
     u = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
     march = march_from(ring_of(problem, start.preload), u, 2.0 * np.pi * frequency, steps_per_period)
-    recorded = {"settings": problem.record(), "model_hash": problem.model.hash}
-    return settled(march, start.preload, periods, progress, **recorded)
+    return settled(march, start.preload, periods, progress, **problem.recorded())
 
 
 @one_thread
@@ -205,5 +204,4 @@ def verify(
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i])
     steps = BOUNDS.steps if steps_per_period is None else steps_per_period
     march = march_from(ring_of(problem, curve.preload), u, omega, steps)
-    recorded = {"settings": problem.record(), "model_hash": problem.model.hash}
-    return verified(march, system.response(u), curve.preload, tolerance, periods, progress, **recorded)
+    return verified(march, system.response(u), curve.preload, tolerance, periods, progress, **problem.recorded())

@@ -33,11 +33,11 @@ from numpy.typing import NDArray
 from bdamper import _core
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, Sampled
 from bdamper.contact.residual_modes import RESIDUAL
+from bdamper.continuation.follower import TWO_PI
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.problem.problem import Problem
-from bdamper.stability.disturbances import TWO_PI
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, SettingError
@@ -225,7 +225,7 @@ class Ring:
         for harmonic, basis in enumerate(self.system.structure.bases):
             if len(basis.omega2):
                 l, reversed_ = self._family(harmonic)
-                out, a = np.zeros(self.n_coordinates, complex), self.system.amplitudes(np.asarray(u), harmonic)
+                out, a = np.zeros(self.n_coordinates, complex), self.system.layout.amplitudes(np.asarray(u), harmonic)
                 out[where[l]] = self._turns[harmonic] @ (a.conj() if reversed_ else a)
                 yield -harmonic if reversed_ else harmonic, out
 
@@ -515,5 +515,5 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
     contact, others = problem.contact, wide.contact.residual  # point springs are those of the problem's own first harmonic
     if contact.residual is not None and others is not None:
         others = replace(others, flexibility=contact.residual.flexibility, _bases={})
-    wide.parts["contact"] = replace(contact, residual=others)
+    wide = wide.given(contact=replace(contact, residual=others))
     return Ring(system, N, order, wide=wide.system(preload), wide_order=across)

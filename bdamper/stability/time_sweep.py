@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.slow_sweep import Jump
 from bdamper.continuation.track import check_curve, track
 from bdamper.problem.problem import Problem
-from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.kept import Levels
 from bdamper.stability.march import BOUNDS, March
 from bdamper.stability.time_integration import ring_of
@@ -124,11 +124,6 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
 
     def _turns(self, memories: float) -> int:
         return max(1, round(memories * self.memory * float(self.frequency.mean())))
-
-    @property
-    def seconds(self) -> float:
-        """Wall-clock time in all."""
-        return self.cost.seconds
 
     def bottom_line(self) -> str:
         f, a = self.highest

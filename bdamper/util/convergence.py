@@ -10,7 +10,7 @@ import numpy as np
 from bdamper.util.cost import Cost
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, Status
+from bdamper.util.status import COMPLETE
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
 from bdamper.util.text import amount, percent
 
@@ -92,7 +92,7 @@ class Convergence(Plottable, Tabular):
     peaks: tuple[HarmonicPeak, ...]
     meetings: tuple[Meeting, ...] = ()
     limit: str = ""
-    status: Status = COMPLETE
+    status: str = COMPLETE
     cost: Cost = field(default_factory=Cost)
     _told = ("preload", "status", "meetings")
 

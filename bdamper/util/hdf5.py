@@ -24,7 +24,6 @@ import numpy as np
 
 from bdamper.util.errors import BdamperError, shortened
 from bdamper.util.marks import declarations
-from bdamper.util.status import Translated
 from bdamper.util.versions import HERE, Versions
 
 FilePath = str | os.PathLike[str]
@@ -259,13 +258,7 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
         elif item is not None:
             text = h5py.check_string_dtype(item.dtype) is not None
             found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
-    return cls(**_translated(cls, found))
-
-
-def _translated(cls: Any, found: dict[str, Any]) -> dict[str, Any]:
-    """Fields of a result in today's words for statuses."""
-    marks = {name: own.mark(Translated) for name, own in declarations(cls).items() if name in found}
-    return found | {name: mark.read(found[name]) for name, mark in marks.items() if mark is not None}
+    return cls(**found)
 
 
 def typed(hint: object, value: object) -> Any:
@@ -290,7 +283,7 @@ def _typed(hint: Any, value: Any) -> Any:
     if is_dataclass(hint):
         hints = get_type_hints(hint)
         known = {name: _typed(hints[name], item) for name, item in value.items() if name in hints}
-        return hint(**_translated(hint, known))  # type: ignore[operator]
+        return hint(**known)  # type: ignore[operator]
     if origin in (Union, UnionType):  # such as int | tuple[int, ...]
         return tuple(value) if isinstance(value, list) else value
     if isinstance(hint, type) and issubclass(hint, tuple):  # a named one

@@ -18,31 +18,11 @@ an answer is one of these.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
 
 COMPLETE, INCOMPLETE, HELD, NOT_FOUND = "complete", "incomplete", "held", "not found"
 INTERRUPTED, FAILED, NOT_RUN = "interrupted", "failed", "not run"
 
 WORDS = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
-
-BEFORE = {
-    "converged": COMPLETE,
-    "crossing": COMPLETE,
-    "done": COMPLETE,
-    "followed": COMPLETE,
-    "scanned": COMPLETE,
-    "settled": COMPLETE,
-    "verified": COMPLETE,
-    "bracket not narrowed further": INCOMPLETE,
-    "jump": INCOMPLETE,
-    "lower bound": INCOMPLETE,
-    "not verified": INCOMPLETE,
-    "still moving": INCOMPLETE,
-    "undecided": INCOMPLETE,
-    "no start": NOT_FOUND,
-}
-"""Words of versions up to 0.5, and what they are called now."""
 
 
 def word(status: str) -> str:
@@ -53,38 +33,6 @@ def word(status: str) -> str:
 def because(what: str, reason: object = "") -> str:
     """A status with its reason."""
     return f"{what}: {reason}" if str(reason) else what
-
-
-def current(status: str, otherwise: str = NOT_FOUND) -> str:
-    """A status in the words above, whichever version has written it.
-
-    Parameters
-    ----------
-    status : str
-    otherwise : str
-        The word for a status that is none of those known, which then is its reason; empty where that stays as it is.
-    """
-    first, colon, reason = status.partition(":")
-    if first in BEFORE:
-        return f"{BEFORE[first]}{colon}{reason}"
-    return status if first in WORDS or not otherwise else because(otherwise, status)
-
-
-@dataclass(frozen=True)
-class Translated:
-    """Marks a field with statuses, which are read from files of earlier versions in the words above."""
-
-    otherwise: str = NOT_FOUND
-
-    def read(self, value: str | tuple[str, ...]) -> str | tuple[str, ...]:
-        """One status or several, from a file."""
-        return (
-            current(value, self.otherwise) if isinstance(value, str) else tuple(current(s, self.otherwise) for s in value)
-        )
-
-
-Status = Annotated[str, Translated()]
-Statuses = Annotated[tuple[str, ...], Translated()]
 
 
 def all_complete(statuses: Sequence[str]) -> bool:

@@ -13,7 +13,7 @@ from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, HELD, Status
+from bdamper.util.status import COMPLETE, HELD
 from bdamper.util.text import amount, height
 
 
@@ -70,7 +70,7 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     response: NDArray
     climbs: NDArray
     sweep_frequency: NDArray
-    status: Status
+    status: str
     reason: str
     residual: float
     unknowns: NDArray

@@ -13,7 +13,7 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, word
+from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, all_complete, word
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 from bdamper.util.text import amount
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
@@ -191,11 +191,11 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     springs: Numbers
     error: Numbers
     tuned_amplitude: NDArray
-    status: Annotated[Statuses, Quantity(name="run")]
+    status: Annotated[tuple[str, ...], Quantity(name="run")]
     audited: NDArray
     audit_share: float
     curve_amplitude: Metres
-    curve_status: Annotated[tuple[str, ...], Translated("")]
+    curve_status: tuple[str, ...]
     processor: Seconds
     curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)

@@ -288,7 +288,7 @@ def uphill(system: WheelSystem, y: NDArray, tangent: NDArray | None, scale: NDAr
         if (bent > 0.0 or bracket < 0.5) and (rest < GAIN or abs(step) < LEAST):
             return place
         heights = np.abs(system.structure.responses(place.y[:-1])[:, 1])
-        own = float(abs(system.first_harmonic(place.y)))
+        own = float(abs(system.rows.value(place.y)))
         if known and bent > 0.0 and own * (1.0 + 4.0 * rest) < 0.98 * heights.max():
             return place
         before, tried = slope, float(np.clip(step, -longest, longest))

@@ -11,7 +11,7 @@ from bdamper.accuracy import converge as room
 from bdamper.effects.indicator import embed
 from bdamper.harmonic_balance.equations import OK
 from bdamper.masses import Contact, lumped
-from bdamper.peaks.newton import ANOTHER, Peak, peak_of_sign, peak_scale, sign_of_jacobian
+from bdamper.peaks.newton import ANOTHER, Peak, peak_of_sign, sign_of_jacobian
 from bdamper.util.convergence import Convergence, HarmonicPeak, Meeting
 from tests import models
 from tests.plain import plain_study
@@ -104,7 +104,7 @@ class TestPeaks:
         beside, asked = peak_of_sign, []
 
         def near_only(system, y, sign, **ways):
-            missing = sum(not np.any(system.amplitudes(y[:-1], l)) for l in range(2, system.n_harmonics + 1))
+            missing = sum(not np.any(system.layout.amplitudes(y[:-1], l)) for l in range(2, system.n_harmonics + 1))
             asked.append((system.n_harmonics, missing))
             return ("too far", 0) if missing > 2 else beside(system, y, sign, **ways)
 
@@ -287,7 +287,7 @@ def test_fourteen_and_fifteen_harmonics_of_the_turbine_blade(blade):
         richer = blade.with_(harmonics=n).problem
         system = richer.system(103.6)
         guess = embed(problem, richer, 103.6, y)
-        c = system.correct_at(guess[:-1], guess[-1], peak_scale(system, guess, guess[-1]), 1e-9, 40, 2)
+        c = system.correct_at(guess[:-1], guess[-1], system.units(guess, guess[-1]), 1e-9, 40, 2)
         assert c.status == OK and c.orientation == 1
         y, problem = c.y, richer
         known.append(1e6 * abs(system.response(y[:-1])[1]))

@@ -142,7 +142,7 @@ class TestBoucWen:
         marched = ring.march(motion, omega, 512, 30)
         assert abs(marched.harmonics[-1, 0, 1]) == pytest.approx(curve.amplitude[top], rel=5e-4)
         lost = energies(system, u, omega)
-        assert lost.contact.sum() + lost.damping == pytest.approx(lost.excitation, rel=1e-8)
+        assert lost["contact"].sum() + lost["damping"] == pytest.approx(lost["excitation"], rel=1e-8)
 
 
 def test_a_sweep_in_time_is_that_of_our_friction():

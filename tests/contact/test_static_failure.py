@@ -52,10 +52,6 @@ def test_a_curve_has_no_start(study, options):
     assert study.track(LAST, INTERVAL).complete
 
 
-def test_branches_are_looked_for_from_other_loads_that_have_a_state(study):
-    assert study.track(LAST, INTERVAL, search_branches=True).complete
-
-
 def test_a_peak_is_not_that_of_another_load(study):
     with pytest.raises(bd.BdamperError, match=r"no peak found at 800 N .* no equilibrium beyond 500 N"):
         study.peak(800.0, INTERVAL)

@@ -4,13 +4,14 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.continuation.coverage import Coverage, Piece
-from bdamper.continuation.path import Path, PathPoint
+from bdamper.continuation.path import Path
+from bdamper.harmonic_balance.equations import OK, Correction
 
 
 def test_a_piece_that_is_not_the_first_is_dropped_where_the_last_one_arrives():
     def piece(start, end, branch):
         ends = (np.array([0.1, 0.2, w]) for w in (start, end))
-        points = tuple(PathPoint(y, y, np.ones(3), np.ones(3), 0.0, 1, 0, "regular") for y in ends)
+        points = tuple(Correction(OK, y, y, np.ones(3), 1, 0.0, 0) for y in ends)
         return Piece(Path(points, "complete", "", 1, 0), True, branch, False)
 
     search = object.__new__(Coverage)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.events import point_of
 from bdamper.continuation.follower import Follower, follow
-from bdamper.continuation.path import ContinuationOptions, PathPoint
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency
 from tests.plain import plain_study
@@ -19,23 +18,20 @@ class Equations:
 
     n_mean, n_unknowns, watched, n_harmonics, supported, spent = 0, 1, (), 1, False, False
 
-    def vibration(self, y):
-        return InFrequency(self.n_mean).vibration(y)
+    @property
+    def measure(self):
+        return InFrequency(self.n_mean)
 
-    def units(self, y, vibration, width):
-        return InFrequency(self.n_mean).units(y, vibration, width)
-
-    place = InFrequency(0).place
-
-    def first_harmonic(self, y):
-        return complex(y[self.n_mean])
+    @property
+    def rows(self):
+        return self
 
     def squared_gradient(self, y):
         return y[self.n_mean] * np.eye(len(y))[self.n_mean], y[self.n_mean] ** 2
 
     def solve(self, y, condition, scale, tolerance, max_iterations, line_search=False, reach=0.0):
         if not isinstance(condition, Plane):
-            return Correction(NOT_CONVERGED, y, condition.tangent, 0, np.inf, 0.0, 0)
+            return Correction(NOT_CONVERGED, y, condition.tangent, scale, 0, np.inf, 0)
         y, n, normal = np.array(y, float), self.n_unknowns, condition.normal
         right = np.append(np.zeros(n), 1.0)
         for iterations in range(max_iterations):
@@ -45,12 +41,12 @@ class Equations:
                 t = np.linalg.solve(A, right)
                 t /= np.linalg.norm(t)
                 sign = int(np.sign(np.linalg.det(np.vstack([A[:n], t]))))
-                return Correction(OK, y, t, iterations, float(np.abs(r).max()), 1.0, 0, orientation=sign)
+                return Correction(OK, y, t, scale, iterations, float(np.abs(r).max()), 0, orientation=sign)
             step = np.linalg.solve(A, np.append(r, 0.0))
             if reach and np.linalg.norm(step) > reach:
                 break
             y = y - scale * step
-        return Correction(NOT_CONVERGED, y, np.zeros(n + 1), max_iterations, np.inf, 0.0, 0)
+        return Correction(NOT_CONVERGED, y, np.zeros(n + 1), scale, max_iterations, np.inf, 0)
 
     def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
         return self.solve(np.append(u, omega), Plane(np.eye(self.n_unknowns + 1)[-1]), scale, tolerance, max_iterations)
@@ -85,7 +81,7 @@ def test_a_part_of_the_curve_that_runs_the_other_way_is_refused():
     assert scale[-1] == 1.0
     first = system.correct_at(start[:-1], 10.0, scale, 1e-12, 5)
     follower.sign = first.orientation
-    here = point_of(replace(first, y=start), scale)
+    here = replace(first, y=start)
     found, why = follower.try_step(here, step)
     assert found.status == OK
     assert found.orientation == -first.orientation
@@ -169,8 +165,8 @@ def test_a_solution_half_a_step_from_its_prediction_is_refused(off, refused):
     system = FarAtTheEnd(0.0)
     follower = Follower(system, (9.0, 11.0), ContinuationOptions())
     y, tangent, scale = np.array([1.0, 10.0]), np.array([0.0, 1.0]), np.ones(2)
-    system.solve = lambda guess, *_, **__: Correction(OK, guess + [off * step, 0.0], tangent, 1, 0.0, 1.0, 0)
-    why = follower.try_step(point_of(Correction(OK, y, tangent, 0, 0.0, 1.0, 0), scale), step)[1]
+    system.solve = lambda guess, *_, **__: Correction(OK, guess + [off * step, 0.0], tangent, scale, 1, 0.0, 0)
+    why = follower.try_step(Correction(OK, y, tangent, scale, 0, 0.0, 0), step)[1]
     assert (why == "solution far from its prediction") == refused
 
 
@@ -179,9 +175,9 @@ def test_a_path_closes_only_through_its_first_point(beside, closes):
     """A branch that runs beside its first point at a twentieth of the step is another turn of it."""
     follower = Follower(FarAtTheEnd(0.0), (9.0, 11.0), ContinuationOptions())
     first = np.array([1.0, 10.0])
-    follower.points = [PathPoint(first, np.array([0.0, 1.0]), np.ones(2), np.zeros(3), 0.0, 1, 0)]
+    follower.points = [Correction(OK, first, np.array([0.0, 1.0]), np.ones(2), 1, 0.0, 0)]
     before, after = first + [0.1 * beside, -0.05], first + [0.1 * beside, 0.05]
-    new = Correction(OK, after, np.array([0.0, 1.0]), 1, 0.0, 1.0, 0)
+    new = Correction(OK, after, np.array([0.0, 1.0]), np.ones(2), 1, 0.0, 0)
     assert follower._closes(before, new) == closes
 
 

@@ -2,7 +2,24 @@
 
 import numpy as np
 
-from bdamper.continuation.rattle import FOLDS, OPEN, rattles
+from bdamper.continuation.rattle import FOLDS, OPEN
+from bdamper.continuation.rattle import rattles as sign_of
+
+
+class Points:
+    """A curve given point by point."""
+
+    def __init__(self, frequency, amplitude, share_open, branch=None):
+        self.frequency, self.amplitude = np.asarray(frequency, float), np.asarray(amplitude, float)
+        self.branch = np.zeros(len(self.frequency)) if branch is None else branch
+        self.shares = np.outer(share_open, [0.0, 0.0, 1.0])
+
+    def __len__(self):
+        return len(self.frequency)
+
+
+def rattles(*points, at_rest=0.0):
+    return sign_of(Points(*points), at_rest)
 
 
 def zigzag(folds):

@@ -152,9 +152,9 @@ class TestCurve:
             ends = []
             for system in (family(found.value + step), family(found.value - step)):
                 y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
-                scale = system.units(y, system.vibration(y), 100.0)
+                scale = system.units(y, 100.0)
                 c = system.correct_at(y[:-1], y[-1], scale, 1e-10, 12)
-                ends += [system.first_harmonic(c.y)] if c.status == 0 else []
+                ends += [system.rows.value(c.y)] if c.status == 0 else []
             if len(ends) == 2:  # near a fold there may be no solution beside
                 difference = (ends[0] - ends[1]) / (2.0 * step)
                 compared.append(abs(found.at_frequency[i] / difference - 1.0))
@@ -173,13 +173,13 @@ class TestCurve:
         compared = {}
         for i in range(1, len(curve) - 1):
             y, before, after = (np.append(curve.unknowns[k], 2.0 * np.pi * curve.frequency[k]) for k in (i, i - 1, i + 1))
-            scale = system.units(y, system.vibration(y), np.pi * np.ptp(curve.frequency))
+            scale = system.units(y, np.pi * np.ptp(curve.frequency))
             chord = (after - before) / scale
             c = system.solve(y, Plane(chord / np.linalg.norm(chord)), scale, 1e-10, 12)
             ends = [family(found.value + d).solve(c.y, Plane(c.tangent), scale, 1e-10, 12) for d in (step, -step)]
             if all(end.status == 0 for end in ends):
                 moved = (ends[0].y - ends[1].y) / (2.0 * step)
-                expected = np.array([moved[-1] / (2.0 * np.pi), system.first_harmonic(moved)])
+                expected = np.array([moved[-1] / (2.0 * np.pi), system.rows.value(moved)])
                 error = np.abs(np.array([found.frequency[i], found.response[i]]) - expected) / np.abs(expected)
                 compared[i] = error.max()
         assert len(compared) > 0.9 * len(curve) and np.median(list(compared.values())) < 1e-5
@@ -198,8 +198,8 @@ class TestCurve:
                 edges = []
                 for f, a in zip(frequency[i], amplitude[i]):
                     y = np.append(curve.unknowns[i], 2.0 * np.pi * f)
-                    c = system.correct_at(y[:-1], y[-1], system.units(y, system.vibration(y), 100.0), 1e-10, 12)
-                    edges.append(abs(abs(system.first_harmonic(c.y)) / a - 1.0) if c.status == 0 else np.inf)
+                    c = system.correct_at(y[:-1], y[-1], system.units(y, 100.0), 1e-10, 12)
+                    edges.append(abs(abs(system.rows.value(c.y)) / a - 1.0) if c.status == 0 else np.inf)
                 miss.append(min(edges))
             misses.append(np.median(miss))
         assert misses[1] < misses[0] / 8.0

@@ -11,7 +11,7 @@ import bdamper as bd
 from bdamper.contact.laws import LAW_CONSTANT
 from bdamper.contact.preload import OPEN
 from bdamper.continuation.mean_position import notes, why_no_solution
-from bdamper.continuation.path import PathPoint
+from bdamper.harmonic_balance.equations import OK, Correction
 from bdamper.model.coarsening import group_patches, unite_contact_points
 from bdamper.problem.problem import stuck_springs
 from tests import models
@@ -84,7 +84,7 @@ def embedded(cheap, rich, u, study):
     out = np.zeros(rich.n_unknowns)
     out[: rich.n_mean] = study.static(PRELOAD).q
     for l in range(cheap.n_harmonics + 1):
-        for a, b in zip(cheap.slices(l), rich.slices(l)):
+        for a, b in zip(cheap.layout.slices(l), rich.layout.slices(l)):
             if a.stop > a.start:
                 out[b] = u[a]
     return out
@@ -321,7 +321,7 @@ def test_modes_of_a_system_are_those_of_its_points(full):
     u = np.random.default_rng(6).normal(size=system.n_unknowns)
     X, _, _ = system.contact(u)
     for l in range(1, 4):
-        motion = np.einsum("pim,m->pi", system.structure.bases[l].G, system.amplitudes(u, l))
+        motion = np.einsum("pim,m->pi", system.structure.bases[l].G, system.layout.amplitudes(u, l))
         np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
 
 
@@ -423,7 +423,7 @@ def test_residual_modes_are_no_bodies_that_walk(full):
     moved = y.copy()
     moved[next(k for k, c in enumerate(coordinates) if c.body not in model.bodies)] = 1.0
     points = [
-        PathPoint(p, np.zeros_like(p), np.ones_like(p), np.zeros(3), 0.0, 1, 0, kind)
+        Correction(OK, p, np.zeros_like(p), np.ones_like(p), 1, 0.0, 0, kind=kind)
         for p, kind in ((y, "regular"), (moved, "drift"))
     ]
     assert "kg^1/2 m" in notes(system, model, coordinates, points)[0]

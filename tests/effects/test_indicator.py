@@ -72,8 +72,8 @@ def test_embedding_keeps_what_both_have(full, changes):
     z = embed(cheap.problem, full.problem, 40.0, y)
     assert z[-1] == 5000.0
     for l in range(1, a.n_harmonics + 1):
-        old = dict(zip(a.structure.bases[l].coordinates, a.amplitudes(y[:-1], l)))
-        new = dict(zip(b.structure.bases[l].coordinates, b.amplitudes(z[:-1], l)))
+        old = dict(zip(a.structure.bases[l].coordinates, a.layout.amplitudes(y[:-1], l)))
+        new = dict(zip(b.structure.bases[l].coordinates, b.layout.amplitudes(z[:-1], l)))
         assert {c: new[c] for c in old} == old
         assert all(value == 0.0 for c, value in new.items() if c not in old)
     mean = z[: b.n_mean] - full.static(40.0).q

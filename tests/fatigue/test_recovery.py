@@ -96,7 +96,7 @@ def test_stuck_stress_is_that_of_the_whole_finite_element_model(fe, model, rows,
     found = study.stress(peak).coefficients[..., 1]
     error = np.linalg.norm(found - true, axis=1) / np.linalg.norm(true, axis=1)
     assert error.max() < allowed
-    q = study.problem.system(PRELOAD).amplitudes(peak.y[:-1], 1)[:10]
+    q = study.problem.system(PRELOAD).layout.amplitudes(peak.y[:-1], 1)[:10]
     bare = np.linalg.norm(own.stress["blade"].modes[5][..., :10] @ q - true, axis=1) / np.linalg.norm(true, axis=1)
     assert bare[0] > 0.03 and bare[4] > 0.5  # airfoil above the root, shank
 

@@ -27,7 +27,7 @@ def test_case_01_start_at_zero_motion_without_penetration():
     assert neutral_directions(system, s.problem.bases[0].coordinates, np.append(rest, 2 * np.pi * 250.0))
     # the chain does not start there, but from the static state, where all six are held
     system, state = s.problem.system(200.0), s.static(200.0)
-    start = system.pack(state.q, np.zeros(len(s.problem.bases[1].omega2)))
+    start = system.layout.pack(state.q, np.zeros(len(s.problem.bases[1].omega2)))
     r, J, _ = system.evaluate(start, 2 * np.pi * 250.0)
     assert np.linalg.svd(J[:, rigid], compute_uv=False)[-1] > 1e-6 * np.abs(J[:, rigid]).max()
     assert np.abs(r[: system.n_mean] * system.row_scale[: system.n_mean]).max() < 1e-8

@@ -25,7 +25,7 @@ def two_oscillators(n_harm, **settings):
 
 
 def followed(system, low, high, springs, **options):
-    start = np.append(system.pack(np.zeros(system.n_mean), system.structure.linear.response(low, springs)), low)
+    start = np.append(system.layout.pack(np.zeros(system.n_mean), system.structure.linear.response(low, springs)), low)
     return follow(system, start, (low, high), options=ContinuationOptions(**options))
 
 

@@ -53,7 +53,7 @@ class State:
         plain = study.problem.system(preload)
         self.omega = 2 * np.pi * rng.uniform(*interval)
         state = study.static(preload)
-        u = plain.pack(state.q, plain.structure.linear.response(self.omega, stuck_springs(study.problem, state)))
+        u = plain.layout.pack(state.q, plain.structure.linear.response(self.omega, stuck_springs(study.problem, state)))
         u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
         self.u = u
         self.name = TURN[seed % len(TURN)]

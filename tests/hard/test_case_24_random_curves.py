@@ -107,7 +107,7 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
 
     ring = Ring(system, study.model.n_blades, study.settings.engine_order)
     steps = 512
-    rest = system.pack(state.q[: system.n_mean], np.zeros(len(system.structure.bases[1].omega2)))
+    rest = system.layout.pack(state.q[: system.n_mean], np.zeros(len(system.structure.bases[1].omega2)))
     motion = ring.start(rest, omega, steps)
     mean = next(part for l, part, *_ in ring.blocks if l == 0)
     seat = np.eye(2 * ring.n_coordinates)[mean][np.asarray(system.structure.bases[0].omega2) == 0.0]

@@ -188,7 +188,6 @@ def test_case_20_very_stiff_normal_contact():
     result = system.correct_at(np.zeros(system.n_unknowns), 0.8, scale, 1e-9, 200, True)
     assert result.status == 0
     assert result.residual < 1e-9
-    assert 0.0 < result.condition < 1.0
 
 
 def test_memory_of_ten_thousand_points_at_five_harmonics():

@@ -50,7 +50,7 @@ def test_at_exponent_zero_stands_the_jacobian(curve):
     _, J, _ = s.evaluate(u, 2000.0)
 
     def exponential(v):
-        parts = [s.amplitudes(v, abs(l)) * (1.0 if l == 0 else 0.5) for l in range(-3, 4)]
+        parts = [s.layout.amplitudes(v, abs(l)) * (1.0 if l == 0 else 0.5) for l in range(-3, 4)]
         return np.concatenate([p.conj() if l < 3 else p for l, p in enumerate(parts)])
 
     D = WaveDisturbances(s, u, 2000.0).matrix(np.zeros(1))[0]

@@ -67,7 +67,7 @@ def equations(request):
 
 def derivative(system, function, y, i):
     """Central difference, extrapolated once, with steps in the units of the point."""
-    size = 1e-5 * system.units(y, system.vibration(y), y[-1])[i]
+    size = 1e-5 * system.units(y, y[-1])[i]
 
     def slope(h):
         step = h * np.eye(len(y))[i]
@@ -89,10 +89,10 @@ def test_derivatives_are_those_of_the_residual(equations):
 
 def test_the_gradient_is_that_of_half_the_squared_response(equations):
     system, y = equations
-    gradient, square = system.squared_gradient(y)
-    np.testing.assert_allclose(square, system.squared_gradient(y)[1])
+    gradient, square = system.rows.squared_gradient(y)
+    np.testing.assert_allclose(square, system.rows.squared_gradient(y)[1])
     for i in {system.n_mean, system.n_unknowns - 1, int(np.argmax(np.abs(gradient))), len(y) - 1}:
-        expected = derivative(system, lambda x: 0.5 * system.squared_gradient(x)[1], y, i)
+        expected = derivative(system, lambda x: 0.5 * system.rows.squared_gradient(x)[1], y, i)
         assert gradient[i] == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(gradient).max())
 
 
@@ -116,16 +116,16 @@ def test_rows_give_the_response_and_the_gradient_where_they_change_with_speed():
 
 def test_the_places_of_harmonics_fill_the_unknowns(equations):
     system, y = equations
-    places = [np.arange(len(y))[part] for l in range(system.n_harmonics + 1) for part in system.slices(l)]
+    places = [np.arange(len(y))[part] for l in range(system.n_harmonics + 1) for part in system.layout.slices(l)]
     assert np.concatenate(places).tolist() == list(range(system.layout.n_unknowns))
     assert len(system.response(y[: system.layout.n_unknowns])) == system.n_harmonics + 1
 
 
 def test_units_are_positive_and_a_place_is_words(equations):
     system, y = equations
-    scale = system.units(y, system.vibration(y), 5.0)
+    scale = system.units(y, 5.0)
     assert scale.shape == y.shape and (scale > 0.0).all() and np.isfinite(scale).all()
-    assert system.place(float(y[-1])).split()[1] in ("Hz", "m")
+    assert system.measure.place(float(y[-1])).split()[1] in ("Hz", "m")
 
 
 def test_a_budget_ends_corrections_and_belongs_to_a_copy(equations):
@@ -150,8 +150,8 @@ def test_a_solution_is_found_again_at_once(equations):
     if isinstance(structure, Sector | Family):
         sector = structure if isinstance(structure, Sector) else structure.sectors[1]
         stuck = sector.linear.response(OMEGA, stuck_springs(disk().problem, state))
-        y = np.append(system.pack(state.q, 1e-3 * stuck), y[-1])
-    scale = system.units(y, max(system.vibration(y), 1e-9), 1.0)
+        y = np.append(system.layout.pack(state.q, 1e-3 * stuck), y[-1])
+    scale = system.units(y, 1.0)
     found = system.solve(y, Fixed(), scale, 1e-8, 60, 2)
     assert found.status == OK and found.y[-1] == y[-1] and system.error(found.y) <= 1e-8
     again = system.solve(found.y, Fixed(), scale, 1e-8, 60, 2)

@@ -56,7 +56,7 @@ def test_all_losses_are_balanced():
         friction = np.pi * (l * (F[..., 1::2] * X[..., 2::2] - F[..., 2::2] * X[..., 1::2])).sum()
         omega, power = TWO_PI * mode.frequency[i], np.zeros(2)
         for k in l:
-            basis, a = system.structure.bases[k], np.abs(system.amplitudes(mode.unknowns[i], k)) ** 2
+            basis, a = system.structure.bases[k], np.abs(system.layout.amplitudes(mode.unknowns[i], k)) ** 2
             power += np.pi * k**2 * omega * np.array([a @ basis.mass, a @ basis.damping])
         given = 2.0 * omega * mode.damping_ratio[i] * power[0]
         assert friction + power[1] == pytest.approx(given, rel=1e-9), i

@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.peaks.newton import FAR, PeakOptions, find_peak, peak_scale, rounding, same_peak
+from bdamper.peaks.newton import FAR, PeakOptions, find_peak, rounding, same_peak
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
@@ -56,7 +56,7 @@ def test_the_search_leaves_a_minimum_uphill(curvature):
     i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
     y, after = (np.append(curve.unknowns[k], 2 * np.pi * curve.frequency[k]) for k in (i, i + 1))
     system = study.problem.system(18.94)
-    scale = peak_scale(system, y, abs(after[-1] - y[-1]))
+    scale = system.units(y, abs(after[-1] - y[-1]))
     found = find_peak(system, y, scale=scale, curvature=curvature)
     assert found.converged
     assert found.curvature < 0.0

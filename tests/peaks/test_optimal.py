@@ -16,7 +16,7 @@ from bdamper.peaks import optimal, sensitivity
 from bdamper.peaks.highest import AtPreload, Highest, maxima
 from bdamper.peaks.interval import free_and_stuck, linear_peak, resonance_interval
 from bdamper.peaks.least import CORNER
-from bdamper.peaks.newton import amplitude_at, coarse_options, find_peak, peak_scale, slope_along
+from bdamper.peaks.newton import amplitude_at, coarse_options, find_peak, slope_along
 from bdamper.problem.variation import vary
 from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
@@ -287,7 +287,7 @@ class TestNewtonToThePeak:
         y = np.append(curve.unknowns[i], 2 * np.pi * curve.frequency[i])
         chord = np.append(curve.unknowns[i + 1], 2 * np.pi * curve.frequency[i + 1]) - y
         system = study.problem.system(18.94)
-        scale = peak_scale(system, y, abs(chord[-1]))
+        scale = system.units(y, abs(chord[-1]))
         chord = chord / scale
         c = system.solve(y, PeakThere(chord / np.linalg.norm(chord), -1.0, 1e-8, 0.1), scale, 1e-10, 15)
         assert c.status != 0 or abs(system.response(c.y[:-1])[1]) > 1.01 * a[i]
@@ -491,9 +491,8 @@ def test_a_picture_marks_what_is_not_known(result):
     mpl.use("Agg")
     gap = np.isin(np.arange(len(result)), [1, 5])
     amplitude, bound = np.where(gap, np.nan, result.amplitude), np.where(np.arange(len(result)) == 1, 1e-4, np.nan)
-    curve = replace(
-        result, amplitude=amplitude, lower_bound=bound, goes_on=np.empty(0)
-    )
+    onward = np.append(False, np.isfinite(amplitude[1:] + amplitude[:-1]))
+    curve = replace(result, amplitude=amplitude, lower_bound=bound, goes_on=onward)
     for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="incomplete: lost")), "w")):
         ax = shown.plot()[0]
         labels = ax.get_legend_handles_labels()[1]

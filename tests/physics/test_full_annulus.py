@@ -185,7 +185,7 @@ def spread(one, u, wave, n, flip=False):
     """Unknowns (or residual) of one sector, repeated around the annulus."""
     out = np.empty(n * (2 * H + 1))
     for l in range(H + 1):
-        q = one.amplitudes(u, l)
+        q = one.layout.amplitudes(u, l)
         # the mean of the annulus is the real wave of nodal diameter 0
         x = wave(l) @ q
         if l == 0:

@@ -176,8 +176,8 @@ class TestScaling:
         # and exactly: the shifted motion solves the shifted equations
         u = y[:-1].copy()
         for l in range(1, 4):
-            c, s = system.slices(l)
-            q = system.amplitudes(u, l) * np.exp(1j * l * shift)
+            c, s = system.layout.slices(l)
+            q = system.layout.amplitudes(u, l) * np.exp(1j * l * shift)
             u[c], u[s] = q.real, -q.imag
         r, _, _ = late.problem.system(60.0).evaluate(u, omega)
         assert np.abs(r * system.row_scale).max() < 1e-9

@@ -31,14 +31,14 @@ def test_drag_takes_the_power_of_a_force_on_the_moving_body(plain):
     u, omega = curve.unknowns[0], 2 * np.pi * curve.frequency[0]
     # the energy balance holds, and without the damping of blades it is that of the force -drag v on the translation
     balance = energies(study.problem.system(2000.0), u, omega)
-    assert balance.excitation == pytest.approx(balance.damping + balance.contact.sum(), rel=1e-8)
+    assert balance["excitation"] == pytest.approx(balance["damping"] + balance["contact"].sum(), rel=1e-8)
     body = study.model.bodies["damper"]
     motion = rigid_motion(study, u).vibratory[0]  # m and rad about principal axes
     rotation = rigid_motion(study, u).modal_vibratory[0, 3:]
     force = np.pi * omega * drag * (np.abs(motion[:3]) ** 2).sum()
     moment = np.pi * omega * drag / body.mass * (np.abs(rotation) ** 2).sum()
-    blades = energies(plain.problem.system(2000.0), u, omega).damping
-    assert balance.damping - blades == pytest.approx(force + moment, rel=1e-10)
+    blades = energies(plain.problem.system(2000.0), u, omega)["damping"]
+    assert balance["damping"] - blades == pytest.approx(force + moment, rel=1e-10)
 
 
 def test_a_ratio_is_that_of_a_motion_on_the_closed_contacts(plain):
@@ -107,7 +107,7 @@ def test_the_jacobian_has_it(plain):
     _, J, r_omega = system.evaluate(u, omega)
     without = plain.problem.system(2000.0)
     _, J0, r0 = without.evaluate(u, omega)
-    c, s = system.slices(1)
+    c, s = system.layout.slices(1)
     change = np.zeros_like(J)
     drag = (system.structure.bases[1].damping - without.structure.bases[1].damping) * omega
     change[c, s], change[s, c] = np.diag(drag), -np.diag(drag)

@@ -80,7 +80,7 @@ def test_two_engine_orders_in_the_balance_of_a_bonded_contact(study):
     u = -np.linalg.solve(jacobian, r)
     springs = both.problem.point_stiffness * both.problem.bonded_points[:, None]
     for harmonic in (1, 2):
-        close(system.amplitudes(u, harmonic), system.structure.linear.response(omega, springs, harmonic))
+        close(system.layout.amplitudes(u, harmonic), system.structure.linear.response(omega, springs, harmonic))
 
 
 def test_the_response_at_other_places_needs_no_other_solution(study):

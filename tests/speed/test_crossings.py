@@ -201,7 +201,7 @@ def test_the_equations_along_the_line_are_those_of_each_speed(line):
     errors = [float(np.abs(difference(h, residual) - by_line).max()) for h in (0.05, 0.15, 0.5)]
     assert min(errors) <= 1e-8 * np.abs(by_line).max(), errors
     assert not np.allclose(by_line, there.evaluate_at(y)[2], rtol=1e-2, atol=0.0), "speed changes more than frequency"
-    gradient, square = equations.squared_gradient(y)
+    gradient, square = equations.rows.squared_gradient(y)
     assert square == pytest.approx(2.0 * height(y[-1]), rel=1e-12)
     assert gradient[-1] == pytest.approx(difference(0.5, height), rel=1e-6) and gradient[-1] != 0.0
 
@@ -220,7 +220,7 @@ def test_interpolated_equations_are_those_of_a_speed(line):
 
 def test_the_top_is_stationary_with_the_rows_of_each_speed(line):
     equations, top = line[1][0], line[1][2].peak
-    gradient, square = equations.squared_gradient(top.y)
+    gradient, square = equations.rows.squared_gradient(top.y)
     assert abs(gradient @ (top.tangent * top.scale)) / square <= 2e-8 * abs(top.curvature)
 
 

@@ -121,7 +121,7 @@ def test_a_tuned_wheel_has_the_waves_of_the_study(harmonics):
     np.testing.assert_allclose(system.structure.responses(wave)[0], rows, rtol=1e-9, atol=1e-12 * np.abs(rows).max())
     for blade in (0, 4):
         own = system.structure.responses(found.y[:-1])[blade, 1]
-        assert of_blade(system, blade).first_harmonic(found.y) == pytest.approx(own)
+        assert of_blade(system, blade).rows.value(found.y) == pytest.approx(own)
 
 
 def test_the_static_state_of_dampers_that_are_alike_is_that_of_the_study():
