@@ -60,16 +60,12 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
     """The response at one frequency, from nothing."""
 
     def solve(study: bd.Study, preload: float, interval: tuple[float, float]) -> Answer:
-        y, _ = find_start(study.problem, preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), _meter())
+        y, _ = find_start(study.problem, preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), CostMeter())
         if y is None:
             return np.nan, np.nan
         return float(abs(study.problem.system(preload).response(y[:-1])[1])), frequency
 
     return solve
-
-
-def _meter() -> CostMeter:
-    return CostMeter(time.perf_counter())
 
 
 def samples(separation: bool) -> AccuracyCost:
@@ -224,7 +220,7 @@ def jacobians() -> str:
     for n in (1, 3, 5):
         study = reference_study(harmonics=n)
         system = study.problem.system(PRELOAD)
-        y, _ = find_start(study.problem, PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), _meter())
+        y, _ = find_start(study.problem, PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), CostMeter())
         assert y is not None
         u, omega = y[:-1], float(y[-1])
         size = np.abs(u).max()
@@ -268,7 +264,7 @@ def time_integration() -> str:
         seconds = []
         for _ in range(REPEATS):
             begin = time.process_time()
-            y, _ = find_start(rung.problem, PRELOAD_9, omega, bd.ContinuationOptions(), _meter())
+            y, _ = find_start(rung.problem, PRELOAD_9, omega, bd.ContinuationOptions(), CostMeter())
             seconds.append(time.process_time() - begin)
         assert y is not None
         balance.append((n, float(abs(rung.problem.system(PRELOAD_9).response(y[:-1])[1])), float(np.median(seconds))))

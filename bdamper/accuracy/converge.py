@@ -91,7 +91,7 @@ def converge(
     asked = [validate.whole("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
     validate.require(asked == sorted(set(asked)) and asked, "harmonics", "rising numbers", asked)
     own = problem.harmonic_numbers[-1]
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     most, limit = _most(problem, peak.frequency, max(own, asked[-1]))
     problems, limit = _richer(problem, sorted({min(n, most) for n in asked if n > own} - {own}), limit)
     found, status = [HarmonicPeak(own, peak.amplitude, peak.frequency)], COMPLETE
@@ -112,7 +112,7 @@ def converge(
                 break
     status = INTERRUPTED if work.interrupted else status
     return Convergence(
-        peak.parameter, tolerance, tuple(found), meetings, limit, status, meter.read(time.perf_counter())
+        peak.parameter, tolerance, tuple(found), meetings, limit, status, meter.read()
     )  # fmt: skip
 
 

@@ -8,7 +8,6 @@ preload of each speed, as a slow run-up passes it.  Each is a point of a sweep o
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -114,12 +113,12 @@ class CrossingTask:
     named: tuple[Any, ...] = ()
 
     def __call__(self, problem: Problem, preload: float | None) -> dict[str, Any]:
-        meter = CostMeter(time.perf_counter())
+        meter = CostMeter()
         found = self._found(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
         found["warning"] = "; ".join([*found["warning"], *(f"neglected: {note}" for note in neglected)])
         mass = next(b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
-        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | found | {"cost": meter.read(time.perf_counter())}
+        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | found | {"cost": meter.read()}
 
     def _found(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
         """The answers without those that are NaN, and warnings as a list."""

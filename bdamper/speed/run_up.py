@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -78,7 +77,7 @@ def run_up(
         speeds = asked_speeds(problem, speeds, rpm)
     asked = speed_values(next((r for r in (speeds, within) if r is not None), everywhere))
     mode = validate.whole("mode", mode, least=1)
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     family = SpeedFamily(problem, given)
     low, high = float(asked[0]), float(asked[-1])
     holds = interval(family, low, high, mode)
@@ -97,7 +96,7 @@ def run_up(
     fixed = at_fixed_speed(equations, found.peak, meter)
     out = _with_maximum(curve, found.index, top, responses(equations, top.y[None])[0])
     notes = _beside(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
-    return replace(out, notes=(*curve.notes, *notes), cost=meter.read(time.perf_counter()))
+    return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
 
 
 def _with_maximum(curve: Curve, index: int, top: Peak, harmonics: NDArray) -> Curve:

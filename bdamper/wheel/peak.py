@@ -13,7 +13,6 @@ and falls from those that were marched within a hundred periods (``Wheel.kept``)
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from itertools import product
 from math import tau
@@ -138,7 +137,7 @@ def peak(
         only with springs on the mean of dampers, ``springs`` of their stiffness when stuck, or only on the reduced wheel;
         and "not found", the amplitude NaN, if no local search converges.  Peaks beyond the band do not count.
     """
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     if frequency is not None:
         frequency = validate.interval("frequency", frequency)
@@ -179,7 +178,7 @@ def peak(
         error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
         interval=(low, high),
         unknowns=np.zeros(equations.whole.structure.shape) if system is None or u is None else system.structure.array(u),
-        cost=meter.read(time.perf_counter()),
+        cost=meter.read(),
         **wheel.record(),
     )
 

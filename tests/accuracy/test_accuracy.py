@@ -177,7 +177,7 @@ def test_work_is_counted_by_sizes(study, place):
     assert curve.cost.work == pytest.approx(float(np.dot(kinds, counts)) / 1e6, rel=1e-12)
     sampled = study.with_(evaluation=bd.Sampled(64)).problem.system(place[0])
     assert sampled.work[0] == pytest.approx(points * (120e3 + 64 * 1.2e3) / 1e6)
-    both = CostMeter(0.0)
+    both = CostMeter()
     both.add(curve.cost)
     both.watch(system)
     system.evaluate(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0])

@@ -53,7 +53,7 @@ def test_a_crossing_is_the_highest_point_of_the_line(study, found):
     assert run.speed[run.peak.index] == pytest.approx(value["speed"], rel=1e-7)
     assert run.peak.amplitude == pytest.approx(value["amplitude"], rel=1e-9)
     family = SpeedFamily(study.problem, Conditions())
-    top = exact(family, follow_line(family, (400.0, 560.0), 1, CostMeter(0.0))[2].peak)[0]
+    top = exact(family, follow_line(family, (400.0, 560.0), 1, CostMeter())[2].peak)[0]
     lower = []
     for part in (-4e-4, -2e-4, 2e-4, 4e-4):
         speed = top.parameter * (1.0 + part)
@@ -157,7 +157,7 @@ def line(study):
         turning_disk((0, 5), spin=True), study.excitation, 5, friction_coefficient=0.3, contact_stiffness="residual_modes"
     )
     family = SpeedFamily(turning.problem, Conditions(**OVER_SPEED))
-    return family, follow_line(family, (440.0, 500.0), 1, CostMeter(0.0))
+    return family, follow_line(family, (440.0, 500.0), 1, CostMeter())
 
 
 def test_the_response_along_the_line_is_that_of_each_speed(line):
