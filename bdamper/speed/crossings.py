@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.follower import TWO_PI
-from bdamper.design.sweep import SweepResult, sweep
+from bdamper.design.sweep import SweepResult, sweep, sweep_fields
 from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.harmonic_balance.equations import Equations
@@ -221,14 +221,9 @@ def _of_0_6(group: h5py.Group) -> dict[str, Any]:
     over = {"damper_mass": group["mass_factor"][()].tolist(), "engine_order": group["engine_order"][()].tolist()}
     masses = len(set(over["damper_mass"]))
     answers = numbers | texts | {"kind": [current(kind, "") for kind in texts["kind"]]}
-    return {
-        "names": tuple(over),
-        "points": tuple(dict(zip(over, row)) for row in zip(*over.values())),
-        "values": tuple(dict(zip(answers, row)) for row in zip(*answers.values())),
-        "status": tuple(kind if word(kind) in (FAILED, NOT_RUN) else COMPLETE for kind in texts["kind"]),
-        "seconds": np.array([cost["seconds"] for cost in json.loads(group["cost"][()])]),
-        "shape": (masses, len(texts["kind"]) // masses),
-    }
+    status = [kind if word(kind) in (FAILED, NOT_RUN) else COMPLETE for kind in texts["kind"]]
+    fields = sweep_fields(over, answers, status, np.array([cost["seconds"] for cost in json.loads(group["cost"][()])]))
+    return fields | {"shape": (masses, len(status) // masses)}
 
 
 enter_former("bdamper-crossings", "lines_", SweepResult, _of_0_6)
