@@ -412,16 +412,15 @@ def on_page(text: str, name: str) -> AccuracyCost:
     head, *rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
     varied = tuple(column.replace(" ", "_") for column in head[:-3])
     (richest,) = (row for row in rows if row[-3] == "richest")
-    own = ["3", "24", "10"] if name == "combined" else []  # default settings
     runs = []
     for *values, error, milliseconds, _ in rows:
         poorer = [n for n, value, best in zip(varied, values, richest) if value != best]
-        part = "the study" if values == own else poorer[0] if len(poorer) == 1 else "combination"
+        part = poorer[0] if len(poorer) == 1 else "combination"
         known = {"richest": 0.0, "not known": np.nan}
         number, seconds = known[error] if error in known else float(error), float(milliseconds) / 1e3
         runs.append(Run("richest" if error == "richest" else part, tuple(values), 1.0, 1.0, number, seconds))
     runs.sort(key=lambda r: (r.part != "richest", [-int("0" + re.sub(r"\D", "", value)) for value in r.values]))
-    return AccuracyCost(name, PRELOAD, INTERVAL, 0.05 if name == "combined" else SHOWN, varied, tuple(runs), ())
+    return AccuracyCost(name, PRELOAD, INTERVAL, 0.05 if name == "combined" else SHOWN, varied, tuple(runs))
 
 
 def draw(name: str, given: AccuracyCost) -> None:

@@ -36,14 +36,14 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
-from bdamper.util.text import aligned, amount, percent, spaced
+from bdamper.util.text import percent, spaced
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
 Solver = Callable[[Any, float, tuple[float, float]], Curve | Peak | tuple[float, float]]
 """Finds the highest peak of a study for a preload (N) and an interval of frequencies (Hz), or amplitude (m) and frequency
 (Hz) of it, not finite if none was found, or raises a BdamperError."""
-RICHEST, COMBINED, OWN = "richest", "combination", "the study"
+RICHEST, COMBINED = "richest", "combination"
 """What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
 
 
@@ -58,7 +58,7 @@ class Run:
     Parameters
     ----------
     part : str
-        "richest"; the setting in which the run is poorer than that; "combination"; or "the study" as it is.
+        "richest"; the setting in which the run is poorer than that; or "combination".
     values : tuple of str
         Of each setting that is varied.
     amplitude, frequency : float, m, Hz
@@ -97,8 +97,6 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         Settings that are varied.
     runs : tuple of Run
         The richest one first.
-    own : tuple of str
-        Values that the study itself has; empty where they are not single settings.
     settings : mapping
         Of the study.
     interrupted : bool
@@ -111,7 +109,6 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     tolerance: float
     varied: tuple[str, ...]
     runs: tuple[Run, ...]
-    own: tuple[str, ...]
     settings: dict[str, Any] = field(default_factory=dict, compare=False)
     interrupted: bool = False
 
@@ -145,32 +142,13 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     def bottom_line(self) -> str:
         best, tolerance = self.recommended, percent(self.tolerance)
         if best is self.richest:
-            return f"Nothing but the richest that was run is within {tolerance} of it."
-        return (
-            f"For {tolerance}: {_text(self.varied, best.values)}, {percent(best.error)} from the richest in "
-            f"{best.seconds / self.richest.seconds:.2g} of its time."
-        )
-
-    def _table(self) -> list[tuple[str, ...]]:
-        rows = [(*map(spaced, self.varied), "amplitude", "frequency", "error", "time", "")]
-        for r in self.runs:
-            answer = (amount(r.amplitude, "m", 4), amount(r.frequency, "Hz", 5), percent(r.error))
-            marks = [r.part] * (r.part in (RICHEST, COMBINED)) + [OWN] * (r.values == self.own)
-            marks += [f"for {percent(self.tolerance)}"] * (r is self.recommended) + [r.reason] * bool(r.reason)
-            known = answer if np.isfinite(r.amplitude) else ("not known", "", "")
-            rows.append((*r.values, *known, f"{r.seconds:.3g} s", ", ".join(marks)))
-        return rows
-
-    def details(self) -> str:
-        steps = ", ".join(f"{spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
-        lines = [
-            self.bottom_line(),
-            f"{self.quantity}, preload {self.preload:g} N, {self.interval[0]:.5g} to {self.interval[1]:.5g} Hz",
-            f"the richest itself is uncertain by its last steps: {steps}",
-            *["interrupted by the user, other runs may suffice"] * self.interrupted,
-            *aligned(self._table()),
-        ]
-        return "\n".join(lines)
+            found = f"Nothing but the richest that was run is within {tolerance} of it."
+        else:
+            ratio = best.seconds / self.richest.seconds
+            off = f"{percent(best.error)} from the richest in {ratio:.2g} of its time"
+            found = f"For {tolerance}: {_text(self.varied, best.values)}, {off}."
+        ended = " Interrupted: other runs may suffice." if self.interrupted else ""
+        return f"{found} The richest itself is uncertain by its last steps, {percent(self.uncertainty)}.{ended}"
 
 
 def _text(names: Iterable[str], values: Iterable[str]) -> str:
@@ -245,13 +223,11 @@ class _Runs:
     report: Callable[[str, int, int], None] | None = None
 
     def at(self, part: str, place: Mapping[str, int]) -> Run:
-        """Compute the study with the values at these indices."""
-        chosen = [list(values)[place[name]] for name, values in self.ladders.items()]
-        changes = [values[name] for values, name in zip(self.ladders.values(), chosen)]
-        return self.of(part, tuple(chosen), {key: v for change in changes for key, v in change.items()})
-
-    def of(self, part: str, names: tuple[str, ...], changes: Mapping[str, Any]) -> Run:
-        """One run, unless its values were run before."""
+        """The study with the values at these indices, computed unless it was before."""
+        names = tuple(list(values)[place[name]] for name, values in self.ladders.items())
+        changes: dict[str, Any] = {}
+        for values, name in zip(self.ladders.values(), names):
+            changes |= values[name]
         same = next((r for r in self.done if r.values == names), None)
         if same is not None:
             return same
@@ -330,26 +306,14 @@ def accuracy_cost(
     check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)
     top = {name: len(values) - 1 for name, values in ladders.items()}
-    own: tuple[str, ...] = ()
-    if all(list(changes) == [name] for name, values in ladders.items() for changes in values.values()):
-        own = tuple(_name(_own(problem, name)) for name in ladders)
     with stages("settings", "run") if progress else nullcontext() as runs.report, LongWork() as work:
         _search(runs, top, tolerance)
-        if own:
-            runs.of(OWN, own, {})
     if not runs.done:
         raise KeyboardInterrupt
     return AccuracyCost(
         quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"), preload, (low, high), tolerance,
-        tuple(ladders), tuple(runs.done), own, problem.record(None), work.interrupted,
+        tuple(ladders), tuple(runs.done), problem.record(None), work.interrupted,
     )  # fmt: skip
-
-
-def _own(problem: Problem, name: str) -> Any:
-    """The study's own value of a setting, as ladders count it."""
-    if name == "contact_points":
-        return problem.settings.contact_points or problem.settings.most_points
-    return problem.harmonic_numbers[-1] if name == "harmonics" else getattr(problem.settings, name)
 
 
 def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:
