@@ -232,12 +232,6 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         return int(of(self.margin))
 
     @property
-    def kept_lines(self) -> list[str]:
-        """Margin at the amplitude found in time, if known."""
-        why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
-        return [f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why)]
-
-    @property
     def critical_name(self) -> Annotated[list[str], Quantity(name="critical")]:
         """Name of the critical point at each value, empty without a solution."""
         return [self.names[k] if k >= 0 else "" for k in self.critical]
@@ -257,7 +251,9 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
         head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
         limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
-        return " ".join([f"{head}, least {worst}.", *self.kept_lines, *limit])
+        why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
+        marched = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))
+        return " ".join([f"{head}, least {worst}.", *marched, *limit])
 
 
 def margin(

@@ -12,7 +12,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, Status
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
-from bdamper.util.text import amount, percent
+from bdamper.util.text import amount, percent, span
 
 
 @dataclass(frozen=True)
@@ -145,9 +145,7 @@ class Convergence(Plottable, Tabular):
         if not others:
             return "not known with more harmonics"
         low, high = min(p.amplitude for p in others), max(p.amplitude for p in others)
-        ends = [amount(low, "m"), amount(high, "m")]
-        unit = ends[1].split()[-1]
-        heights = ends[1] if ends[0] == ends[1] else f"{ends[0].removesuffix(f' {unit}')} to {ends[1]}"
+        heights = amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
         first, last = others[0].harmonics, others[-1].harmonics
         found = f"{heights} with {first if first == last else f'{first} to {last}'}"
         if self.converged:

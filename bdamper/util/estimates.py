@@ -87,11 +87,6 @@ class ErrorEstimates(Summarised):
         return float(np.nansum([s.size for s in self.sources]))
 
     @property
-    def largest(self) -> SourceError:
-        """The source that matters most."""
-        return max(self.sources, key=lambda s: -1.0 if np.isnan(s.size) else s.size)
-
-    @property
     def unknown(self) -> tuple[str, ...]:
         """Sources without an estimate."""
         return tuple(s.source for s in self.sources if not s.known)
@@ -109,8 +104,3 @@ class ErrorEstimates(Summarised):
     def bottom_line(self) -> str:
         peak = f"{height(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
         return f"{self.line[0].upper()}{self.line[1:]} of the peak of {peak}."
-
-
-def error_line(errors: ErrorEstimates | None) -> str:
-    """Printed error of a result: one line of estimates, or that there are none."""
-    return "error not estimated" if errors is None else errors.line
