@@ -22,7 +22,6 @@ from bdamper.accuracy.estimate import missing_harmonics, with_stand_ins
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve
 from bdamper.effects.richer import ask, whole_curve
-from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import Peak
 from bdamper.problem.asked import Asking, like, problem_of
@@ -45,10 +44,6 @@ Solver = Callable[[Any, float, tuple[float, float]], Curve | Peak | tuple[float,
 (Hz) of it, not finite if none was found, or raises a BdamperError."""
 RICHEST, COMBINED = "richest", "combination"
 """What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
-
-
-QUANTITIES: dict[str, Solver] = {"curve": whole_curve, "peak": highest_peak}
-"""The highest point of a tracking curve that is complete; a scan that is, and the peak condition."""
 
 
 @dataclass(frozen=True)
@@ -158,10 +153,6 @@ def _text(names: Iterable[str], values: Iterable[str]) -> str:
 # ---- what is varied ----
 
 
-Ladder = Mapping[str, Mapping[str, Any]]
-"""Settings of the study that each value of what is varied changes, by the name of the value, from the cheapest on."""
-
-
 def ladder_values(problem: Problem, name: str) -> list[Any]:
     """Values of a setting from the cheapest to the richest, as far as the model allows."""
     if name == "harmonics":
@@ -174,21 +165,17 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
     return [n for n in (5, 10, 20) if n < most] + [min(most, 40)]
 
 
-def make_ladders(problem: Problem, vary: Any) -> dict[str, Ladder]:
-    """Values of each thing that is varied, from the cheapest to the richest; see :func:`accuracy_cost`."""
+def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
+    """Values of each setting that is varied by their names, from the cheapest to the richest; see :func:`accuracy_cost`."""
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
     validate.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
     named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
-    given: dict[str, Any] = dict(named)
-    validate.that(given, "vary", "at least one setting of a study", vary)
+    validate.that(named, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem.settings)} - {"model"}
-    for name, values in given.items():
-        several = isinstance(values, Mapping | Sequence | np.ndarray) and not isinstance(values, str) and len(values)
-        validate.that(several, f"vary '{name}'", "a sequence of values, or a mapping of names to settings", values)
-        given[name] = values if isinstance(values, Mapping) else {_name(v): {name: v} for v in values}
-        for value, changes in given[name].items():
-            validate.mapping(f"vary '{name}', {value}", changes, known, "settings of a study")
-    return given
+    for name, values in validate.mapping("vary", named, known, "settings of a study").items():
+        several = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str) and len(values)
+        validate.that(several, f"vary '{name}'", "a sequence of values", values)
+    return {name: {_name(value): value for value in values} for name, values in named.items()}
 
 
 def _name(value: Any) -> str:
@@ -216,7 +203,7 @@ class _Runs:
     """Combinations of values, each run once."""
 
     problem: Problem
-    ladders: Mapping[str, Ladder]
+    ladders: Mapping[str, Mapping[str, Any]]
     ask: Callable[[Problem], Any]
     preload: float
     done: list[Run] = field(default_factory=list)
@@ -225,9 +212,6 @@ class _Runs:
     def at(self, part: str, place: Mapping[str, int]) -> Run:
         """The study with the values at these indices, computed unless it was before."""
         names = tuple(list(values)[place[name]] for name, values in self.ladders.items())
-        changes: dict[str, Any] = {}
-        for values, name in zip(self.ladders.values(), names):
-            changes |= values[name]
         same = next((r for r in self.done if r.values == names), None)
         if same is not None:
             return same
@@ -235,7 +219,7 @@ class _Runs:
             most = sum(map(len, self.ladders.values())) - len(self.ladders) + 2  # of one setting, combined, the richest
             self.report(_text(self.ladders, names), len(self.done), max(most, len(self.done) + 1))
         try:
-            study = varied(self.problem, changes)
+            study = varied(self.problem, {n: self.ladders[n][value] for n, value in zip(self.ladders, names)})
             if study.static(self.preload).converged:
                 study.system(self.preload)
             amplitude, frequency, reason, seconds, _ = ask(study, self.ask)
@@ -253,7 +237,7 @@ def accuracy_cost(
     preload: float,
     frequency: tuple[float, float] | None = None,
     *,
-    quantity: str | Solver = "curve",
+    quantity: Solver | None = None,
     vary: str | Sequence[str] | Mapping[str, Any] | None = None,
     tolerance: float = 0.05,
     progress: bool = False,
@@ -269,13 +253,12 @@ def accuracy_cost(
     preload : float, N
     frequency : (low, high), Hz, optional
         Interval of the peak; around the first mode by default.
-    quantity : {"curve", "peak"} or callable
-        Read off a tracking curve, found by the search for the peak, or by a function of (study, preload, interval) that
-        returns amplitude (m) and frequency (Hz).
+    quantity : callable, optional
+        A function of (study, preload, interval) that returns amplitude (m) and frequency (Hz), a peak or a tracking curve;
+        by default the whole curve.
     vary : str, sequence of str or mapping, optional
         Settings and their values from the cheapest to the richest; for "harmonics", "contact_points" and "blade_modes",
-        which are varied by default, the name is enough.  Where several settings change together, a
-        mapping of names to settings replaces the values.
+        which are varied by default, the name is enough.
     tolerance : float
         Relative, on amplitude and frequency.
     progress : bool
@@ -295,10 +278,9 @@ def accuracy_cost(
     KeyboardInterrupt
         If that was interrupted.
     """
-    if not callable(quantity):
-        validate.choice("quantity", quantity, tuple(QUANTITIES))
+    validate.that(quantity is None or callable(quantity), "quantity", "a function of study, preload and interval", quantity)
     problem = problem_of(study)
-    solve = QUANTITIES[quantity] if isinstance(quantity, str) else lambda p, *place: quantity(like(study, p), *place)
+    solve = whole_curve if quantity is None else lambda p, *place: quantity(like(study, p), *place)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
     low, high = map(float, peak_interval(problem, frequency))
     ladders = make_ladders(problem, vary)
@@ -311,7 +293,7 @@ def accuracy_cost(
     if not runs.done:
         raise KeyboardInterrupt
     return AccuracyCost(
-        quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"), preload, (low, high), tolerance,
+        "curve" if quantity is None else getattr(quantity, "__name__", "peak"), preload, (low, high), tolerance,
         tuple(ladders), tuple(runs.done), problem.record(None), work.interrupted,
     )  # fmt: skip
 

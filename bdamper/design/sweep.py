@@ -67,9 +67,7 @@ class PeakTask(validate.Checked):
     mode: validate.Count = 1
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
-        at = self.preload if preload is None else preload
-        if at is None:
-            raise SettingError('preload: expected "preload" among the settings of the sweep or PeakTask(preload=...)')
+        at: Any = self.preload if preload is None else preload
         peak = highest_peak(problem_of(study), at, self.frequency, mode=self.mode)
         stick, slip, separation = (float(s) for s in peak.shares)
         amplitude, frequency = (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
@@ -284,15 +282,13 @@ def _question(
     evaluate: Any, names: Sequence[str], preload: float | None, frequency: tuple[float, float] | None, mode: int
 ) -> Task:
     """The question that is asked: the one given, or that for the highest peak."""
-    if evaluate is None:
-        if preload is None and "preload" not in names:
-            raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
-        return PeakTask(preload, frequency, mode)
-    if not callable(evaluate) or isinstance(evaluate, type):
-        raise validate.unfit("evaluate", "PeakTask(...), OptimalTask(...) or a function", evaluate)
-    if preload is not None or frequency is not None or mode != 1:
+    if evaluate is not None and (preload is not None or frequency is not None or mode != 1):
         raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
-    task: Task = evaluate
+    task: Task = PeakTask(preload, frequency, mode) if evaluate is None else evaluate
+    good = callable(task) and not isinstance(task, type)
+    validate.that(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
+    if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
+        raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
     return task
 
 

@@ -127,10 +127,8 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
         return from_rows(self.effects)
 
     def __getitem__(self, name: str) -> EffectAdvice:
-        for item in self.effects:
-            if item.name == name:
-                return item
-        raise KeyError(f"no advice on '{name}'; there is some on {[e.name for e in self.effects]}")
+        by_name = {item.name: item for item in self.effects}
+        return by_name[validate.choice("effect", name, by_name)]
 
     @property
     def left_out(self) -> tuple[str, ...]:

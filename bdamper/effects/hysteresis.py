@@ -120,7 +120,7 @@ class Hysteresis(
     gap: Annotated[Any, Quantity("m", dims=(ROW, "theta"))] = None
     response: Annotated[Any, Quantity("m", dims=("theta",))] = None
     whole: Annotated[Any, Quantity("N", dims=("theta",))] = None
-    _told = ("preload", "frequency", "amplitude", "excitation", "damping", "by_interface", "stiffness", "damping_ratio")
+    _told = ("preload", "frequency", "amplitude", "excitation", "damping", "stiffness", "damping_ratio", "by_interface")
 
     def __len__(self) -> int:
         return np.size(self.frequency)

@@ -166,9 +166,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         Of the points of the stress sets.
     critical : (n,) int
         Which of them is the critical one, -1 without a solution.
-    amplitude, mean, factor, yield_factor : (n, n_points) float
-        Pa, Pa, 1, 1; at all points.
-    counted : (n_points,) bool
+    amplitude, mean, factor : (n, n_points) float
+        Pa, Pa, 1; at all points.
     frequency, preload, speed : (n,) float, Hz, N, rad/s
     material : Material
     rule : Rule
@@ -193,8 +192,6 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     amplitude: Annotated[NDArray, Quantity("Pa", name="stress_amplitude", dims=(ROW, "location"))]
     mean: Annotated[NDArray, Quantity("Pa", name="stress_mean", dims=(ROW, "location"))]
     factor: Annotated[NDArray, Quantity(dims=(ROW, "location"))]
-    yield_factor: NDArray
-    counted: NDArray
     frequency: Hertz
     preload: Newtons
     speed: RadiansPerSecond
@@ -366,18 +363,18 @@ class LeastMargin(Rule):
         solved = Solutions(*(column[known] for column in found))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)
-        coefficients, _ = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
+        coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
         m, n = coefficients.shape[:2]
-        columns = np.full((4, len(known), n), np.nan)
-        columns[:, known] = [x.reshape(m, n) for x in self.judge(coefficients.reshape(m * n, 6, -1), self.material)]
-        amplitude, mean, factor, to_yield = columns
+        amplitude, mean, factor = np.full((3, len(known), n), np.nan)
+        for column, x in zip((amplitude, mean, factor), self.judge(coefficients.reshape(m * n, 6, -1), self.material)):
+            column[known] = x.reshape(m, n)
         counted = np.where(first.counted & known[:, None], factor, np.inf)
         critical = np.where(known, counted.argmin(axis=1), -1)
         over = "preload" if np.ndim(curve.preload) else "frequency"
         return MarginCurve(
             over=over, unit=UNITS[over], values=np.asarray(getattr(curve, over), float),
             margin=np.where(known, counted.min(axis=1), np.nan), response=np.asarray(curve.amplitude, float),
-            names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield,
-            counted=first.counted, frequency=np.asarray(found.frequency), preload=np.asarray(found.preload),
+            names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor,
+            frequency=np.asarray(found.frequency), preload=np.asarray(found.preload),
             speed=over_cycle.speeds(problem, found.frequency, self.speed), **shared,
         )  # fmt: skip

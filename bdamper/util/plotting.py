@@ -133,7 +133,7 @@ class Summarised:
         )
         single = [fact for name in own for fact in self._said(name)]
         facts += [fact for fact in single if fact.known and fact.name not in names]
-        texts = [text for name in ("notes", "warnings") for text in dict.fromkeys(getattr(self, name, ())) if text]
+        texts = list(dict.fromkeys(text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text))
         texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         if isinstance(status, tuple):

@@ -166,7 +166,6 @@ def peak(
         frequency=np.nan if top is None else float(top.at.y[-1]) / tau,
         amplitude=np.nan if top is None else top.height,
         blade=-1 if top is None else top.blade,
-        tuned_frequency=tuned.frequency,
         tuned_amplitude=tuned.amplitude,
         response=np.zeros((wheel.n_blades, 0)) if system is None or u is None else system.structure.responses(u),
         climbs=np.array([(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]).reshape(-1, 5),
