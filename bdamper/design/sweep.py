@@ -219,11 +219,12 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         if not np.isfinite(known).any():
             return f"{head}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
-        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({_as_words(self.points[k])})" for k in (i, j))
+        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in (i, j))
         return f"{head}. {spaced(name).capitalize()} from {' to '.join(ends)}."
 
 
-def _as_words(point: Mapping[str, Any]) -> str:
+def as_words(point: Mapping[str, Any]) -> str:
+    """Settings of a point with their values and units."""
     texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short(v) for n, v in point.items()}
     return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import NEW, STYLES, band, colours, highest_on, limit_line, looks, picture
+from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, looks, picture
 from bdamper.plot.table import draw_table
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
@@ -196,7 +196,8 @@ def plot_sample(
         for q, (low, value, high), style in zip(percentiles, lines[:, :, k], STYLES):
             ax.plot(x, value, **{**look, "linestyle": style})
             if preloads or q == percentiles[-1]:
-                band(ax, x, low, high, look["color"])
+                known = np.isfinite(low) & np.isfinite(high)
+                ax.fill_between(x, low, high, where=known, color=look["color"], alpha=0.15, linewidth=0.0)
             if preloads:
                 best = int(np.argmin(value))
                 ax.plot(x[best], value[best], "*", color=look["color"], markersize=9.0)

@@ -86,11 +86,10 @@ class _Equations:
     def of(cls, wheel: WheelProblem, preload: float) -> _Equations:
         whole, s = wheel.system(preload), wheel.structure
         state, n = wheel.state(preload), s.n
-        if n <= SHAPES + 1 or not wheel.structure.tuned.settings.bias:
-            return cls(whole, whole, None, state.mean[:, :n])
         omega = tau * wheel.tuned_peak(preload).frequency
-        shapes = family_shapes(s, omega)
-        if not close(s, shapes, omega):
+        large = n > SHAPES + 1 and wheel.structure.tuned.settings.bias
+        shapes = family_shapes(s, omega) if large else None
+        if shapes is None or not close(s, shapes, omega):
             return cls(whole, whole, None, state.mean[:, :n])
         excitation = np.hstack([wheel.excitation[:, :n] @ shapes, wheel.excitation[:, n:]])
         system = wheel_system(s.reduced(shapes), reduced_state(s, state, shapes), excitation, wheel.response_row @ shapes)
