@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.estimate import Richer, richer_study
+from bdamper.accuracy.estimate import richer_study
 from bdamper.peaks.highest import highest_of_curve
 from bdamper.util.estimates import SourceError
 from benchmarks import convergence_scenes
@@ -75,8 +75,11 @@ def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
     print(f"{number}: {text}, {own:.2f} s" + ("" if curve.complete else f", {curve.status}"), flush=True)
     out: list[Outcome] = []
     for source in sources if curve.complete else ():
-        richer = richer_study(study.problem, source)
-        if not isinstance(richer, Richer):
+        try:
+            richer = richer_study(study.problem, source)
+        except bd.BdamperError:
+            continue
+        if richer is None:
             continue
         begin = time.process_time()
         estimate = study.estimate_errors(curve, sources=[source])[source]

@@ -25,7 +25,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from threading import Event
-from typing import NamedTuple
 
 import numpy as np
 
@@ -91,14 +90,14 @@ def converge(
     asked = [validate.whole("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
     validate.require(asked == sorted(set(asked)) and asked, "harmonics", "rising numbers", asked)
     own = problem.harmonic_numbers[-1]
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     most, limit = _most(problem, peak.frequency, max(own, asked[-1]))
     problems, limit = _richer(problem, sorted({min(n, most) for n in asked if n > own} - {own}), limit)
     found, status = [HarmonicPeak(own, peak.amplitude, peak.frequency)], COMPLETE
     meetings: tuple[Meeting, ...] = ()
     with LongWork() as work:
         meetings = tuple(_meetings(([problem] + problems)[-1], peak))
-        at, sign = _At(problem, peak), sign_of_jacobian(problem.system(peak.parameter), peak.y)
+        at, sign = (problem, peak), sign_of_jacobian(problem.system(peak.parameter), peak.y)
         for richer in problems:
             begin, before, n = time.thread_time(), meter.iterations, richer.harmonic_numbers[-1]
             new = _to(at, richer, sign, meter)
@@ -106,13 +105,13 @@ def converge(
                 status = because(INCOMPLETE, f"with {n} harmonics no peak was found beside this one ({new})")
                 break
             at, seconds = new, time.thread_time() - begin
-            found.append(HarmonicPeak(n, at.peak.amplitude, at.peak.frequency, meter.iterations - before, seconds))
+            found.append(HarmonicPeak(n, at[1].amplitude, at[1].frequency, meter.iterations - before, seconds))
             if _still(found, tolerance) and richer is not problems[-1] and not any(m.harmonic > n for m in meetings):
                 limit = "no later harmonic meets a mode"
                 break
     status = INTERRUPTED if work.interrupted else status
     return Convergence(
-        peak.parameter, tolerance, tuple(found), meetings, limit, status, meter.read(time.perf_counter())
+        peak.parameter, tolerance, tuple(found), meetings, limit, status, meter.read()
     )  # fmt: skip
 
 
@@ -229,24 +228,21 @@ def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
 # ---- the search ----
 
 
-class _At(NamedTuple):
-    """A peak of the problem with some harmonics."""
+def _to(known: tuple[Problem, Peak], problem: Problem, sign: int, meter: CostMeter) -> tuple[Problem, Peak] | str:
+    """A problem with more harmonics and its peak beside a known one, or why there is none.
 
-    problem: Problem
-    peak: Peak
-
-
-def _to(known: _At, problem: Problem, sign: int, meter: CostMeter) -> _At | str:
-    """The peak of a problem with more harmonics beside a known one, half of them first if need be; or why there is none."""
-    preload = known.peak.parameter
+    Where Newton's method fails, half of the new harmonics come first.
+    """
+    fewer, peak = known
+    preload = peak.parameter
     system = problem.system(preload)
     meter.watch(system)
-    guess = embed(known.problem, problem, preload, known.peak.y)
+    guess = embed(fewer, problem, preload, peak.y)
     found, iterations = peak_of_sign(system, guess, sign, options=OPTIONS, parameter=preload)
     meter.count(iterations)
     if isinstance(found, Peak):
-        return _At(problem, found)
-    new = [l for l in problem.harmonic_numbers if l > known.problem.harmonic_numbers[-1]]
+        return problem, found
+    new = [l for l in problem.harmonic_numbers if l > fewer.harmonic_numbers[-1]]
     if len(new) == 1:
         return found
     some = tuple(l for l in problem.harmonic_numbers if l <= new[len(new) // 2 - 1])

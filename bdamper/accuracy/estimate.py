@@ -26,7 +26,6 @@ followed, is not estimated, and says why.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -78,7 +77,6 @@ def estimate_errors(
     """
     sources = validate.names("sources", sources, SOURCES)
     validate.instance("result", result, (Curve, Peak), "a Curve or a Peak of this study")
-    begin = time.perf_counter()
     if isinstance(result, Curve):
         check_curve(problem, result)
         preload = result.preload
@@ -89,23 +87,20 @@ def estimate_errors(
         preload, tops = result.parameter, Tops((result,))
     top = tops.peaks[0]
     items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops)) is not None)
-    return ErrorEstimates(preload, top.frequency, top.amplitude, items, time.perf_counter() - begin)
+    return ErrorEstimates(preload, top.frequency, top.amplitude, items)
 
 
 def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> SourceError | None:
-    begin = time.perf_counter()
     try:
         richer = richer_study(problem, source)
         if richer is None:
             return None
-        if isinstance(richer, str):
-            raise BdamperError(richer)
         by_newton = richer.problem.harmonic_numbers != problem.harmonic_numbers
         found = compare(problem, richer.problem, preload, tops, by_newton)
         how = f"{richer.text}; {found.how}" if found.known else found.how
     except BdamperError as error:
         found, how = Change(np.nan, np.nan, np.inf), str(error)
-    return SourceError(source, *found[:3], how, time.perf_counter() - begin)
+    return SourceError(source, *found[:3], how)
 
 
 # ---- richer studies ----
@@ -118,8 +113,14 @@ class Richer(NamedTuple):
     text: str
 
 
-def richer_study(problem: Problem, source: str) -> Richer | str | None:
-    """A study that is richer in one respect, why there is none, or None where the source is no concern of the study."""
+def richer_study(problem: Problem, source: str) -> Richer | None:
+    """A study that is richer in one respect, or None where the source is no concern of the study.
+
+    Raises
+    ------
+    BdamperError
+        If there is none, with the reason.
+    """
     return {
         "harmonics": _more_harmonics,
         "evaluation": _exact_events,
@@ -152,11 +153,11 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     return problem.with_(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
-def _more_harmonics(problem: Problem) -> Richer | str:
+def _more_harmonics(problem: Problem) -> Richer:
     own = problem.harmonic_numbers
     top = min(own[-1] + max(4, own[-1]), MAX_HARMONIC)
     if top == own[-1]:
-        return f"there are no more than {MAX_HARMONIC} harmonics"
+        raise BdamperError(f"there are no more than {MAX_HARMONIC} harmonics")
     lacking = missing_harmonics(problem, top)
     text = f"harmonics 1 to {top}" + (f", with the modes of the first for {lacking[0]} and more" if lacking else "")
     return Richer(with_stand_ins(problem, top), text)
@@ -172,14 +173,14 @@ def _exact_events(problem: Problem) -> Richer | None:
         return Richer(problem.with_(evaluation=Sampled(4 * own.n_time)), f"{4 * own.n_time} samples")
 
 
-def _more_points(problem: Problem) -> Richer | str:
+def _more_points(problem: Problem) -> Richer:
     full = problem.settings.most_points
     if problem.settings.contact_points is None or problem.settings.contact_points >= full:
-        return "the model has no more contact points"
+        raise BdamperError("the model has no more contact points")
     return Richer(problem.with_(contact_points=None), f"{full} contact points on a face")
 
 
-def _more_modes(problem: Problem) -> Richer | str:
+def _more_modes(problem: Problem) -> Richer:
     s = problem.settings
     own, blade = s.by_body("damper_modes"), s.most_modes("constrained")
     rich = {name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in own}
@@ -187,7 +188,7 @@ def _more_modes(problem: Problem) -> Richer | str:
         blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
         rich = {name: min(most, max(BLADE_MODES, 2 * own[name])) for name, most in rich.items()}
     if blade <= s.blade_modes and rich == own:
-        return "the model has no more modes"
+        raise BdamperError("the model has no more modes")
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
     text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
     modes = rich if len(set(rich.values())) > 1 else max(rich.values(), default=0)

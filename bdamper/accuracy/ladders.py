@@ -22,7 +22,6 @@ from bdamper.accuracy.estimate import missing_harmonics, with_stand_ins
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve
 from bdamper.effects.richer import ask, whole_curve
-from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import Peak
 from bdamper.problem.asked import Asking, like, problem_of
@@ -36,19 +35,15 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
-from bdamper.util.text import aligned, amount, percent, spaced
+from bdamper.util.text import percent, spaced
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
 Solver = Callable[[Any, float, tuple[float, float]], Curve | Peak | tuple[float, float]]
 """Finds the highest peak of a study for a preload (N) and an interval of frequencies (Hz), or amplitude (m) and frequency
 (Hz) of it, not finite if none was found, or raises a BdamperError."""
-RICHEST, COMBINED, OWN = "richest", "combination", "the study"
+RICHEST, COMBINED = "richest", "combination"
 """What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
-
-
-QUANTITIES: dict[str, Solver] = {"curve": whole_curve, "peak": highest_peak}
-"""The highest point of a tracking curve that is complete; a scan that is, and the peak condition."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class Run:
     Parameters
     ----------
     part : str
-        "richest"; the setting in which the run is poorer than that; "combination"; or "the study" as it is.
+        "richest"; the setting in which the run is poorer than that; or "combination".
     values : tuple of str
         Of each setting that is varied.
     amplitude, frequency : float, m, Hz
@@ -97,8 +92,6 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         Settings that are varied.
     runs : tuple of Run
         The richest one first.
-    own : tuple of str
-        Values that the study itself has; empty where they are not single settings.
     settings : mapping
         Of the study.
     interrupted : bool
@@ -111,7 +104,6 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     tolerance: float
     varied: tuple[str, ...]
     runs: tuple[Run, ...]
-    own: tuple[str, ...]
     settings: dict[str, Any] = field(default_factory=dict, compare=False)
     interrupted: bool = False
 
@@ -145,32 +137,13 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     def bottom_line(self) -> str:
         best, tolerance = self.recommended, percent(self.tolerance)
         if best is self.richest:
-            return f"Nothing but the richest that was run is within {tolerance} of it."
-        return (
-            f"For {tolerance}: {_text(self.varied, best.values)}, {percent(best.error)} from the richest in "
-            f"{best.seconds / self.richest.seconds:.2g} of its time."
-        )
-
-    def _table(self) -> list[tuple[str, ...]]:
-        rows = [(*map(spaced, self.varied), "amplitude", "frequency", "error", "time", "")]
-        for r in self.runs:
-            answer = (amount(r.amplitude, "m", 4), amount(r.frequency, "Hz", 5), percent(r.error))
-            marks = [r.part] * (r.part in (RICHEST, COMBINED)) + [OWN] * (r.values == self.own)
-            marks += [f"for {percent(self.tolerance)}"] * (r is self.recommended) + [r.reason] * bool(r.reason)
-            known = answer if np.isfinite(r.amplitude) else ("not known", "", "")
-            rows.append((*r.values, *known, f"{r.seconds:.3g} s", ", ".join(marks)))
-        return rows
-
-    def details(self) -> str:
-        steps = ", ".join(f"{spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
-        lines = [
-            self.bottom_line(),
-            f"{self.quantity}, preload {self.preload:g} N, {self.interval[0]:.5g} to {self.interval[1]:.5g} Hz",
-            f"the richest itself is uncertain by its last steps: {steps}",
-            *["interrupted by the user, other runs may suffice"] * self.interrupted,
-            *aligned(self._table()),
-        ]
-        return "\n".join(lines)
+            found = f"Nothing but the richest that was run is within {tolerance} of it."
+        else:
+            ratio = best.seconds / self.richest.seconds
+            off = f"{percent(best.error)} from the richest in {ratio:.2g} of its time"
+            found = f"For {tolerance}: {_text(self.varied, best.values)}, {off}."
+        ended = " Interrupted: other runs may suffice." if self.interrupted else ""
+        return f"{found} The richest itself is uncertain by its last steps, {percent(self.uncertainty)}.{ended}"
 
 
 def _text(names: Iterable[str], values: Iterable[str]) -> str:
@@ -178,10 +151,6 @@ def _text(names: Iterable[str], values: Iterable[str]) -> str:
 
 
 # ---- what is varied ----
-
-
-Ladder = Mapping[str, Mapping[str, Any]]
-"""Settings of the study that each value of what is varied changes, by the name of the value, from the cheapest on."""
 
 
 def ladder_values(problem: Problem, name: str) -> list[Any]:
@@ -196,21 +165,17 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
     return [n for n in (5, 10, 20) if n < most] + [min(most, 40)]
 
 
-def make_ladders(problem: Problem, vary: Any) -> dict[str, Ladder]:
-    """Values of each thing that is varied, from the cheapest to the richest; see :func:`accuracy_cost`."""
+def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
+    """Values of each setting that is varied by their names, from the cheapest to the richest; see :func:`accuracy_cost`."""
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
     validate.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
     named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
-    given: dict[str, Any] = dict(named)
-    validate.that(given, "vary", "at least one setting of a study", vary)
+    validate.that(named, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem.settings)} - {"model"}
-    for name, values in given.items():
-        several = isinstance(values, Mapping | Sequence | np.ndarray) and not isinstance(values, str) and len(values)
-        validate.that(several, f"vary '{name}'", "a sequence of values, or a mapping of names to settings", values)
-        given[name] = values if isinstance(values, Mapping) else {_name(v): {name: v} for v in values}
-        for value, changes in given[name].items():
-            validate.mapping(f"vary '{name}', {value}", changes, known, "settings of a study")
-    return given
+    for name, values in validate.mapping("vary", named, known, "settings of a study").items():
+        several = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str) and len(values)
+        validate.that(several, f"vary '{name}'", "a sequence of values", values)
+    return {name: {_name(value): value for value in values} for name, values in named.items()}
 
 
 def _name(value: Any) -> str:
@@ -238,20 +203,15 @@ class _Runs:
     """Combinations of values, each run once."""
 
     problem: Problem
-    ladders: Mapping[str, Ladder]
+    ladders: Mapping[str, Mapping[str, Any]]
     ask: Callable[[Problem], Any]
     preload: float
     done: list[Run] = field(default_factory=list)
     report: Callable[[str, int, int], None] | None = None
 
     def at(self, part: str, place: Mapping[str, int]) -> Run:
-        """Compute the study with the values at these indices."""
-        chosen = [list(values)[place[name]] for name, values in self.ladders.items()]
-        changes = [values[name] for values, name in zip(self.ladders.values(), chosen)]
-        return self.of(part, tuple(chosen), {key: v for change in changes for key, v in change.items()})
-
-    def of(self, part: str, names: tuple[str, ...], changes: Mapping[str, Any]) -> Run:
-        """One run, unless its values were run before."""
+        """The study with the values at these indices, computed unless it was before."""
+        names = tuple(list(values)[place[name]] for name, values in self.ladders.items())
         same = next((r for r in self.done if r.values == names), None)
         if same is not None:
             return same
@@ -259,7 +219,7 @@ class _Runs:
             most = sum(map(len, self.ladders.values())) - len(self.ladders) + 2  # of one setting, combined, the richest
             self.report(_text(self.ladders, names), len(self.done), max(most, len(self.done) + 1))
         try:
-            study = varied(self.problem, changes)
+            study = varied(self.problem, {n: self.ladders[n][value] for n, value in zip(self.ladders, names)})
             if study.static(self.preload).converged:
                 study.system(self.preload)
             amplitude, frequency, reason, seconds, _ = ask(study, self.ask)
@@ -277,7 +237,7 @@ def accuracy_cost(
     preload: float,
     frequency: tuple[float, float] | None = None,
     *,
-    quantity: str | Solver = "curve",
+    quantity: Solver | None = None,
     vary: str | Sequence[str] | Mapping[str, Any] | None = None,
     tolerance: float = 0.05,
     progress: bool = False,
@@ -293,13 +253,12 @@ def accuracy_cost(
     preload : float, N
     frequency : (low, high), Hz, optional
         Interval of the peak; around the first mode by default.
-    quantity : {"curve", "peak"} or callable
-        Read off a tracking curve, found by the search for the peak, or by a function of (study, preload, interval) that
-        returns amplitude (m) and frequency (Hz).
+    quantity : callable, optional
+        A function of (study, preload, interval) that returns amplitude (m) and frequency (Hz), a peak or a tracking curve;
+        by default the whole curve.
     vary : str, sequence of str or mapping, optional
         Settings and their values from the cheapest to the richest; for "harmonics", "contact_points" and "blade_modes",
-        which are varied by default, the name is enough.  Where several settings change together, a
-        mapping of names to settings replaces the values.
+        which are varied by default, the name is enough.
     tolerance : float
         Relative, on amplitude and frequency.
     progress : bool
@@ -319,10 +278,9 @@ def accuracy_cost(
     KeyboardInterrupt
         If that was interrupted.
     """
-    if not callable(quantity):
-        validate.choice("quantity", quantity, tuple(QUANTITIES))
+    validate.that(quantity is None or callable(quantity), "quantity", "a function of study, preload and interval", quantity)
     problem = problem_of(study)
-    solve = QUANTITIES[quantity] if isinstance(quantity, str) else lambda p, *place: quantity(like(study, p), *place)
+    solve = whole_curve if quantity is None else lambda p, *place: quantity(like(study, p), *place)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
     low, high = map(float, peak_interval(problem, frequency))
     ladders = make_ladders(problem, vary)
@@ -330,26 +288,14 @@ def accuracy_cost(
     check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)
     top = {name: len(values) - 1 for name, values in ladders.items()}
-    own: tuple[str, ...] = ()
-    if all(list(changes) == [name] for name, values in ladders.items() for changes in values.values()):
-        own = tuple(_name(_own(problem, name)) for name in ladders)
     with stages("settings", "run") if progress else nullcontext() as runs.report, LongWork() as work:
         _search(runs, top, tolerance)
-        if own:
-            runs.of(OWN, own, {})
     if not runs.done:
         raise KeyboardInterrupt
     return AccuracyCost(
-        quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"), preload, (low, high), tolerance,
-        tuple(ladders), tuple(runs.done), own, problem.record(None), work.interrupted,
+        "curve" if quantity is None else getattr(quantity, "__name__", "peak"), preload, (low, high), tolerance,
+        tuple(ladders), tuple(runs.done), problem.record(None), work.interrupted,
     )  # fmt: skip
-
-
-def _own(problem: Problem, name: str) -> Any:
-    """The study's own value of a setting, as ladders count it."""
-    if name == "contact_points":
-        return problem.settings.contact_points or problem.settings.most_points
-    return problem.harmonic_numbers[-1] if name == "harmonics" else getattr(problem.settings, name)
 
 
 def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:

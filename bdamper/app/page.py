@@ -10,7 +10,7 @@ import html
 import tempfile
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from bdamper.model.coupling import centrifugal_load
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
+from bdamper.plot.curves import with_optimum
 from bdamper.plot.motion import STATES, LineDrawing
 from bdamper.problem.at_speed import RPM
 from bdamper.study import Study
@@ -60,13 +61,6 @@ MOVE = """
         window.moving = setInterval(() => document.hidden || draw(2 * Math.PI * (Date.now() % PERIOD) / PERIOD), 80);
 """.replace("PERIOD", "2400")
 """Draws the faces at an instant of the cycle, again and again."""
-
-
-class Place(Protocol):
-    """Position of a click on a view in its own units; None outside its axes."""
-
-    x: float | None
-    y: float | None
 
 
 class Page:
@@ -381,7 +375,7 @@ class Page:
         self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
 
     def _texts(self, name: str, placed: list[tuple[float, float, str]]) -> None:
-        self.sources[name].data = dict(zip(("x", "y", "text"), map(list, zip(*placed))))
+        self.sources[name].data = {column: [place[i] for place in placed] for i, column in enumerate(("x", "y", "text"))}
 
     def _clear(self, *names: str) -> None:
         for name in names:
@@ -389,10 +383,8 @@ class Page:
 
     def _optimal(self, found: OptimalCurve) -> None:
         """The curve of peaks with its optimum."""
-        o = found.optimum
-        known = {c.preload: c.peak.amplitude for c in found.curves if c.complete and not c.peak_at_end}
-        known |= dict(zip(found.preload.tolist(), found.amplitude.tolist())) | {o.preload: o.amplitude}
-        x, y = np.array(sorted((p, 1e6 * a) for p, a in known.items() if np.isfinite(p))).T
+        o, (x, amplitude, _) = found.optimum, with_optimum(found)
+        y = 1e6 * amplitude
         self._line("optimal", x, y)
         self._line("optimum", [o.preload], [1e6 * o.amplitude])
         self.glyphs["optimal"].line_dash = []
@@ -400,8 +392,7 @@ class Page:
         self._fit(self.best.y_range, y)
         loads = [*x, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))
-        least = f"★ Optimum: {amount(o.preload, 'N')}, {height(o.amplitude, o.frequency)}."
-        self.told["optimal"] = least if o.verified and o.kind != "flat" else html.escape(found.bottom_line())
+        self.told["optimal"] = f"★ {html.escape(found.bottom_line())}"
 
     def _marched(self, found: Marched) -> None:
         """The steady-state amplitude in time, beside the peak."""
@@ -492,15 +483,14 @@ class Page:
             parts.append(tiles(answer.contacts.share[rows, 0], x, y, dx, dy))
             names.append((float(y.mean()), float(x.max() + 0.6 * dx), name))
             at = float(y.max() + 2.0 * dy)
-        edges = [np.concatenate(column) for column in zip(*parts)]
-        colours = [STATUS_COLOURS[k] for k in edges.pop()]
-        self.sources["tiles"].data = dict(zip((*EDGES, "color"), [*edges, colours]))
+        *edges, states = np.concatenate(parts, axis=1) if parts else np.zeros((5, 0))
+        self.sources["tiles"].data = dict(zip((*EDGES, "color"), [*edges, [STATUS_COLOURS[int(k)] for k in states]]))
         self._texts("titles", names)
 
     # ---- what is clicked ----
 
-    def chosen(self, event: Place) -> None:
-        """The nearest point of the curve, as it is seen."""
+    def chosen(self, event: Any) -> None:
+        """The point of the curve that is the nearest to a click, as it is seen; none for one outside of the axes."""
         answer = self.shown.get("curve")
         if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
             return
@@ -509,7 +499,7 @@ class Page:
         self.point = int(np.argmin(apart))
         self.ask()
 
-    def dragged(self, event: Place) -> None:
+    def dragged(self, event: Any) -> None:
         """The preload under the pointer."""
         number = self.numbers["preload"]
         if event.x is not None and event.x > 0.0 and not number.disabled:

@@ -19,7 +19,7 @@ from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError
-from bdamper.util.estimates import ErrorEstimates, error_line
+from bdamper.util.estimates import ErrorEstimates
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
@@ -244,7 +244,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     @property
     def error(self) -> str:
         """Estimated error in one line."""
-        return error_line(self.error_estimates)
+        return "error not estimated" if self.error_estimates is None else self.error_estimates.line
 
     def facts(self) -> tuple[Fact, ...]:
         """Highest point of the curve and how it was found; empty for a curve without points."""

@@ -18,7 +18,7 @@ from bdamper.problem.plausible import check_interval
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.cost import CostMeter
 
 
 @one_thread
@@ -51,7 +51,7 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
 
 def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
     """The linear response over an interval (Hz), with springs of shape (n_points, 3) in N/m in place of the contact."""
-    watch = Stopwatch()
+    watch = CostMeter()
     low, high = (2.0 * np.pi * f for f in validate.interval("frequency", frequency))
     check_interval(problem, frequency, preload)
     system = problem.system(preload)
@@ -97,7 +97,7 @@ def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float,
         preload=preload,
         status="complete",
         reason="linear" + "".join(f", unbounded at {f:.6g} Hz: no damping" for f in infinite),
-        cost=Cost(**watch.read()),
+        cost=watch.read(),
         **problem.recorded(),
     )
 

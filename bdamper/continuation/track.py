@@ -6,7 +6,6 @@ stuck resonance, where a branch may turn and come back; from within what is then
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -102,7 +101,7 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
     free, stuck = (system.structure.linear.resonances((k,), ELASTIC * low, np.inf) for k in springs)
     watched = [there for there in (*free, *stuck) if low < there[0] < high]
     system = replace(system.within(options.budget), watched=watched)
-    search = Coverage(system, (low, high), options, CostMeter(time.perf_counter()))
+    search = Coverage(system, (low, high), options, CostMeter())
     search.reach = reach([w for w, *_ in free], [w for w, *_ in stuck], low, high)
     search.meter.watch(system)
     return search
@@ -191,7 +190,7 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
         status=ended[0],
         reason=ended[1],
         left_out=ended[2],
-        cost=search.meter.read(time.perf_counter()),
+        cost=search.meter.read(),
         start_log=tuple(search.log),
         notes=() if "blades" in own else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
         **own,

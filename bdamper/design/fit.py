@@ -78,8 +78,6 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         (NaN with fewer than two tests).
     information : (k, n_tests) float
         Share of each test in what is known of each parameter.
-    profiles : mapping of name to (m, 2) float
-        Values of a parameter, and by how much the sum of squares is larger there with the others found again.
     tests : tuple of str
     noise : float
         Relative standard deviation of the measured amplitudes.
@@ -104,7 +102,6 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     deviation: NDArray
     left_out: NDArray
     information: NDArray
-    profiles: dict[str, NDArray]
     tests: tuple[str, ...]
     noise: float
     place: NDArray
@@ -358,9 +355,8 @@ def _stage(objective: Objective) -> Fitted:
     excess = max(float(r @ r) - float(scipy.stats.chi2.ppf(P95, max(counted - k, 1))), 0.0)
     rise = max(scale * quantile**2, TAKEN_UP * excess)
     half = np.array(2 * [np.sqrt(rise / scale) * deviation])
-    profiles = {}
-    for j, name in enumerate(names):
-        profiles[name], half[:, j] = _profile(objective, x, j, half[0, j], rise)
+    for j in range(k):
+        half[:, j] = _profile(objective, x, j, half[0, j], rise)
     moved = np.array([np.linalg.pinv(J.T @ J - J[s].T @ J[s]) @ (J[s].T @ r[s]) for s in rows])
     n, left_out = len(rows), np.full(k, np.nan)
     if n > 1:
@@ -381,7 +377,7 @@ def _stage(objective: Objective) -> Fitted:
     ends = np.exp(np.clip([x - half[0], x + half[1]], low, high))
     return Fitted(
         names=names, values=np.exp(x), low=ends[0], high=ends[1], deviation=deviation,
-        left_out=left_out, information=information, profiles=profiles, tests=labels, noise=objective.noise,
+        left_out=left_out, information=information, tests=labels, noise=objective.noise,
         place=np.concatenate([part.place for part in parts]), measured=np.concatenate([part.measured for part in parts]),
         model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
         test=np.repeat(np.arange(n), [len(part.place) for part in parts]),
@@ -389,14 +385,13 @@ def _stage(objective: Objective) -> Fitted:
     )  # fmt: skip
 
 
-def _profile(objective: Objective, x: NDArray, j: int, half: float, rise: float) -> tuple[NDArray, NDArray]:
-    """Values of one parameter with the rise of the sum of squares, and how far it may go to both sides."""
+def _profile(objective: Objective, x: NDArray, j: int, half: float, rise: float) -> NDArray:
+    """How far one parameter may go to both sides until the sum of squares has risen so far, the others found again."""
     least = float((objective.residual(x) ** 2).sum())
     free = np.arange(len(x)) != j
     J = objective.jacobian(x)
     others = -np.linalg.lstsq(J[:, free], J[:, j], rcond=None)[0] if free.any() else np.zeros(0)
-    points, ends = [(float(np.exp(x[j])), 0.0)], np.full(2, half)
-    low, high = objective.bounds
+    ends, (low, high) = np.full(2, half), objective.bounds
     for side, sense in enumerate((-1.0, 1.0)):
         for _ in range(3):  # once by the quadratic, and again where it has missed
             at = x.copy()
@@ -405,12 +400,11 @@ def _profile(objective: Objective, x: NDArray, j: int, half: float, rise: float)
             at = np.clip(at, low, high)
             at = objective.least(at, free, ROUGH) if free.any() else at
             more = float((objective.residual(at) ** 2).sum()) - least
-            points.append((float(np.exp(at[j])), more))
             gone = abs(at[j] - x[j])
             if more <= 0.0 or gone < ends[side] * (1.0 - EDGE) or abs(more / rise - 1.0) < 0.1:
                 break
             ends[side] = gone * float(np.clip(np.sqrt(rise / more), 0.2, 5.0))
-    return np.array(sorted(points)), ends
+    return ends
 
 
 def _joined(stages: Sequence[Fitted]) -> Fitted:
@@ -425,7 +419,7 @@ def _joined(stages: Sequence[Fitted]) -> Fitted:
     doubts = [s.status.partition(": ")[2] for s in stages if s.status != COMPLETE]
     return replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,
-        **whole, information=information, profiles=first.profiles | last.profiles,
+        **whole, information=information,
         test=np.append(first.test, last.test + len(first.tests)),
         status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE,
     )  # fmt: skip

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, PreloadState, static_state
-from bdamper.design.sweep import SweepResult
+from bdamper.design.sweep import SweepResult, sweep_fields
 from bdamper.model.loads import direction_vector
 from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
@@ -92,8 +92,9 @@ def microslip(
         values.append(_answers(state, float(d.real @ (state.q - seat.q))))
     beyond = len(wanted) + 1 - len(values)
     status = (COMPLETE,) * len(values) + (because(FAILED, "the damper slides"),) * beyond
-    fields = _over_force([0.0, *wanted.tolist()], values + [{}] * beyond)
-    return SweepResult(**fields | {"status": status}, **problem.recorded())
+    points = tuple({"force": force} for force in (0.0, *wanted.tolist()))
+    found = (*values, *[{}] * beyond)
+    return SweepResult(("force",), points, found, status, np.zeros(len(points)), (len(points),), **problem.recorded())
 
 
 def _answers(state: PreloadState, moved: float) -> dict[str, float]:
@@ -103,17 +104,11 @@ def _answers(state: PreloadState, moved: float) -> dict[str, float]:
     return {"displacement": moved, "slipping": slipping, "open": 1.0 - closed, "residual": state.residual}
 
 
-def _over_force(force: Sequence[float], values: Sequence[dict[str, float]]) -> dict[str, Any]:
-    """Fields of the sweep over the force."""
-    n, points = len(force), tuple({"force": f} for f in force)
-    fields = {"names": ("force",), "points": points, "values": tuple(values), "status": (COMPLETE,) * n}
-    return fields | {"seconds": np.zeros(n), "shape": (n,)}
-
-
 def _of_0_6(group: h5py.Group) -> dict[str, Any]:
     """Fields of the sweep that a first loading in a file of version 0.6 or before is."""
     answers = {name: group[name][()].tolist() for name in ("displacement", "slipping", "open", "residual")}
-    return _over_force(group["force"][()].tolist(), [dict(zip(answers, row)) for row in zip(*answers.values())])
+    force = group["force"][()].tolist()
+    return sweep_fields({"force": force}, answers, [COMPLETE] * len(force), np.zeros(len(force)))
 
 
 enter_former("bdamper-microslip", "slipping", SweepResult, _of_0_6)

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.design.workers import check_executor, recorded, run_stored
-from bdamper.model.model import Model
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.optimal import optimal_curve, preload_values
 from bdamper.problem.asked import Asking, problem_of
@@ -68,9 +67,7 @@ class PeakTask(validate.Checked):
     mode: validate.Count = 1
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
-        at = self.preload if preload is None else preload
-        if at is None:
-            raise SettingError('preload: expected "preload" among the settings of the sweep or PeakTask(preload=...)')
+        at: Any = self.preload if preload is None else preload
         peak = highest_peak(problem_of(study), at, self.frequency, mode=self.mode)
         stick, slip, separation = (float(s) for s in peak.shares)
         amplitude, frequency = (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
@@ -222,11 +219,12 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         if not np.isfinite(known).any():
             return f"{head}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
-        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({_as_words(self.points[k])})" for k in (i, j))
+        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in (i, j))
         return f"{head}. {spaced(name).capitalize()} from {' to '.join(ends)}."
 
 
-def _as_words(point: Mapping[str, Any]) -> str:
+def as_words(point: Mapping[str, Any]) -> str:
+    """Settings of a point with their values and units."""
     texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short(v) for n, v in point.items()}
     return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
 
@@ -244,22 +242,14 @@ class _Job:
 
     study: Asking | Problem
     evaluate: Task
-    model: Callable[..., Model] | None = None
 
     def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
         return recorded(lambda: self._answers(settings))
 
     def _answers(self, settings: Mapping[str, Any]) -> Values:
-        study = self.study
-        arguments = {name[6:]: value for name, value in settings.items() if name.startswith("model.")}
-        if arguments:
-            assert self.model is not None
-            study = study.with_(model=self.model(**arguments))
-        rest = {k: v for k, v in settings.items() if k != "preload" and not k.startswith("model.")}
-        if rest:
-            study = vary(study, rest)
+        own = {name: value for name, value in settings.items() if name != "preload"}
         preload = settings.get("preload")
-        return self.evaluate(study, None if preload is None else float(preload))
+        return self.evaluate(vary(self.study, own) if own else self.study, None if preload is None else float(preload))
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
@@ -280,15 +270,12 @@ def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, An
     raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')
 
 
-def _check_names(problem: Problem, over: Mapping[str, Any], model: Any) -> None:
-    """Whether the settings of a sweep can be varied; "model.<argument>" needs a function that makes the model."""
-    validate.that(model is None or callable(model), "model", "a callable", model)
+def _check_names(problem: Problem, over: Mapping[str, Any]) -> None:
+    """Whether the settings of a sweep can be varied."""
     for value in over.get("preload", ()):
         validate.number("over 'preload'", value, unit="N")
     for name in over:
-        if name.startswith("model."):
-            validate.require(model is not None, f"over '{name}'", "a model factory (model=...)", "none")
-        elif name != "preload":
+        if name != "preload":
             check_name(problem, name)
 
 
@@ -296,21 +283,19 @@ def _question(
     evaluate: Any, names: Sequence[str], preload: float | None, frequency: tuple[float, float] | None, mode: int
 ) -> Task:
     """The question that is asked: the one given, or that for the highest peak."""
-    if evaluate is None:
-        if preload is None and "preload" not in names:
-            raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
-        return PeakTask(preload, frequency, mode)
-    if not callable(evaluate) or isinstance(evaluate, type):
-        raise validate.unfit("evaluate", "PeakTask(...), OptimalTask(...) or a function", evaluate)
-    if preload is not None or frequency is not None or mode != 1:
+    if evaluate is not None and (preload is not None or frequency is not None or mode != 1):
         raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
-    task: Task = evaluate
+    task: Task = PeakTask(preload, frequency, mode) if evaluate is None else evaluate
+    good = callable(task) and not isinstance(task, type)
+    validate.that(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
+    if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
+        raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
     return task
 
 
 def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) -> None:
     """Warn once, of the whole sweep, unless it varies what the warning is about."""
-    varied = any(name.startswith(("model.", "excitation")) for name in over)
+    varied = any(name.startswith("excitation") for name in over)
     if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
         preload = over.get("preload", evaluate.preload)
         check_question(problem, validate.numbers("preload", np.atleast_1d(preload), unit="N"), evaluate.frequency)
@@ -319,9 +304,8 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     """What identifies a sweep in its results file."""
     return {
-        "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(),
-        "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate),
-        "model": None if job.model is None else _named(job.model), "combine": combine,
+        "format": "bdamper-sweep-results", "version": 4, **HERE.attributes(),
+        "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate), "combine": combine,
         "over": {name: list(values) for name, values in over.items()},
     }  # fmt: skip
 
@@ -333,7 +317,6 @@ def sweep(
     over: Mapping[str, Sequence[Any] | NDArray],
     evaluate: Task | None = None,
     *,
-    model: Callable[..., Model] | None = None,
     combine: str = "product",
     preload: float | None = None,
     frequency: tuple[float, float] | None = None,
@@ -348,11 +331,10 @@ def sweep(
     ----------
     study : Study
     over : mapping of name to sequence of values
-        "preload", the settings of :mod:`bdamper.problem.variation`, and "model.<argument>" for arguments of ``model``.
+        "preload" and the settings of :mod:`bdamper.problem.variation`.
     evaluate : callable, optional
         ``evaluate(study, preload)`` returns named answers: numbers, texts, lists of numbers; the highest peak by default.
         Processes need a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
-    model : callable, optional
     combine : {"product", "zip"}
         All combinations of the values, or the first with the first and so on.
     preload, frequency, mode
@@ -375,12 +357,12 @@ def sweep(
     """
     names, points, shape = _points(over, combine)
     problem = problem_of(study)
-    _check_names(problem, over, model)
+    _check_names(problem, over)
     check_executor(executor)
     validate.flag("progress", progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
     _check_plausible(problem, evaluate, over)
-    job = _Job(study, evaluate, model)
+    job = _Job(study, evaluate)
     if executor is not None:
         _ = problem.stiffness  # which variants share is made before the job is sent out
     kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
@@ -392,17 +374,21 @@ def sweep(
     )  # fmt: skip
 
 
+def sweep_fields(
+    over: Mapping[str, Sequence[Any]], answers: Mapping[str, Sequence[Any]], status: Sequence[str], seconds: NDArray
+) -> dict[str, Any]:
+    """Fields of a sweep over a list of points from columns of settings and answers."""
+    points, values = (tuple(dict(zip(columns, row)) for row in zip(*columns.values())) for columns in (over, answers))
+    fields = {"names": tuple(over), "points": points, "values": values, "status": tuple(status), "seconds": seconds}
+    return fields | {"shape": (len(points),)}
+
+
 def _of_check(group: h5py.Group) -> dict[str, Any]:
     """Fields of the sweep that the check of an advice in a file of version 0.6 or before is."""
     rows = [json.loads(group[key][()]) for key in ("whole", "lean")]
-    return {
-        "names": ("name",),
-        "points": tuple({"name": row.pop("name")} for row in rows),
-        "status": tuple(row.pop("status") for row in rows),
-        "seconds": np.array([row.pop("seconds") for row in rows]),
-        "values": tuple(rows),
-        "shape": (len(rows),),
-    }
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    name, status, seconds = (columns.pop(own) for own in ("name", "status", "seconds"))
+    return sweep_fields({"name": name}, columns, status, np.array(seconds))
 
 
 enter_former("bdamper-advice-check", "lean", SweepResult, _of_check)

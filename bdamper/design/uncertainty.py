@@ -89,8 +89,6 @@ class RobustOptimum:
         Relative half-width of the last bracket of the preload.
     kind : {"interior", "end"}
         Whether the preload lies within the range or at one end of it.
-    rounds : int
-        Refinements of the grid of preloads.
     warnings : int
         Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
     status : str
@@ -103,7 +101,6 @@ class RobustOptimum:
     percentile: float
     uncertainty: float
     kind: str
-    rounds: int
     warnings: int = 0
     status: str = COMPLETE
 
@@ -289,7 +286,7 @@ def robust_optimum(
         kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
         warned = sum(bool(w) for w in curve.warnings)
         status = COMPLETE if width <= tolerance else because(INCOMPLETE, "bracket not narrowed further")
-        found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, rounds, warned, status)
+        found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
         if width <= tolerance or rounds >= 30:
             return found
         low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])

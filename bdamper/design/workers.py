@@ -26,7 +26,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from bdamper.util import status, validate
-from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.results_file import ResultsFile, as_line
@@ -50,7 +50,7 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
 
     An answer named "cost" that is a :class:`bdamper.util.cost.Cost` is the cost of the point, otherwise its time alone is.
     """
-    watch, ending, values = Stopwatch(), status.COMPLETE, dict[str, Any]()
+    watch, ending, values = CostMeter(), status.COMPLETE, dict[str, Any]()
     try:
         with LongWork() as work:  # a worker does not know that the point is part of longer work
             values = dict(ask())
@@ -59,8 +59,8 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
         ending = status.because(status.FAILED, error)
     spent = watch.read()
-    cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else Cost(**spent)
-    return {"status": ending, "values": values, "seconds": spent["seconds"], "cost": asdict(cost)}
+    cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent
+    return {"status": ending, "values": values, "seconds": spent.seconds, "cost": asdict(cost)}
 
 
 _jobs: dict[str, Job] = {}

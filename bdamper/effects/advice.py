@@ -33,7 +33,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, from_rows
-from bdamper.util.text import aligned, amount, height, percent
+from bdamper.util.text import amount, percent
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,8 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
         return from_rows(self.effects)
 
     def __getitem__(self, name: str) -> EffectAdvice:
-        for item in self.effects:
-            if item.name == name:
-                return item
-        raise KeyError(f"no advice on '{name}'; there is some on {[e.name for e in self.effects]}")
+        by_name = {item.name: item for item in self.effects}
+        return by_name[validate.choice("effect", name, by_name)]
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -145,7 +143,7 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
             f"{len(self.effects)} effects. Without the others ({left}) {change}."
         )
 
-    def _table(self) -> list[tuple[str, ...]]:
+    def _rows(self) -> list[tuple[str, ...]]:
         rows = [("without", "amplitude", "frequency", "may miss", "source", "work", "in the study")]
         for e in self.effects:
             changes = percent(e.amplitude_change, True), percent(e.frequency_change, True)
@@ -154,10 +152,6 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
             rows.append((e.name, *changes, missed, e.source, f"{e.work:.2f}", state))
         changes = percent(self.amplitude_change, True), percent(self.frequency_change, True)
         return [*rows, ("all left out", *changes, "", "computed", f"{self.work:.2f}", "")]
-
-    def details(self) -> str:
-        peak = f"peak with all effects: {height(self.amplitude, self.frequency, 6)}, tolerance {percent(self.tolerance)}"
-        return "\n".join([self.bottom_line(), peak, *aligned(self._table()), *self.notes])
 
 
 @one_thread

@@ -25,7 +25,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, joined
-from bdamper.util.text import aligned, amount, height, percent
+from bdamper.util.text import amount, height, percent
 
 
 @brief
@@ -75,7 +75,7 @@ class Comparison(
         of, first = (_outcome(self.results[key])[0] for key in (name, self.names[0]))
         return of / first - 1.0
 
-    def _table(self) -> list[tuple[str, ...]]:
+    def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "amplitude", "frequency", "preload", "change", "time", "")]
         for name, result in self.results.items():
             a, f, p, status = _outcome(result)
@@ -91,9 +91,6 @@ class Comparison(
         known = [(name, change) for name in self.names[1:] if np.isfinite(change := self.change(name))]
         parts = ", ".join(f"'{name}' {percent(change, True)}" for name, change in known) or "none is known"
         return f"Beside '{self.names[0]}' with {height(a, f)}, preload {amount(p, 'N')}: {parts}."
-
-    def details(self) -> str:
-        return "\n".join(aligned(self._table()))
 
 
 def _outcome(result: Curve | OptimalCurve) -> tuple[float, float, float, str]:

@@ -15,7 +15,7 @@ harmonic of the motion; its slope and width are the equivalent stiffness and dam
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from bdamper.model.model import Interface
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem
-from bdamper.problem.results import solutions_of
+from bdamper.problem.results import Solutions, solutions_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
@@ -120,6 +120,7 @@ class Hysteresis(
     gap: Annotated[Any, Quantity("m", dims=(ROW, "theta"))] = None
     response: Annotated[Any, Quantity("m", dims=("theta",))] = None
     whole: Annotated[Any, Quantity("N", dims=("theta",))] = None
+    _told = ("preload", "frequency", "amplitude", "excitation", "damping", "stiffness", "damping_ratio", "by_interface")
 
     def __len__(self) -> int:
         return np.size(self.frequency)
@@ -133,16 +134,6 @@ class Hysteresis(
     def axis(self) -> Annotated[tuple[str, ...], Quantity(dims=("axis",))]:
         """Names of the axes of displacements and forces."""
         return AXES
-
-    @property
-    def largest_pressure_force(self) -> Annotated[Any, Quantity("N")]:
-        """(n_points,) float: largest normal force in the cycle."""
-        return self.force[:, 2].max(axis=1) if self.single else None
-
-    @property
-    def largest_gap(self) -> Annotated[Any, Quantity("m")]:
-        """(n_points,) float."""
-        return self.gap.max(axis=1) if self.single else None
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -228,19 +219,8 @@ class Hysteresis(
         return draw(self, "energy", **options)
 
     def facts(self) -> tuple[Fact, ...]:
-        """Energy of a cycle by its losses, and equivalent stiffness and damping of the contacts."""
-        if not self.single:
-            return ()
-        return (
-            Fact("preload", self.preload, "N"),
-            Fact("frequency", self.frequency, "Hz"),
-            Fact("response amplitude", self.amplitude, "m"),
-            Fact("work of the excitation", self.excitation, "J per cycle"),
-            Fact("lost to modal damping", self.damping, "J per cycle"),
-            *(Fact(f"lost at {n}", e, "J per cycle") for n, e in self.by_interface.items() if e > NOTHING * self.lost),
-            Fact("equivalent stiffness", self.stiffness, "N/m"),
-            Fact("equivalent damping ratio", 100.0 * self.damping_ratio, "%"),
-        )
+        """Energies of a cycle, and equivalent stiffness and damping of the contacts, of a single solution."""
+        return super().facts() if self.single else ()
 
     def bottom_line(self) -> str:
         if not self.single:
@@ -257,14 +237,8 @@ class Hysteresis(
         )
 
 
-class _Solution(NamedTuple):
-    preload: float
-    frequency: float
-    branch: int
-    unknowns: NDArray
-
-
-def _solutions(problem: Problem, result: Solved) -> list[_Solution]:
+def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
+    """Solutions of a result where it has a value, and the branch that each lies on."""
     kinds = Curve, Peak, OptimalCurve
     validate.instance("result", result, kinds, "a tracking curve, a peak or an optimal curve of this study")
     if isinstance(result, Curve):
@@ -274,10 +248,9 @@ def _solutions(problem: Problem, result: Solved) -> list[_Solution]:
         branch = result.branch
     elif isinstance(result, OptimalCurve):
         branch = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
-    columns = solved.preload, solved.frequency, branch, solved.unknowns
-    found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in zip(*columns) if np.isfinite(f)]
-    validate.require(found, "result", "solutions", f"none ({type(result).__name__})")
-    return found
+    known = np.isfinite(solved.frequency)
+    validate.require(known.any(), "result", "solutions", f"none ({type(result).__name__})")
+    return Solutions(*(column[known] for column in solved)), branch[known]
 
 
 def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> NDArray:
@@ -309,18 +282,18 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
     SettingError
         If the result is of another problem, or holds no solution.
     """
-    solutions = _solutions(problem, result)
-    rows = [_of_solution(problem, s) for s in solutions]
+    solved, branch = _solutions(problem, result)
+    rows = [_of_solution(problem, *solution) for solution in zip(*solved)]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return Hysteresis(branch=np.array([s.branch for s in solutions]), **columns, **_identity(problem))
+    return Hysteresis(branch=branch, **columns, **_identity(problem))
 
 
-def _of_solution(problem: Problem, s: _Solution) -> dict[str, Any]:
+def _of_solution(problem: Problem, u: NDArray, frequency: float, preload: float) -> dict[str, Any]:
     """Energies, equivalent stiffness and damping of one solution."""
-    system, shown = problem.system(s.preload), ~problem.coupling.spring_points
-    e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
+    system, shown = problem.system(preload), ~problem.coupling.spring_points
+    e = energies(system, u, 2.0 * np.pi * frequency, _counted(problem, system))
     return {
-        "preload": s.preload, "frequency": s.frequency, "amplitude": float(np.abs(system.response(s.unknowns)[1])),
+        "preload": float(preload), "frequency": float(frequency), "amplitude": float(np.abs(system.response(u)[1])),
         "energy": _on_points(problem, system, e["contact"])[shown], "damping": e["damping"],
         "excitation": e["excitation"], "kinetic": e["kinetic"], "stiffness": e["stiffness"].real,
         "width": e["stiffness"].imag,
@@ -374,10 +347,10 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     elif index is None and isinstance(result, OptimalCurve):
         known = result.amplitude[np.isfinite(result.amplitude)]
         index = int(np.argmin(known)) if len(known) else None
-    solutions = _solutions(problem, result)
-    k = 0 if index is None else validate.whole("index of a point", index, -len(solutions), len(solutions) - 1)
-    s = solutions[k]
-    system, u = problem.system(s.preload), s.unknowns
+    solved, branch = _solutions(problem, result)
+    k = 0 if index is None else validate.whole("index of a point", index, -len(branch), len(branch) - 1)
+    u, frequency, preload = (column[k] for column in solved)
+    system = problem.system(preload)
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
     counted, shown = _counted(problem, system), ~problem.coupling.spring_points
@@ -397,7 +370,7 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     columns: dict[str, Any] = {name: values[shown] for name, values in (at_points | of_faces).items()}
     return Hysteresis(
         theta=theta, response=(response * np.exp(1j * theta)).real, whole=_whole(system, u, F, theta, counted),
-        **_of_solution(problem, s), **columns, **_identity(problem),
+        **_of_solution(problem, u, frequency, preload), **columns, **_identity(problem),
     )  # fmt: skip
 
 

@@ -78,14 +78,11 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
     ----------
     coefficients : (n, 6, H + 1) complex, Pa
         Mean, centrifugal stress included, and amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
-    centrifugal : (n, 6) float, Pa
-        Its part from the rotation; NaN where the set does not know it.
     settings : mapping
     model_hash : str
     """
 
     coefficients: NDArray
-    centrifugal: NDArray
 
     def over_cycle(self, theta: NDArray) -> NDArray:
         """(n, 6, n_theta) stress (Pa) at angles of the excitation (rad)."""
@@ -192,7 +189,7 @@ def stress_at(
         told = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
         validate.require(least <= near, "gauge", f"a place within {amount(near, 'm')} of a point of the stress sets", told)
     whole, k = named[validate.choice("gauge", gauge, named)]
-    tensor = coefficients_of(problem, solutions_of(problem, result), (whole,))[0][:, k]
+    tensor = coefficients_of(problem, solutions_of(problem, result), (whole,))[:, k]
     x, y, z = direction_vector(direction, "direction")
     along = np.array([x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * x * z])
     if elastic is not None:
@@ -229,15 +226,13 @@ def of_solution(
     problem: Problem, found: Solutions, chosen: Sequence[StressSet], speed: float | None = None
 ) -> StressCycle:
     """Stress over the cycle of one solution."""
-    coefficients, centrifugal = coefficients_of(problem, found, chosen, speed)
     bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
     notes = [f"set '{s.name}' has no rows for contact forces: it lacks their share" for s in bare]
     notes += [f"set '{s.name}' has no centrifugal stress: the mean lacks it" for s in chosen if s.static is None]
     return StressCycle(
         points=np.concatenate([s.points for s in chosen]),
         names=tuple(f"{s.name} {k + 1}" for s in chosen for k in range(len(s))),
-        coefficients=coefficients[0],
-        centrifugal=centrifugal[0],
+        coefficients=coefficients_of(problem, found, chosen, speed)[0],
         counted=np.concatenate([s.counted for s in chosen]),
         spread=np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
         frequency=float(found.frequency[0]),
@@ -250,11 +245,11 @@ def of_solution(
 
 def coefficients_of(
     problem: Problem, found: Solutions, sets: Sequence[StressSet], speed: float | None = None
-) -> tuple[NDArray, NDArray]:
-    """Mean and harmonics (m, n, 6, H + 1) of the stress, Pa, and the centrifugal part (m, n, 6) of the mean."""
+) -> NDArray:
+    """Mean and harmonics (m, n, 6, H + 1) of the stress, Pa."""
     n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
     out = np.full((len(found.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
-    centrifugal = np.concatenate([np.full((len(s), 6), np.nan) if s.static is None else s.static for s in sets])
+    centrifugal = np.concatenate([np.zeros((len(s), 6)) if s.static is None else s.static for s in sets])
     present = sorted({0, *problem.settings.active_harmonics})
     parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
     turning = speeds(problem, found.frequency, speed)
@@ -280,8 +275,8 @@ def coefficients_of(
                 by_body.setdefault(coordinate.body, {})[coordinate.index] = value
             values = [rows.stress(by_body.get(rows.body.name, {}), force, 2.0 * np.pi * frequency) for rows in parts[l]]
             out[i, ..., l] = np.concatenate(values)
-        out[i, ..., 0] = out[i, ..., 0].real + turning[i] ** 2 * np.nan_to_num(centrifugal)
-    return out, turning[:, None, None] ** 2 * centrifugal
+        out[i, ..., 0] = out[i, ..., 0].real + turning[i] ** 2 * centrifugal
+    return out
 
 
 def _contact_axes(problem: Problem, preload: float) -> NDArray:

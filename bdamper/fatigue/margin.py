@@ -166,9 +166,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         Of the points of the stress sets.
     critical : (n,) int
         Which of them is the critical one, -1 without a solution.
-    amplitude, mean, factor, yield_factor : (n, n_points) float
-        Pa, Pa, 1, 1; at all points.
-    counted : (n_points,) bool
+    amplitude, mean, factor : (n, n_points) float
+        Pa, Pa, 1; at all points.
     frequency, preload, speed : (n,) float, Hz, N, rad/s
     material : Material
     rule : Rule
@@ -193,8 +192,6 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     amplitude: Annotated[NDArray, Quantity("Pa", name="stress_amplitude", dims=(ROW, "location"))]
     mean: Annotated[NDArray, Quantity("Pa", name="stress_mean", dims=(ROW, "location"))]
     factor: Annotated[NDArray, Quantity(dims=(ROW, "location"))]
-    yield_factor: NDArray
-    counted: NDArray
     frequency: Hertz
     preload: Newtons
     speed: RadiansPerSecond
@@ -232,12 +229,6 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         return int(of(self.margin))
 
     @property
-    def kept_lines(self) -> list[str]:
-        """Margin at the amplitude found in time, if known."""
-        why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
-        return [f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why)]
-
-    @property
     def critical_name(self) -> Annotated[list[str], Quantity(name="critical")]:
         """Name of the critical point at each value, empty without a solution."""
         return [self.names[k] if k >= 0 else "" for k in self.critical]
@@ -257,7 +248,9 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
         head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
         limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
-        return " ".join([f"{head}, least {worst}.", *self.kept_lines, *limit])
+        why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
+        marched = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))
+        return " ".join([f"{head}, least {worst}.", *marched, *limit])
 
 
 def margin(
@@ -370,18 +363,18 @@ class LeastMargin(Rule):
         solved = Solutions(*(column[known] for column in found))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)
-        coefficients, _ = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
+        coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
         m, n = coefficients.shape[:2]
-        columns = np.full((4, len(known), n), np.nan)
-        columns[:, known] = [x.reshape(m, n) for x in self.judge(coefficients.reshape(m * n, 6, -1), self.material)]
-        amplitude, mean, factor, to_yield = columns
+        amplitude, mean, factor = np.full((3, len(known), n), np.nan)
+        for column, x in zip((amplitude, mean, factor), self.judge(coefficients.reshape(m * n, 6, -1), self.material)):
+            column[known] = x.reshape(m, n)
         counted = np.where(first.counted & known[:, None], factor, np.inf)
         critical = np.where(known, counted.argmin(axis=1), -1)
         over = "preload" if np.ndim(curve.preload) else "frequency"
         return MarginCurve(
             over=over, unit=UNITS[over], values=np.asarray(getattr(curve, over), float),
             margin=np.where(known, counted.min(axis=1), np.nan), response=np.asarray(curve.amplitude, float),
-            names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield,
-            counted=first.counted, frequency=np.asarray(found.frequency), preload=np.asarray(found.preload),
+            names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor,
+            frequency=np.asarray(found.frequency), preload=np.asarray(found.preload),
             speed=over_cycle.speeds(problem, found.frequency, self.speed), **shared,
         )  # fmt: skip

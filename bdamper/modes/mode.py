@@ -7,7 +7,6 @@ harmonic meets another mode; from its upper end, too, where it does not get ther
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -70,7 +69,7 @@ def nonlinear_mode(
     preload, mode = problem.check_preload(preload), validate.whole("mode", mode, least=1)
     low, high = validate.interval("amplitude", amplitude, "m")
     validate.instance("options", options or ContinuationOptions(), ContinuationOptions)
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     state = problem.equilibrium(preload)
     system, omega = mode_system(problem, preload, mode, low)
     meter.watch(system)
@@ -97,7 +96,7 @@ def nonlinear_mode(
         scales_to=_scales_to(problem, system, u, preload),
         status=status,
         reason=reason,
-        cost=meter.read(time.perf_counter()),
+        cost=meter.read(),
         **problem.recorded(options),
     )
 

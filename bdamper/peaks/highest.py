@@ -12,7 +12,6 @@ Points of a curve are converged, but may be coarse.  So the highest ones are ref
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -307,7 +306,7 @@ def found_at(
     InterruptedCurve
         On Ctrl-C.
     """
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     system, before = None, None
     if problem.static(preload).converged:
         system = problem.system(preload)
@@ -327,7 +326,7 @@ def found_at(
         if spent or (curve.complete and top is not None and top.exact and not given_up(curve)):
             break
         before = (curve, top) if curve.complete and top is not None and top.exact else None
-    return AtPreload(preload, curve, top, np.nan, "", meter.read(time.perf_counter()))
+    return AtPreload(preload, curve, top, np.nan, "", meter.read())
 
 
 @one_thread

@@ -237,12 +237,6 @@ def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[
     return best, count
 
 
-def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArray) -> None:
-    """Fill the area between two lines where both are known."""
-    known = np.isfinite(low) & np.isfinite(high)
-    ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
-
-
 def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[float] | NDArray, at: float) -> None:
     """A limit, or both, as a thin line that bears its name above the point next to a place, of those that are known."""
     look = LIMITS.get(name, LIMITS["stuck"])

@@ -218,7 +218,7 @@ def plot_optimal(
             plot_optimal(result, one, quantity=name)
         both[0].set(xlabel="", title=title)
         return both
-    preload, values, goes_on = _with_optimum(result, validate.choice("quantity", quantity, SHOWN))
+    preload, values, goes_on = with_optimum(result, validate.choice("quantity", quantity, SHOWN))
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.set(xscale="log", xlabel=PRELOAD)
         for first, last in runs(np.cumsum(~goes_on)):
@@ -242,7 +242,7 @@ def plot_optimal(
     return ax
 
 
-def _with_optimum(result: OptimalCurve, quantity: str) -> tuple[NDArray, NDArray, NDArray]:
+def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDArray, NDArray, NDArray]:
     """Preloads, values and whether they go on from the one before, the optimum among them."""
     o, values, best = result.optimum, result.amplitude, result.optimum.amplitude
     if quantity == "shift":

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
 from bdamper.accuracy.ladders import COMBINED, AccuracyCost
-from bdamper.design.sweep import SweepResult
+from bdamper.design.sweep import SweepResult, as_words
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
 from bdamper.plot.axes import NEW, STYLES, colours, legend_beside, looks, lost, once, picture, plain_number
@@ -28,12 +28,6 @@ def _with_unit(name: str) -> str:
     """Label of an axis for a setting or an answer of a sweep."""
     words = _WORDS.get(name, spaced(name))
     return words[:1].upper() + words[1:] + (f" ({UNITS[name]})" if name in UNITS else "")
-
-
-def _named_value(name: str, value: Any) -> str:
-    """A setting with its value and unit, for a legend."""
-    number = f"{value:.4g}" if isinstance(value, float) else f"{value}"
-    return f"{spaced(name)} {number}" + (f" {UNITS[name]}" if name in UNITS else "")
 
 
 @picture(SweepResult)
@@ -58,8 +52,7 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     places = np.array(x if numeric else [str(value) for value in x])
     rows = values.reshape(-1, last)
     for others, row, look in zip(result.points[::last], rows, looks(len(rows))):
-        label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
-        ax.plot(places, row, **look, label=label or None)
+        ax.plot(places, row, **look, label=as_words({key: others[key] for key in result.names[:-1]}) or None)
         lost(ax, places[~np.isfinite(row)], look["color"], "no value")
     if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
         ax.set_xscale("log")
@@ -162,7 +155,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
     for r in result.runs[1:]:
         k = names.index(r.part) if r.part in names else -1
         name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
-        look = points.get(r.part, {"color": "k", "marker": "P"})
+        look = points[r.part]
         ax.plot([], [], linestyle="none", label=once(ax, name), **look)
         place, y = ax.transData, 100.0 * r.error
         if not r.error > equal:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import NEW, STYLES, band, colours, highest_on, limit_line, looks, picture
+from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, looks, picture
 from bdamper.plot.table import draw_table
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
@@ -120,24 +120,22 @@ def _plot_periods(ax: Axes, found: Marched) -> None:
 
 
 @picture(WheelPeak, "plot_wheel", size=(5.6, 4.4))
-def plot_wheel(peak: WheelPeak, model: Model, ax: Axes = NEW, *, mode: int = 1) -> None:
+def plot_wheel(peak: WheelPeak, model: Model, ax: Axes = NEW) -> None:
     """The wheel from the front, blades coloured by their amplitude at the highest peak; the number of the highest is bold.
 
     Parameters
     ----------
     peak : WheelPeak
     model : Model
-        Of the wheel, with a surface of the blade that carries mode shapes.
-    mode : int
-        Of the tuned wheel, from 1, whose shape spreads the amplitude over each blade.
+        Of the wheel, with a surface of the blade that carries mode shapes, the first of which spreads the amplitude over
+        each blade.
     """
     if not peak.found or len(peak.amplitudes) != model.n_blades:
         found = f"{peak.status}, {len(peak.response)} blades"
         raise BdamperError(f"picture of a wheel: expected a converged peak of {model.n_blades} blades, found {found}")
     body, d = shown_shapes(model, None, None, "picture of a wheel")
     mesh = model.meshes[body]
-    mode = validate.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
-    shape = np.linalg.norm(np.abs(mesh.modes[d][..., mode - 1]), axis=1)[mesh.quads].mean(axis=1)
+    shape = np.linalg.norm(np.abs(mesh.modes[d][..., 0]), axis=1)[mesh.quads].mean(axis=1)
     turns = [turn(2.0 * np.pi * k / model.n_blades) for k in range(model.n_blades)]
     faces = np.concatenate([(mesh.points @ t.T)[mesh.quads] for t in turns])
     front = np.argsort(faces[..., 2].mean(axis=1))
@@ -198,7 +196,8 @@ def plot_sample(
         for q, (low, value, high), style in zip(percentiles, lines[:, :, k], STYLES):
             ax.plot(x, value, **{**look, "linestyle": style})
             if preloads or q == percentiles[-1]:
-                band(ax, x, low, high, look["color"])
+                known = np.isfinite(low) & np.isfinite(high)
+                ax.fill_between(x, low, high, where=known, color=look["color"], alpha=0.15, linewidth=0.0)
             if preloads:
                 best = int(np.argmin(value))
                 ax.plot(x[best], value[best], "*", color=look["color"], markersize=9.0)

@@ -43,7 +43,7 @@ from bdamper.problem.settings import Settings, check_history
 from bdamper.problem.stiffness import contact_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import ModelError, SettingError, StaticError
 from bdamper.util.warn import say
 
@@ -385,7 +385,7 @@ class Problem:
         factors = self.settings.load_history if history is None else check_history("history", history)
         key = (preload, *factors)
         if key not in self.static_states:
-            watch, system = Stopwatch(), self.static_system
+            watch, system = CostMeter(), self.static_system
             offset = assembly_offsets(self.settings.slip_offset, self.settings.slip_offset_seed, self.friction)
             state = None
             if len(factors) == 1 and preload > 0.0 and not (self.settings.slip_offset or self.settings.fixed_loads):
@@ -394,15 +394,15 @@ class Problem:
                 self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
-                    self.static_states[key] = replace(state, cost=Cost(**watch.read()))
+                    self.static_states[key] = replace(state, cost=watch.read())
                     return self.static_states[key]
             for factor in (0.0, *factors) if self.settings.fixed_loads else factors:  # assembly comes first
                 state = static_state(system, factor * preload, start=state, offset=offset)
                 if not state.converged:
                     break
             assert state is not None
-            cost = Cost(**watch.read(), iterations=state.iterations)
-            self.static_states[key] = replace(state, cost=cost, **self._surfaces)
+            watch.count(state.iterations)
+            self.static_states[key] = replace(state, cost=watch.read(), **self._surfaces)
         return self.static_states[key]
 
     def equilibrium(self, preload: float) -> PreloadState:

@@ -110,13 +110,9 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
 
     def facts(self) -> tuple[Fact, ...]:
-        """Nodal diameters and modes, and where orders meet modes."""
-        return (
-            Fact("nodal diameters", ", ".join(map(str, self.nodal_diameter.tolist()))),
-            Fact("modes", self.free.shape[2]),
-            *(Fact(f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in self.met),
-            *(Fact("neglected", note) for note in self.notes),
-        )
+        """Where orders meet modes."""
+        places = ((f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in self.met)
+        return tuple(Fact(*place) for place in places)
 
     def bottom_line(self) -> str:
         pairs = dict.fromkeys((n, m) for n, m, *speeds in self.met if np.isfinite(speeds).any())

@@ -8,7 +8,6 @@ preload of each speed, as a slow run-up passes it.  Each is a point of a sweep o
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.follower import TWO_PI
-from bdamper.design.sweep import SweepResult, sweep
+from bdamper.design.sweep import SweepResult, sweep, sweep_fields
 from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.harmonic_balance.equations import Equations
@@ -114,12 +113,12 @@ class CrossingTask:
     named: tuple[Any, ...] = ()
 
     def __call__(self, problem: Problem, preload: float | None) -> dict[str, Any]:
-        meter = CostMeter(time.perf_counter())
+        meter = CostMeter()
         found = self._found(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
         found["warning"] = "; ".join([*found["warning"], *(f"neglected: {note}" for note in neglected)])
         mass = next(b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
-        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | found | {"cost": meter.read(time.perf_counter())}
+        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | found | {"cost": meter.read()}
 
     def _found(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
         """The answers without those that are NaN, and warnings as a list."""
@@ -222,14 +221,9 @@ def _of_0_6(group: h5py.Group) -> dict[str, Any]:
     over = {"damper_mass": group["mass_factor"][()].tolist(), "engine_order": group["engine_order"][()].tolist()}
     masses = len(set(over["damper_mass"]))
     answers = numbers | texts
-    return {
-        "names": tuple(over),
-        "points": tuple(dict(zip(over, row)) for row in zip(*over.values())),
-        "values": tuple(dict(zip(answers, row)) for row in zip(*answers.values())),
-        "status": tuple(kind if word(kind) in (FAILED, NOT_RUN) else COMPLETE for kind in texts["kind"]),
-        "seconds": np.array([cost["seconds"] for cost in json.loads(group["cost"][()])]),
-        "shape": (masses, len(texts["kind"]) // masses),
-    }
+    status = [kind if word(kind) in (FAILED, NOT_RUN) else COMPLETE for kind in texts["kind"]]
+    fields = sweep_fields(over, answers, status, np.array([cost["seconds"] for cost in json.loads(group["cost"][()])]))
+    return fields | {"shape": (masses, len(status) // masses)}
 
 
 enter_former("bdamper-crossings", "lines_", SweepResult, _of_0_6)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -38,7 +37,6 @@ def run_up(
     *,
     rpm: tuple[float, float] | None = None,
     mode: int = 1,
-    within: tuple[float, float] | None = None,
     options: ContinuationOptions | None = None,
     **conditions: Any,
 ) -> Curve:
@@ -48,12 +46,10 @@ def run_up(
     ----------
     speeds : (low, high), rad/s, optional
         Range of the run-up, which holds the crossing; by default the speeds at which the free and the stuck resonance of
-        the mode meet the line, and some way beyond.
+        the mode meet the line, and some way beyond, from 50 to 2000 rad/s as far as tables over speed reach.
     rpm : (low, high), revolutions per minute
         Instead of ``speeds``.
     mode : int
-    within : (low, high), rad/s, optional
-        What the default range does not leave; 50 to 2000 rad/s by default, as far as tables over speed reach.
     options : ContinuationOptions
         Coarse by default; the highest point is refined.
     **conditions
@@ -73,18 +69,18 @@ def run_up(
         If there is no crossing in the range.
     """
     given = Conditions(**conditions)
-    everywhere = np.clip(given.reach(int(problem.engine_order)), *WITHIN)
-    if speeds is not None or rpm is not None:
-        speeds = asked_speeds(problem, speeds, rpm)
-    asked = speed_values(next((r for r in (speeds, within) if r is not None), everywhere))
+    asked = np.clip(given.reach(int(problem.engine_order)), *WITHIN)
+    narrow = speeds is not None or rpm is not None
+    if narrow:
+        asked = speed_values(asked_speeds(problem, speeds, rpm))
     mode = validate.whole("mode", mode, least=1)
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     family = SpeedFamily(problem, given)
     low, high = float(asked[0]), float(asked[-1])
     holds = interval(family, low, high, mode)
     why = ""
     if holds is not None:
-        equations, curve, found = follow_line(family, holds if speeds is None else (low, high), mode, meter, options)
+        equations, curve, found = follow_line(family, (low, high) if narrow else holds, mode, meter, options)
         why = "" if found is not None else f": {curve.bottom_line()}"
     if holds is None or found is None:
         raise BdamperError(
@@ -97,7 +93,7 @@ def run_up(
     fixed = at_fixed_speed(equations, found.peak, meter)
     out = _with_maximum(curve, found.index, top, responses(equations, top.y[None])[0])
     notes = _beside(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
-    return replace(out, notes=(*curve.notes, *notes), cost=meter.read(time.perf_counter()))
+    return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
 
 
 def _with_maximum(curve: Curve, index: int, top: Peak, harmonics: NDArray) -> Curve:

@@ -59,7 +59,7 @@ from bdamper.stability.in_time import judged_in_time
 from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Stopwatch
+from bdamper.util.cost import CostMeter
 
 NEUTRAL = 1e-6
 """Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
@@ -224,8 +224,8 @@ def with_stability(
     check_curve(problem, curve)
     system, progress = problem.system(curve.preload), validate.flag("progress", progress)
     ring = ring_of(problem, curve.preload) if validate.flag("in_time", in_time) else None
-    watch = Stopwatch()
+    watch = CostMeter()
     result = stability_of_points(system, curve.unknowns, TWO_PI * curve.frequency)
-    note = f"{result.note}; {watch.read()['seconds']:.2f} s, {curve.cost.seconds:.2f} s for the curve"
+    note = f"{result.note}; {watch.read().seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
     judged = replace(curve, stable=result.stable, stability_note=note, in_time=None)
     return judged if ring is None else judged_in_time(ring, judged, progress)

@@ -20,7 +20,7 @@ from bdamper.stability.disturbances import rests
 from bdamper.stability.march import AGREES, BOUNDS, UNDECIDED
 from bdamper.stability.settled import march_from, verified
 from bdamper.stability.time_integration import MarchFailed, Ring
-from bdamper.util.cost import Stopwatch
+from bdamper.util.cost import CostMeter
 from bdamper.util.progress import LongWork, each
 
 
@@ -36,7 +36,7 @@ def judged_in_time(ring: Ring, curve: Curve, progress: bool) -> Curve:
     curve : Curve
     progress : bool
     """
-    watch, stable, judged = Stopwatch(), np.array(curve.stable, bool), 0
+    watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0
     moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
     stable[~moving] = True
     ratios = np.where(moving, np.nan, 1.0)
@@ -48,7 +48,7 @@ def judged_in_time(ring: Ring, curve: Curve, progress: bool) -> Curve:
                 stable[i], ratios[i] = verdict == AGREES, ratio
     note = (
         f"motion in time, amplitude kept to {100.0 * BOUNDS.tolerance:g} %: {judged} of {len(curve)} points judged, "
-        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read()['seconds']:.3g} s"
+        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
         + (", interrupted by the user" if work.interrupted else "")
         + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
     )

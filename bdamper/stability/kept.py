@@ -35,7 +35,7 @@ from bdamper.stability.march import March, to_come
 from bdamper.stability.time_integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.kept import Marched
 from bdamper.util.progress import LongWork
@@ -451,14 +451,14 @@ def kept(
     check_curve(problem, curve)
     if curve.peak_at_end:
         raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
-    watch, levels, top = Stopwatch(), Levels(curve), curve.peak
+    watch, levels, top = CostMeter(), Levels(curve), curve.peak
     sides = [levels.side(sign) for sign in (1.0, -1.0)]
     width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
     near = np.abs(curve.frequency - top.frequency) <= width
     found = Marched(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
     part = "" if curve.complete else f"there may be a higher peak, as the curve is {curve.status}"
     if not _opens(problem, curve, near) and not any(near[f.index] for f in curve.folds):
-        return replace(found, status=because(INCOMPLETE, part) if part else COMPLETE, cost=Cost(**watch.read()))
+        return replace(found, status=because(INCOMPLETE, part) if part else COMPLETE, cost=watch.read())
     none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
     ways = [side for side in sides if np.isfinite(side[1])]
     if not ways:
@@ -477,7 +477,7 @@ def kept(
             walk.places, walk.astray = [], str(error)
     if work.interrupted and best is None:
         best = max(walk.places, key=lambda p: p.mean, default=None)
-    none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=replace(ring.cost, **watch.read()))
+    none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=watch.read(ring.cost))
     none = replace(none, direction="up" if step < 0.0 else "down", fall=walk.fall, answers=walk.answers)
     return _found(none, walk, best, part, work.interrupted)
 

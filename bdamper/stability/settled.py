@@ -12,7 +12,6 @@ solution; a growth that shows only after hundreds of periods is beyond it, as it
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from bdamper.stability.march import BOUNDS, UNDECIDED, March, judged, repeats_af
 from bdamper.stability.time_integration import Ring, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Stopwatch
+from bdamper.util.cost import CostMeter
 from bdamper.util.kept import Marched
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, because
 
@@ -60,7 +59,7 @@ def settled(march: March, preload: float, periods: int = 200, progress: bool = F
     MarchFailed
         If the march fails.
     """
-    watch = Stopwatch()
+    watch = CostMeter()
     stopped = march.run(validate.whole("periods", periods, least=FEWEST), progress)
     if stopped and len(march.harmonics) < FEWEST:
         raise KeyboardInterrupt
@@ -70,7 +69,7 @@ def settled(march: March, preload: float, periods: int = 200, progress: bool = F
         longer = int(np.ceil(march.memory * np.log(abs(change) / BOUNDS.drift) / 10.0)) * 10
         status = because(INCOMPLETE, f"still moving, {text}; some {longer} more periods would settle it")
     status = INTERRUPTED if stopped else status
-    return described(march, preload, status, cost=replace(march.ring.cost, **watch.read()), **more)
+    return described(march, preload, status, cost=watch.read(march.ring.cost), **more)
 
 
 def verified(
@@ -86,7 +85,7 @@ def verified(
     """
     periods = validate.whole("periods", periods, least=1)
     tolerance = validate.number("tolerance", tolerance, above=0.0, most=1.0)
-    watch, size = Stopwatch(), float(abs(expected[1]))
+    watch, size = CostMeter(), float(abs(expected[1]))
 
     def verdict_so_far() -> tuple[str, str]:
         return judged(march.amplitude, size, tolerance, march.memory)
@@ -99,7 +98,7 @@ def verified(
     status = INTERRUPTED if stopped else because(INCOMPLETE, "undecided") if verdict == UNDECIDED else COMPLETE
     return described(
         march, preload, status, balance=size, verdict=verdict, reason=reason, distance=float(distance),
-        cost=replace(march.ring.cost, **watch.read()), **more,
+        cost=watch.read(march.ring.cost), **more,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ error: it differs by about as much, as the lag of a response behind its steady v
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -28,7 +28,7 @@ from bdamper.stability.march import BOUNDS, March
 from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable
@@ -188,7 +188,7 @@ def sweep_in_time(
     for name, value in (("up", up), ("progress", progress)):
         validate.flag(name, value)
     rate = None if rate is None else validate.number("rate", rate, above=0.0, unit="Hz/s")
-    watch = Stopwatch()
+    watch = CostMeter()
     ends = (low, high) if up else (high, low)
     u, begin = _start(problem, preload, ends[0], start)
     ring = ring_of(problem, preload)
@@ -210,7 +210,7 @@ def sweep_in_time(
         rate=rate if up else -rate, memory=memory, steps_per_period=march.steps, sectors=ring.n,
         status=COMPLETE if done == turns else INTERRUPTED,
         reason="" if done == turns else f"by the user after {done} of {turns} turns",
-        cost=replace(ring.cost, **watch.read()), settings=problem.record(), model_hash=problem.model.hash,
+        cost=watch.read(ring.cost), settings=problem.record(), model_hash=problem.model.hash,
     )  # fmt: skip
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
-
 from bdamper.util.cost import Cost
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
-from bdamper.util.text import amount, percent
+from bdamper.util.text import amount, percent, span
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class Meeting(NamedTuple):
 class Convergence(Plottable, Tabular):
     """One peak with more and more harmonics.
 
-    ``plot`` draws amplitude and processor time over the number of harmonics (:func:`bdamper.plot.plot_convergence`).
+    ``plot`` draws the amplitude over the number of harmonics (:func:`bdamper.plot.plot_convergence`).
 
     Parameters
     ----------
@@ -123,21 +121,6 @@ class Convergence(Plottable, Tabular):
         return self.status == COMPLETE and len(self.peaks) > 2 and len(self.settled) == len(self.peaks)
 
     @property
-    def steepest(self) -> tuple[HarmonicPeak, HarmonicPeak] | None:
-        """The two neighbouring peaks that differ the most, if by more than the tolerance."""
-        pairs = list(zip(self.peaks, self.peaks[1:]))
-        change = [abs(after.amplitude / before.amplitude - 1.0) for before, after in pairs]
-        return pairs[int(np.argmax(change))] if max(change, default=0.0) > self.tolerance else None
-
-    @property
-    def met(self) -> tuple[Meeting, ...]:
-        """The meetings where the amplitude changes the most, none where it changes by less than the tolerance."""
-        if self.steepest is None:
-            return ()
-        before, after = self.steepest
-        return tuple(m for m in self.meetings if before.harmonics < m.harmonic <= after.harmonics)
-
-    @property
     def verdict(self) -> str:
         """Result of the convergence study in words."""
         own, *more = self.peaks
@@ -145,9 +128,7 @@ class Convergence(Plottable, Tabular):
         if not others:
             return "not known with more harmonics"
         low, high = min(p.amplitude for p in others), max(p.amplitude for p in others)
-        ends = [amount(low, "m"), amount(high, "m")]
-        unit = ends[1].split()[-1]
-        heights = ends[1] if ends[0] == ends[1] else f"{ends[0].removesuffix(f' {unit}')} to {ends[1]}"
+        heights = amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
         first, last = others[0].harmonics, others[-1].harmonics
         found = f"{heights} with {first if first == last else f'{first} to {last}'}"
         if self.converged:
@@ -158,17 +139,11 @@ class Convergence(Plottable, Tabular):
 
     @property
     def note(self) -> str:
-        """Answer, verdict, what ended the harmonics and which of them meet a mode where the amplitude changes."""
+        """Answer, verdict, and what ended the harmonics."""
         own = self.peaks[0]
         text = f"{amount(own.amplitude, 'm')} with {own.harmonics} harmonic{'s' * (own.harmonics != 1)}, {self.verdict}"
         text += f"; {self.limit}" if self.limit else ""
         text += f"; {self.status}" if self.status != COMPLETE else ""
-        if self.steepest is not None:
-            before, after = self.steepest
-            change = percent(after.amplitude / before.amplitude - 1.0, True)
-            text += f"; {change} from {before.harmonics} to {after.harmonics}"
-            nearest = min(self.met, key=lambda m: abs(m.distance), default=None)
-            text += ", where none of them is near a mode" if nearest is None else f", where {nearest}"
         return text
 
     def bottom_line(self) -> str:

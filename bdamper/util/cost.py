@@ -3,25 +3,11 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-
-class Counted(Protocol):
-    """A system of equations whose core counts what it does."""
-
-    @property
-    def core(self) -> Any:
-        """With a count of what it does, ``cost``."""
-        ...
-
-    @property
-    def work(self) -> NDArray:
-        """(4,) million operations of an evaluation, Jacobian, factorisation, solution by least norm."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -32,9 +18,8 @@ class Cost:
     ----------
     seconds : float
         Wall-clock time in all.
-    processor, core_processor : float
-        Processor seconds of the thread that did the work: in all, and in the C core.  0 in files of versions that did not
-        count them.
+    processor : float
+        Processor seconds of the thread that did the work.  0 in files of versions that did not count them.
     contact, assembly, algebra : float
         Wall-clock seconds in the C core: contact forces, modal sums and products, linear algebra.
     evaluations, jacobians, factorisations : int
@@ -50,7 +35,6 @@ class Cost:
 
     seconds: float = 0.0
     processor: float = 0.0
-    core_processor: float = 0.0
     contact: float = 0.0
     assembly: float = 0.0
     algebra: float = 0.0
@@ -86,28 +70,20 @@ class Cost:
 
 
 def operations(counts: Any) -> NDArray:
-    """(4,) evaluations, Jacobians, factorisations, solutions by least norm, as :attr:`Counted.work` weighs them."""
+    """(4,) evaluations, Jacobians, factorisations, solutions by least norm, as the ``work`` of a system weighs them."""
     return np.array([counts.evaluations, counts.jacobians, counts.factorisations, counts.least_norm], float)
-
-
-@dataclass(frozen=True)
-class Stopwatch:
-    """Wall-clock and processor time of the calling thread since it was made."""
-
-    start: float = field(default_factory=time.perf_counter)
-    processor_start: float = field(default_factory=time.thread_time)
-
-    def read(self) -> dict[str, Any]:
-        """Seconds and processor seconds, as fields of :class:`Cost`."""
-        return {"seconds": time.perf_counter() - self.start, "processor": time.thread_time() - self.processor_start}
 
 
 @dataclass
 class CostMeter:
-    """Sums the cost of several systems that serve one result, in the thread that made the meter."""
+    """Sums what serves one result, in the thread that made the meter: time, several systems, and parts metered before.
 
-    start: float
-    systems: list[tuple[Counted, Any]] = field(default_factory=list)
+    A system is a system of equations whose ``core`` counts what it does (``core.cost``); its ``work`` has the (4,) million
+    operations of an evaluation, Jacobian, factorisation and solution by least norm.
+    """
+
+    start: float = field(default_factory=time.perf_counter)
+    systems: list[tuple[Any, Any]] = field(default_factory=list)
     iterations: int = 0
     failed_steps: int = 0
     parts: list[Cost] = field(default_factory=list)
@@ -122,7 +98,7 @@ class CostMeter:
         self.iterations += iterations
         self.failed_steps += failed_steps
 
-    def watch(self, system: Counted) -> None:
+    def watch(self, system: Any) -> None:
         """Count what a system does from now on, once."""
         if all(system.core is not other.core for other, _ in self.systems):
             self.systems.append((system, system.core.cost))
@@ -135,18 +111,14 @@ class CostMeter:
             total += float(system.work @ (operations(system.core.cost) - operations(before)))
         return float(total)
 
-    def _in_core(self, name: str) -> Any:
-        """Sum of one of the core's counts."""
-        return sum(getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems)
-
-    def read(self, now: float) -> Cost:
-        shared = "contact", "assembly", "algebra", "evaluations", "jacobians", "factorisations", "least_norm"
-        return Cost(
-            seconds=now - self.start,
-            processor=time.thread_time() - self.processor_start,
-            core_processor=self._in_core("processor") + sum(part.core_processor for part in self.parts),
-            iterations=self.iterations + sum(part.iterations for part in self.parts),
-            failed_steps=self.failed_steps + sum(part.failed_steps for part in self.parts),
-            work=self.work,
-            **{name: self._in_core(name) + sum(getattr(part, name) for part in self.parts) for name in shared},
-        )
+    def read(self, *parts: Cost) -> Cost:
+        """The cost so far, with that of parts that have not been added."""
+        counts = "contact", "assembly", "algebra", "evaluations", "jacobians", "factorisations", "least_norm"
+        own: dict[str, Any] = {
+            name: sum(getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems)
+            for name in counts
+        }
+        mine = Cost(**own, iterations=self.iterations, failed_steps=self.failed_steps)
+        seconds, processor = time.perf_counter() - self.start, time.thread_time() - self.processor_start
+        work = self.work + sum(part.work for part in parts)
+        return replace(sum((*self.parts, *parts), mine), seconds=seconds, processor=processor, work=work)

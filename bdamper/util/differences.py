@@ -11,7 +11,7 @@ import numpy as np
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Fact, Summarised
 from bdamper.util.repr import brief, plain
-from bdamper.util.text import aligned, percent
+from bdamper.util.text import percent
 
 MISSING = "not there"
 
@@ -44,13 +44,11 @@ class Differences(Summarised):
         out = [(name, plain(a), plain(b), _change(a, b)) for name, a, b in self.settings]
         return out + [(a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)) for a, b in self.outcomes]
 
-    def __str__(self) -> str:
-        if not self:
-            return f"{self.kinds[0]} and {self.kinds[1]}: no difference"
-        return "\n".join([f"{self.kinds[0]} and {self.kinds[1]} differ:", *aligned(self.rows(), "  ")])
+    def bottom_line(self) -> str:
+        return f"{' and '.join(self.kinds)}{' differ:' if self else ': no difference'}"
 
-    def _table(self) -> list[tuple[str, ...]]:
-        return [("", "first", "second", "change"), *self.rows()]
+    def _rows(self) -> list[tuple[str, ...]]:
+        return [("", "first", "second", "change"), *self.rows()] if self else []
 
 
 def _change(a: Any, b: Any) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from bdamper.util import validate
 from bdamper.util.plotting import Summarised
 from bdamper.util.repr import brief
 from bdamper.util.text import amount, height, percent
@@ -24,7 +25,6 @@ class SourceError:
         Relative change that the estimate may have missed; 0 where the peak was computed with the richer setting.
     against : str
         The richer setting and how the change was found, or why there is no estimate.
-    seconds : float
     """
 
     source: str
@@ -32,7 +32,6 @@ class SourceError:
     frequency: float
     uncertainty: float
     against: str
-    seconds: float = field(default=0.0, compare=False)
 
     @property
     def known(self) -> bool:
@@ -63,33 +62,22 @@ class ErrorEstimates(Summarised):
         Of the peak.
     sources : tuple of SourceError
         Changes towards richer settings, one setting at a time.
-    seconds : float
-        For all estimates.
     """
 
     preload: float
     frequency: float
     amplitude: float
     sources: tuple[SourceError, ...]
-    seconds: float = field(default=0.0, compare=False)
-
     _told = ("sources",)
 
     def __getitem__(self, source: str) -> SourceError:
-        for item in self.sources:
-            if item.source == source:
-                return item
-        raise KeyError(f"no estimate for '{source}'; there are {[s.source for s in self.sources]}")
+        by_name = {item.source: item for item in self.sources}
+        return by_name[validate.choice("source", source, by_name)]
 
     @property
     def total(self) -> float:
         """Sum of the sizes of all known errors: a bound if they do not help each other."""
         return float(np.nansum([s.size for s in self.sources]))
-
-    @property
-    def largest(self) -> SourceError:
-        """The source that matters most."""
-        return max(self.sources, key=lambda s: -1.0 if np.isnan(s.size) else s.size)
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -109,8 +97,3 @@ class ErrorEstimates(Summarised):
     def bottom_line(self) -> str:
         peak = f"{height(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
         return f"{self.line[0].upper()}{self.line[1:]} of the peak of {peak}."
-
-
-def error_line(errors: ErrorEstimates | None) -> str:
-    """Printed error of a result: one line of estimates, or that there are none."""
-    return "error not estimated" if errors is None else errors.line

@@ -133,12 +133,12 @@ class Summarised:
         )
         single = [fact for name in own for fact in self._said(name)]
         facts += [fact for fact in single if fact.known and fact.name not in names]
-        texts = [text for name in ("notes", "warnings") for text in dict.fromkeys(getattr(self, name, ())) if text]
+        texts = list(dict.fromkeys(text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text))
         texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         if isinstance(status, tuple):
             texts += left_undone(status, "parts") + [s for s in dict.fromkeys(status) if word(s) == FAILED]
-        table = self.as_lines() if isinstance(self, Tabular) else []
+        table = aligned(self._rows(), "  ")
         if isinstance(cost, tuple) and cost:  # of each part
             cost = Cost(*map(sum, zip(*map(astuple, cost))))
         texts += [str(cost or "").strip()]
@@ -153,9 +153,14 @@ class Summarised:
         shown = lines[:9] + ["details() has the rest"]
         return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
 
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Head and rows of the table of a result that is one."""
+        return self.as_rows() if isinstance(self, Tabular) else []
+
     def _table(self) -> list[tuple[str, ...]]:
-        """Head, which may be empty, and rows of the table."""
-        return [(), *((fact.name, fact.text) for fact in self.facts() if fact.known)]
+        """Head, which may be empty, and rows of what is shown first: the facts, or the table where there are none."""
+        facts = [(fact.name, fact.text) for fact in self.facts() if fact.known]
+        return [(), *facts] if facts else self._rows() or [()]
 
     def _shown(self) -> Any:
         """What the picture is of; None for no picture."""

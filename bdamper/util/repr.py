@@ -13,16 +13,11 @@ from bdamper.util.text import cut
 T = TypeVar("T", bound=type)
 
 
-
 def brief(cls: T) -> T:
     """Class decorator: the representation of a dataclass is its ``str``, or its items with arrays by their shapes alone."""
     prints_itself = any("__str__" in base.__dict__ for base in cls.__mro__[:-1])
-    cls.__repr__ = _as_text if prints_itself else _as_items  # type: ignore[assignment]
+    cls.__repr__ = cls.__str__ if prints_itself else _as_items  # type: ignore[assignment]
     return cls
-
-
-def _as_text(self: Any) -> str:
-    return str(self)
 
 
 def _as_items(self: Any) -> str:

@@ -31,7 +31,7 @@ from bdamper.util.errors import BdamperError, needed
 from bdamper.util.hdf5 import FilePath, check_folder, plain
 from bdamper.util.marks import declarations
 from bdamper.util.status import COMPLETE, INTERRUPTED
-from bdamper.util.text import PREFIXES, aligned, fitting, spaced
+from bdamper.util.text import PREFIXES, fitting, spaced
 from bdamper.util.versions import HERE
 
 
@@ -86,7 +86,6 @@ Metre = Annotated[float, Quantity("m")]
 Newton = Annotated[float, Quantity("N")]
 Second = Annotated[float, Quantity("s")]
 Numbers = Annotated[NDArray, Quantity()]
-Texts = Annotated[tuple[str, ...], Quantity()]
 Hertz = Annotated[NDArray, Quantity("Hz")]
 Metres = Annotated[NDArray, Quantity("m")]
 Amplitude = Annotated[NDArray, Quantity("m", "Response amplitude")]
@@ -94,7 +93,6 @@ Resonance = Annotated[NDArray, Quantity("m", "Resonance amplitude")]
 Newtons = Annotated[NDArray, Quantity("N")]
 SquareMetres = Annotated[NDArray, Quantity("m2")]
 Pascals = Annotated[NDArray, Quantity("Pa")]
-Joules = Annotated[NDArray, Quantity("J")]
 Radians = Annotated[NDArray, Quantity("rad")]
 Seconds = Annotated[NDArray, Quantity("s")]
 RadiansPerSecond = Annotated[NDArray, Quantity("rad/s")]
@@ -168,8 +166,8 @@ class Tabular:
     def _flat(self) -> dict[str, Column]:
         return {name: column for name, column in self.columns().items() if not column.dims}
 
-    def as_lines(self) -> list[str]:
-        """The table as lines; of one longer than :data:`FEW_ROWS` the least and the largest value of each column."""
+    def as_rows(self) -> list[tuple[str, ...]]:
+        """Head and rows as texts; of more than :data:`FEW_ROWS` the least and the largest value of each column."""
         table = self._flat()
         values = [np.asarray(column.values).tolist() for column in table.values()]
         if not values or not values[0]:
@@ -179,11 +177,11 @@ class Tabular:
         cells = [[f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
         head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]
         if len(values[0]) <= FEW_ROWS:
-            return aligned([head, *zip(*cells)], "  ")
+            return [tuple(head), *zip(*cells)]
         known = [[v for v in column if isinstance(v, float) and v == v] for column in values]
         ends = [(h, v.index(min(k)), v.index(max(k)), c) for h, v, k, c in zip(head, values, known, cells) if k]
-        first = f"{len(values[0])} {self._dimension()}s", "least", "largest"
-        return aligned([first, *((h, c[i], c[j]) for h, i, j, c in ends)], "  ")
+        first = f"{spaced(self._dimension())}: {len(values[0])}", "least", "largest"
+        return [first, *((h, c[i], c[j]) for h, i, j, c in ends)]
 
     def _attributes(self) -> dict[str, Any]:
         """What the table is of: kind of result, settings, model, version."""

@@ -18,11 +18,11 @@ def percent(value: float, sign: bool = False) -> str:
 UNITS = {
     "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
     "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
-    "stuck_frequency": "Hz", "tuned_amplitude": "m", "tuned_frequency": "Hz", "excitation.amplitude": "N",
+    "stuck_frequency": "Hz", "tuned_amplitude": "m", "excitation.amplitude": "N",
     "excitation.phase": "rad", "load": "N", "linear_to": "m", "highest": "m", "scales_to": "N", "normal_force": "N",
     "speed": "rad/s", "fixed_speed": "rad/s", "fixed_speed_amplitude": "m", "amplitude_by_mass": "m",
     "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "slip_offset": "m",
-    "force": "N", "displacement": "m",
+    "force": "N", "displacement": "m", "by_interface": "J",
 }  # fmt: skip
 """Units of settings and answers; what is not listed is a plain number or a name."""
 FITTING = {"m": "nµm ", "N": "m kM", "N/m": " kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}

@@ -22,7 +22,7 @@ from bdamper.stability.march import March
 from bdamper.stability.time_integration import STEPS, MarchFailed, Ring
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Stopwatch
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.kept import Marched
 from bdamper.util.status import NOT_FOUND, because
@@ -104,7 +104,7 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
     SettingError
         If the wheel has more than thirteen blades, or the peak is of another wheel or not found.
     """
-    watch, system = Stopwatch(), wheel.system(validate.instance("peak", peak, WheelPeak).preload)
+    watch, system = CostMeter(), wheel.system(validate.instance("peak", peak, WheelPeak).preload)
     # of a wheel that is marched: what a period takes grows with the third power of them (docs/measured.md, "Peaks of
     # unequal wheels")
     most_blades = 13
@@ -135,9 +135,9 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
             march.run(len(march.harmonics) + 2 * RULES.window)
             periods += 2 * RULES.window
     except MarchFailed as error:
-        return replace(none, status=because(NOT_FOUND, error), cost=replace(one.ring.cost, **watch.read()))
+        return replace(none, status=because(NOT_FOUND, error), cost=watch.read(one.ring.cost))
     blades = np.abs(march.blades[-2 * RULES.window :])
-    found = replace(none, periods=periods, blades=blades, cost=replace(one.ring.cost, **watch.read()))
+    found = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
     if place.stays:
         mean, lowest, highest = place.mean, float(place.amplitude.min()), float(place.amplitude.max())
         return replace(found, mean=mean, lowest=lowest, highest=highest)

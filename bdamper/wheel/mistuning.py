@@ -117,7 +117,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         standard_deviation: float,
         distribution: str | Mistuning = "normal",
         *,
-        modes: int | None = None,
         seed: int | Sequence[int] = 0,
     ) -> Self:
         """Deviations drawn for every blade independently; the same unit pattern at every standard deviation.
@@ -130,8 +129,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         distribution : {"normal", "uniform"} or Mistuning
             A measured pattern is drawn from with repetition, its blades whole, after its mean is taken out and its
             standard deviation (over all modes) brought to the one asked for.
-        modes : int, optional
-            Independent deviations for so many cantilever modes, instead of one for each blade.
         seed : int or sequence of int
             Equal seeds give equal draws.
         """
@@ -139,10 +136,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         deviation = validate.number("standard_deviation", standard_deviation, least=0.0, below=1.0)
         seed = _seed(seed)
         generator = np.random.default_rng([*seed, _BLADES])
-        shape = (n_blades,) if modes is None else (n_blades, validate.whole("modes", modes, least=1))
         if isinstance(distribution, Mistuning):
-            if modes is not None:
-                raise SettingError("modes: expected none beside a measured pattern, which has its own")
             pattern = distribution.without_mean().deviation
             if pattern.std() == 0.0:
                 raise SettingError("distribution: expected a measured pattern of blades that differ, found equal ones")
@@ -151,7 +145,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         else:
             name = validate.choice("distribution", distribution, DISTRIBUTIONS)
             half = np.sqrt(3.0)
-            unit = generator.standard_normal(shape) if name == "normal" else generator.uniform(-half, half, shape)
+            unit = generator.standard_normal(n_blades) if name == "normal" else generator.uniform(-half, half, n_blades)
         return cls(deviation * unit, f"{name}, standard deviation {deviation:g}", seed)
 
     # ---- what it says ----
@@ -213,8 +207,6 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         Added to the initial gaps of all its contact points, from 0.
     missing : (n_blades,) bool
         Dampers that are not there.
-    seed : tuple of int
-        With which they were drawn; empty where they were not.
 
     Raises
     ------
@@ -227,7 +219,6 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
     contact_stiffness: NDArray
     gap: NDArray
     missing: NDArray
-    seed: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = np.size(self.missing)
@@ -237,10 +228,9 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         if missing.dtype != bool or missing.ndim != 1 or n == 0:
             raise validate.unfit("missing", "(n_blades,) True or False", self.missing)
         object.__setattr__(self, "missing", missing)
-        object.__setattr__(self, "seed", tuple(self.seed))
 
     @classmethod
-    def of(cls, n_blades: int, *, missing: Sequence[int] = (), seed: Sequence[int] = (), **properties: Any) -> Self:
+    def of(cls, n_blades: int, *, missing: Sequence[int] = (), **properties: Any) -> Self:
         """Dampers of which some properties differ; one number stands for all dampers.
 
         Parameters
@@ -248,8 +238,6 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         n_blades : int
         missing : sequence of int
             Numbers of the dampers that are not there, from 0.
-        seed : sequence of int
-            With which they were drawn.
         **properties : float or (n_blades,) float
             mass, friction_coefficient, contact_stiffness and gap as above; those of the nominal damper by default.
         """
@@ -260,7 +248,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
             full[name] = [value] * n if np.ndim(value) == 0 else value
         gone = np.zeros(n, bool)
         gone[list(validate.wholes("missing", missing, most=n - 1))] = True
-        return cls(**full, missing=gone, seed=tuple(seed))
+        return cls(**full, missing=gone)
 
     @classmethod
     def drawn(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
@@ -277,8 +265,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
             distributions of mean 1, which stay above 0.  gap: mean of gaps with an exponential distribution, m.
         """
         n = validate.whole("n_blades", n_blades, least=1)
-        seed = _seed(seed)
-        generator = np.random.default_rng([*seed, _DAMPERS])
+        generator = np.random.default_rng([*_seed(seed), _DAMPERS])
         full: dict[str, Any] = {}
         for name in _LIMITS:
             value = spread.pop(name, 0.0)
@@ -287,7 +274,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
             else:
                 sigma = np.sqrt(np.log1p(validate.number(f"standard deviation of {name}", value, least=0.0) ** 2))
                 full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
-        return cls.of(n, missing=missing, seed=seed, **full, **spread)
+        return cls.of(n, missing=missing, **full, **spread)
 
     @property
     def n_blades(self) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from bdamper.design.sweep import SweepResult, sweep
+from bdamper.design.sweep import SweepResult, sweep, sweep_fields
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import enter_former
@@ -80,15 +80,7 @@ def _of_0_6(group: h5py.Group) -> dict[str, Any]:
     numbers = {name: group[name][()].tolist() for name in (*OF_PEAKS, "tuned_amplitude")}
     preloads, reasons = group["preload"][()].tolist(), json.loads(group["reason"][()])
     status = [COMPLETE if np.isfinite(a) else because(FAILED, why) for a, why in zip(numbers["amplitude"], reasons)]
-    return {
-        "names": ("preload",),
-        "points": tuple({"preload": preload} for preload in preloads),
-        "values": tuple(dict(zip(numbers, row)) for row in zip(*numbers.values())),
-        "status": tuple(status),
-        "seconds": np.full(len(preloads), np.nan),
-        "shape": (len(preloads),),
-        "cost": (),
-    }
+    return sweep_fields({"preload": preloads}, numbers, status, np.full(len(preloads), np.nan)) | {"cost": ()}
 
 
 enter_former("bdamper-wheel-optimal-curve", "bdamper-wheel-optimal-curve", SweepResult, _of_0_6)

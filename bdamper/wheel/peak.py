@@ -13,7 +13,6 @@ and falls from those that were marched within a hundred periods (``Wheel.kept``)
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from itertools import product
 from math import tau
@@ -87,11 +86,10 @@ class _Equations:
     def of(cls, wheel: WheelProblem, preload: float) -> _Equations:
         whole, s = wheel.system(preload), wheel.structure
         state, n = wheel.state(preload), s.n
-        if n <= SHAPES + 1 or not wheel.structure.tuned.settings.bias:
-            return cls(whole, whole, None, state.mean[:, :n])
         omega = tau * wheel.tuned_peak(preload).frequency
-        shapes = family_shapes(s, omega)
-        if not close(s, shapes, omega):
+        large = n > SHAPES + 1 and wheel.structure.tuned.settings.bias
+        shapes = family_shapes(s, omega) if large else None
+        if shapes is None or not close(s, shapes, omega):
             return cls(whole, whole, None, state.mean[:, :n])
         excitation = np.hstack([wheel.excitation[:, :n] @ shapes, wheel.excitation[:, n:]])
         system = wheel_system(s.reduced(shapes), reduced_state(s, state, shapes), excitation, wheel.response_row @ shapes)
@@ -138,7 +136,7 @@ def peak(
         only with springs on the mean of dampers, ``springs`` of their stiffness when stuck, or only on the reduced wheel;
         and "not found", the amplitude NaN, if no local search converges.  Peaks beyond the band do not count.
     """
-    meter = CostMeter(time.perf_counter())
+    meter = CostMeter()
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     if frequency is not None:
         frequency = validate.interval("frequency", frequency)
@@ -167,7 +165,6 @@ def peak(
         frequency=np.nan if top is None else float(top.at.y[-1]) / tau,
         amplitude=np.nan if top is None else top.height,
         blade=-1 if top is None else top.blade,
-        tuned_frequency=tuned.frequency,
         tuned_amplitude=tuned.amplitude,
         response=np.zeros((wheel.n_blades, 0)) if system is None or u is None else system.structure.responses(u),
         climbs=np.array([(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]).reshape(-1, 5),
@@ -179,7 +176,7 @@ def peak(
         error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
         interval=(low, high),
         unknowns=np.zeros(equations.whole.structure.shape) if system is None or u is None else system.structure.array(u),
-        cost=meter.read(time.perf_counter()),
+        cost=meter.read(),
         **wheel.record(),
     )
 

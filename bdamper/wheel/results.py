@@ -32,7 +32,7 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         Of the first harmonic; NaN if no peak was found.
     blade : int
         The highest one, -1 if no peak was found.
-    tuned_frequency, tuned_amplitude : float, Hz and m
+    tuned_amplitude : float, m
         Of the highest peak of the tuned wheel at the same preload and engine order.
     response : (n_blades, n_harmonics + 1) complex, m
         Of all blades there, the mean first.
@@ -65,7 +65,6 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     frequency: float
     amplitude: float
     blade: int
-    tuned_frequency: float
     tuned_amplitude: float
     response: NDArray
     climbs: NDArray

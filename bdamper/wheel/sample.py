@@ -56,7 +56,7 @@ class _Sample:
         Deviations of a standard deviation and a seed.
     drawn : mapping
         How wheels are drawn, as their result keeps it.
-    frequency, options
+    options : WheelPeakOptions
         Of the search.
     over : mapping
         Wheels, standard deviations and preloads.
@@ -65,7 +65,6 @@ class _Sample:
     wheel: Wheel
     mistuning: Callable[..., Mistuning]
     drawn: Mapping[str, Any]
-    frequency: tuple[float, float] | None
     options: WheelPeakOptions
     over: Mapping[str, Sequence[Any]]
 
@@ -100,7 +99,7 @@ class _Sample:
         self, wheel: int, standard_deviation: float, preload: float, interval: tuple[float, float] | None = None
     ) -> Mapping[str, Any]:
         options = thorough(self.options) if interval else self.options
-        peak = self.draw(wheel, standard_deviation).peak(preload, interval or self.frequency, options=options)
+        peak = self.draw(wheel, standard_deviation).peak(preload, interval, options=options)
         return answers(peak) | {"interval": list(peak.interval)}
 
     def header(self) -> dict[str, Any]:
@@ -108,7 +107,7 @@ class _Sample:
         over = {name: values for name, values in self.over.items() if name != "wheel"}
         return {
             "format": "bdamper-wheel-sample", "version": 4, **HERE.attributes(),
-            "study": study_fingerprint(problem_of(self.wheel.study)), **self.drawn, **over, "frequency": self.frequency,
+            "study": study_fingerprint(problem_of(self.wheel.study)), **self.drawn, **over,
             "options": repr(self.options),
         }  # fmt: skip
 
@@ -135,9 +134,7 @@ def mistuned_sample(
     wheels: int | Sequence[int] = 1000,
     *,
     distribution: str | Mistuning = "normal",
-    modes: int | None = None,
     dampers: Mapping[str, Any] | None = None,
-    frequency: tuple[float, float] | None = None,
     options: WheelPeakOptions | None = None,
     audit: float = 0.05,
     seed: int = 0,
@@ -158,13 +155,11 @@ def mistuned_sample(
         How many, or which: wheel ``k`` is the same whichever others there are.
     distribution : {"normal", "uniform"} or Mistuning
         As in :meth:`bdamper.wheel.Mistuning.drawn`; a measured pattern is drawn from with repetition.
-    modes : int, optional
-        Independent deviations for so many cantilever modes of each blade.
     dampers : mapping, optional
         Relative standard deviations of "mass", "friction_coefficient" and "contact_stiffness", mean of "gap" (m), numbers
         of the dampers "missing", as in :meth:`bdamper.wheel.DamperVariation.drawn`; all alike by default.
-    frequency, options
-        Of the search for each peak, as in ``Wheel.peak``.
+    options : WheelPeakOptions
+        Of the search for each peak.
     audit : float
         Probability with which a wheel, drawn before any result, is searched thoroughly, and share of the highest that are.
     seed : int
@@ -191,14 +186,13 @@ def mistuned_sample(
     seed = validate.whole("seed", seed)
     name = distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution
     varied = dict(validate.instance("dampers", dampers or {}, Mapping, "variations of dampers by name"))
-    drawn = {"distribution": name, "modes": modes or 1, "dampers": varied, "seed": seed}
+    drawn = {"distribution": name, "dampers": varied, "seed": seed}
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
-    frequency = None if frequency is None else validate.interval("frequency", frequency)
     check_executor(executor)
     validate.flag("progress", progress)
     over = {"wheel": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
-    mistuning = partial(Mistuning.drawn, wheel.n_blades, distribution=distribution, modes=modes)
-    asked = _Sample(wheel, mistuning, drawn, frequency, options, over)
+    mistuning = partial(Mistuning.drawn, wheel.n_blades, distribution=distribution)
+    asked = _Sample(wheel, mistuning, drawn, options, over)
     asked.draw(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
     audited = audit_wheels(numbers, audit, seed)
     tuned = [wheel.tuned_peak(value) for value in over["preload"]]  # made before the job is sent out
@@ -226,8 +220,8 @@ def _result(
 ) -> MistunedSample:
     """The sample from the records of all searches, thorough ones empty where they were not asked for."""
 
-    def array(records: list[Record], name: str, of: str = "values", missing: float = np.nan) -> NDArray:
-        return np.array([r.get(of, {}).get(name, missing) for r in records], float).reshape(asked.shape)
+    def array(records: list[Record], name: str) -> NDArray:
+        return np.array([r.get("values", {}).get(name, np.nan) for r in records], float).reshape(asked.shape)
 
     columns: dict[str, Any] = {name: array(peaks, name) for name in OF_PEAKS}
     wheels, deviations, preloads = map(np.array, asked.over.values())
@@ -242,8 +236,6 @@ def _result(
         status=tuple(r["status"] for r in peaks),
         curve_amplitude=array(curves, "amplitude"),
         curve_status=tuple(str(r.get("status", "not asked")) for r in curves),
-        processor=array(peaks, "processor", "cost", 0.0),
-        curve_processor=array(curves, "processor", "cost", 0.0),
         drawn=dict(asked.drawn),
         settings=asked.wheel.structure.tuned.record(),
         model_hash=asked.wheel.study.model.hash,

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.plotting import Fact, Plottable, draw
+from bdamper.util.plotting import Fact, Plottable, Summarised, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, all_complete, word
-from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Tabular
 from bdamper.util.text import amount
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 
@@ -28,7 +28,7 @@ def highest_wheels(height: NDArray, audit: float) -> NDArray:
 
 @brief
 @dataclass(frozen=True)
-class Audit:
+class Audit(Summarised, Tabular, row="search"):
     """Highest peaks of a search beside those of a wider one on the same wheels, dampers freed in both.
 
     Parameters
@@ -47,17 +47,17 @@ class Audit:
     """
 
     kind: str
-    wheel: NDArray
-    standard_deviation: NDArray
-    preload: NDArray
-    search: NDArray
-    thorough: NDArray
-    error: NDArray
+    wheel: Numbers
+    standard_deviation: Numbers
+    preload: Newtons
+    search: Metres
+    thorough: Metres
+    error: Numbers
     tolerance: float
-    status: tuple[str, ...]
+    status: Annotated[tuple[str, ...], Quantity(name="run")]
 
     @property
-    def missed(self) -> NDArray:
+    def missed(self) -> Numbers:
         """(n,) bool: where the thorough search has found a higher peak."""
         return np.asarray(self.thorough > (1.0 + self.tolerance) * self.search)
 
@@ -81,20 +81,14 @@ class Audit:
         open_still = np.setdiff1d(self.wheel[self.undecided], missed)
         return share(len(missed), len(np.setdiff1d(self.wheel, open_still)))
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
         n, missed, found = len(np.unique(self.wheel)), self.missed, self.share
-        lines = [
-            f"audit of {n} wheels ({self.kind}), {len(missed)} wider searches: {int(missed.sum())} "
+        return (
+            f"Audit of {n} wheels ({self.kind}), {len(missed)} wider searches: {int(missed.sum())} "
             f"higher by more than {100.0 * self.tolerance:g} %, {int((missed & ~self.covered).sum())} beyond their error, "
             f"{int(self.undecided.sum())} not decided; {100.0 * found.value:.3g} % of the wheels with any "
-            f"({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %)"
-        ]
-        for i in np.flatnonzero(missed | self.undecided):
-            excess = f"{100.0 * (self.thorough[i] / self.search[i] - 1.0):+.2f} %" if missed[i] else self.status[i]
-            lines.append(
-                f"  wheel {self.wheel[i]}, {100.0 * self.standard_deviation[i]:g} %, {self.preload[i]:g} N: {excess}"
-            )
-        return "\n".join(lines)
+            f"({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %)."
+        )
 
 
 @brief
@@ -171,10 +165,8 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     curve_amplitude : float, m
         By the thorough search, of the wheels that were audited; in files before 0.6 that of whole curves with dampers held.
     curve_status : tuple of str
-    processor, curve_processor : float, s
-        Spent on the peaks and on the audit.
     drawn : mapping
-        Distribution, modes, variations of the dampers and seed.
+        Distribution, variations of the dampers and seed.
     settings : mapping
         Of the tuned study.
     model_hash : str
@@ -196,8 +188,6 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     audit_share: float
     curve_amplitude: Metres
     curve_status: tuple[str, ...]
-    processor: Seconds
-    curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -314,14 +304,12 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
             Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 95 % {Interval(*upper[:, i, j])}")
             for i, d in enumerate(self.standard_deviation) for j, p in enumerate(self.preload)
         ]  # fmt: skip
-        spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
         return (
             Fact("wheels", f"{len(self)} of {self.n_blades} blades"),
             Fact("without a peak", sum(word(s) == FAILED for s in self.status)),
             Fact("held", int((self.springs > 0.0).sum())),
             *cells,
             *(Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.wheel)}") for a in map(self.audit, (False, True))),
-            Fact("processor", f"{spent[0]:.0f} s, {spent[1]:.0f} s for the audit"),
         )
 
     def bottom_line(self) -> str:

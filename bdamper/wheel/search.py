@@ -120,7 +120,7 @@ class Search:
     system: WheelSystem
     width: float
     band: tuple[float, float]
-    meter: CostMeter = field(default_factory=lambda: CostMeter(0.0))
+    meter: CostMeter = field(default_factory=CostMeter)
     springs: float = WEAKER[0]
     _held: dict[float, WheelSystem] = field(default_factory=dict, init=False, repr=False)
 

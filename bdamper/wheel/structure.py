@@ -170,13 +170,9 @@ class Structure:
             sector=sector,
         )
 
-    def with_mistuning(self, mistuning: Mistuning) -> Structure:
-        """The same wheel with other blades."""
-        return replace(self, stiffness=_blades(self.local, mistuning))
-
-    def with_damper_mass(self, factor: NDArray) -> Structure:
-        """The same wheel with dampers (n_blades,) times as heavy."""
-        return replace(self, damper_mass=self.damper_mass[:1] * factor[:, None])
+    def varied(self, mistuning: Mistuning, factor: NDArray) -> Structure:
+        """The same wheel with other blades, and with dampers (n_blades,) times as heavy as nominal ones."""
+        return replace(self, stiffness=_blades(self.local, mistuning), damper_mass=self.damper_mass[:1] * factor[:, None])
 
     def reduced(self, shapes: NDArray) -> Structure:
         """The same wheel with its blades moving in shapes (n, m) of their coordinates; the disk couples all of these."""

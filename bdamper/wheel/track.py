@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -71,7 +70,7 @@ def track(
     whole = wheel.system(preload)
     budget = options.budget or evaluation_budget(whole)
     options = replace(options, budget=budget)
-    search = Coverage(whole.within(budget), (low, high), options, CostMeter(time.perf_counter()))
+    search = Coverage(whole.within(budget), (low, high), options, CostMeter())
     search.meter.watch(search.system)
 
     def find_start(omega: float) -> NDArray | None:

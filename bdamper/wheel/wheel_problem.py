@@ -50,7 +50,7 @@ class WheelProblem:
         nominal = Structure.of(problem) if self._structure is None else self._structure
         object.__setattr__(self, "mistuning", mistuning)
         object.__setattr__(self, "_structure", nominal)
-        object.__setattr__(self, "structure", nominal.with_mistuning(mistuning).with_damper_mass(mass))
+        object.__setattr__(self, "structure", nominal.varied(mistuning, mass))
 
     def with_(self, **changes: Any) -> Self:
         """The same wheel with another ``mistuning`` or other ``dampers``; what does not change is shared."""

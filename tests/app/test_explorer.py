@@ -459,6 +459,18 @@ def test_every_load_has_a_slider(monkeypatch):
     assert given.loads == {"front": 1.0, "rear": 0.9} and given.fixed_loads == {"shroud": 250.0}
 
 
+def test_a_structure_without_friction_faces_has_no_tiles(monkeypatch):
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    monkeypatch.setattr("bdamper.app.page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
+    study = bd.lumped(1.0, 0.02, 1.0, cubic={0: 0.1}, forces={0: 1.0}, harmonics=1)
+    page, answers = Page(document, study, "study"), Answers(study, print)
+    page.show(answers.curve(page.question(), None))
+    answers.ask(None)
+    assert page.loop.options == ["whole"] and page.sources["loop"].data["x"].size
+    assert all(len(page.sources["tiles"].data[name]) == 0 for name in ("left", "right", "bottom", "top", "color"))
+    assert page.sources["titles"].data == {"x": [], "y": [], "text": []}
+
+
 def test_files_are_named_by_the_settings_of_what_is_in_them(page, answers):
     page.order.value = "10"
     page.show(provisional := answers.curve(page.question(), 1))

@@ -155,7 +155,7 @@ class TestMistakes:
         found = fit(jenkins, tests[1], {"friction_coefficient": (0.1, 0.9)})
         found.save(tmp_path / "fit.h5")
         again = bd.load(tmp_path / "fit.h5")
-        assert again.values == pytest.approx(found.values) and again.profiles.keys() == found.profiles.keys()
+        assert again.values == pytest.approx(found.values)
         with pytest.raises(bd.SettingError, match="harmonics 1"):
             again.apply(jenkins.with_(harmonics=3))
         assert "to no other settings" in str(found).replace("\n", " ")

@@ -179,7 +179,7 @@ def test_advice_prints_plots_and_saves(advice, tmp_path):
     text = advice.details()
     for e in advice.effects:
         assert e.name in text and e.verdict in text
-    with pytest.raises(KeyError, match="no advice on 'gravity'"):
+    with pytest.raises(bd.SettingError, match=r"effect: expected one of .* found 'gravity'"):
         advice["gravity"]
     advice.save(tmp_path / "advice.h5")
     again = bd.load(tmp_path / "advice.h5")

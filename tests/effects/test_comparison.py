@@ -43,7 +43,8 @@ def test_each_design_has_its_own_curve(study, found, tmp_path):
     assert [name for name, *_ in found.differences["heavier"].settings] == ["model"]
     assert found.columns()["name"].values.tolist().count("smooth") == len(alone)
     text = found.details().splitlines()
-    assert text[2].startswith("smooth") and amount(alone.peak.amplitude, "m") in text[2] and text[2].endswith("complete")
+    assert text[0] == found.bottom_line() and text[3].startswith("  smooth")
+    assert amount(alone.peak.amplitude, "m") in text[3] and text[3].endswith("complete")
     found.save(tmp_path / "designs.h5")
     assert str(bd.load(tmp_path / "designs.h5")) == str(found)
 

@@ -268,7 +268,7 @@ def test_a_gap_between_known_solutions_is_filled():
         for branch, points in enumerate((low, high))
     ]
     assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
-    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
     search.fill(lambda omega: None)
     assert len(search.log) == 1
     assert not uncovered(pieces, 1.0, 3.5)
@@ -475,7 +475,7 @@ def span(low, high, branch):
 
 def test_places_in_a_gap_are_asked_once_the_widest_gap_first():
     pieces = [span(1.0, 2.0, 0), span(2.05, 3.0, 1), span(3.2, 3.5, 2)]
-    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
     seen = []
     search.fill(seen.append)
     np.testing.assert_allclose(seen, [3.1, 3.04, 3.16, 2.025, 2.01, 2.04])
@@ -483,7 +483,7 @@ def test_places_in_a_gap_are_asked_once_the_widest_gap_first():
 
 def test_what_is_found_in_a_gap_makes_other_gaps_of_it(monkeypatch):
     pieces = [span(1.0, 2.0, 0), span(2.1, 3.5, 1)]
-    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
     monkeypatch.setattr(search, "both_ways", lambda y: pieces.append(span(2.05, 2.1, 2)))
     seen = []
 
@@ -498,7 +498,7 @@ def test_what_is_found_in_a_gap_makes_other_gaps_of_it(monkeypatch):
 def test_gaps_are_left_when_the_budget_is_used_up():
     pieces = [span(1.0, 2.0, 0), span(2.05, 3.0, 1), span(3.2, 3.5, 2)]
     system = Unsolvable()
-    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
     seen = []
 
     def ask(omega):
@@ -554,7 +554,7 @@ def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
 
     monkeypatch.setattr(start, "_homotopy", cut_off)
     monkeypatch.setattr(start.Equations, "correct_at", only_on_a_support)
-    found, log = find_start(s.problem, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0))
+    found, log = find_start(s.problem, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter())
     assert found is None
     assert asked == [(False, 400, 0.45), (True, start.SIDE_POINTS, 0.45)]
     assert [line.split(":")[0] for line in log[1:4]] == [

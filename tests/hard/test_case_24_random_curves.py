@@ -100,7 +100,7 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
     study, preload, _ = random_study(60, wide=True)
     omega = 2.0 * np.pi * 315.0
     system, state = study.problem.system(preload), study.static(preload)
-    start, log = find_start(study.problem, preload, omega, ContinuationOptions(), CostMeter(0.0))
+    start, log = find_start(study.problem, preload, omega, ContinuationOptions(), CostMeter())
     assert start is None
     # how far the last attempt comes hangs on rounding; that the body has no mean place, said by one of them, does not
     assert any("the bodies drift away" in line or "moves without bound" in line for line in log)

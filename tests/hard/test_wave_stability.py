@@ -1,6 +1,5 @@
 """Exponents of disturbances of travelling waves: closed forms, the full annulus with its multipliers, time integration."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -155,7 +154,7 @@ def solution_of_the_annulus(frequency):
     one_sector = annulus.make_study(structure, 3, amplitude=300.0)
     omega = 2 * np.pi * frequency
     options = ContinuationOptions(tolerance=1e-10)
-    y, _ = find_start(one_sector.problem, annulus.PRELOAD, omega, options, CostMeter(time.perf_counter()))
+    y, _ = find_start(one_sector.problem, annulus.PRELOAD, omega, options, CostMeter())
     one = one_sector.problem.system(annulus.PRELOAD)
     whole, wave, n = annulus.annulus_system(structure, one_sector, 3)
     values = np.linalg.eigvals(monodromy(whole, annulus.spread(one, y[:-1], wave, n), omega))

@@ -7,7 +7,6 @@ the core.  A motion that repeats from sector to sector with the phase of an engi
 residual of the one-sector model with the same phase.
 """
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -260,7 +259,7 @@ def test_a_converged_solution_of_one_sector_is_one_of_the_annulus(engine_order):
     u, one, omega = None, study.problem.system(PRELOAD), 0.0
     for frequency in (800.0, 1000.0):
         omega = 2 * np.pi * frequency
-        y, _ = find_start(study.problem, PRELOAD, omega, options, CostMeter(time.perf_counter()))
+        y, _ = find_start(study.problem, PRELOAD, omega, options, CostMeter())
         if y is not None:
             u = y[:-1]
             shares = one.contact(u)[2][one.structure.points.mu > 0]

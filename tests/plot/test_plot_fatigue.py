@@ -49,9 +49,9 @@ def test_stress_over_the_cycle_is_drawn_at_the_critical_point():
 
 
 def test_curves_in_the_same_axes_differ_by_line_and_marker(margins):
-    single = ("amplitude", "mean", "factor", "yield_factor", "frequency", "preload", "speed", "critical")
+    single = ("amplitude", "mean", "factor", "frequency", "preload", "speed", "critical")
     columns = {name: np.array([getattr(margins, name)] * 2) for name in single}
-    both = {name: getattr(margins, name) for name in ("names", "counted", "material", "rule")}
+    both = {name: getattr(margins, name) for name in ("names", "material", "rule")}
     mass, least = np.array([0.05, 0.1]), np.full(2, margins.least)
     curve = MarginCurve(
         over="damper mass", unit="kg", values=mass, margin=least, response=np.array([1e-4, 2e-4]), **both, **columns

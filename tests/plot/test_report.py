@@ -100,7 +100,7 @@ def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, misfit, s
     one, two = np.ones(1), np.full((1, 2), misfit)
     values = one * (mu or curve.settings["friction_coefficient"]["left"])
     fit = Fitted(
-        ("friction_coefficient",), values, values, values, one, one, one, {}, ("rig",), 0.02, one, one, one, two,
+        ("friction_coefficient",), values, values, values, one, one, one, ("rig",), 0.02, one, one, one, two,
         np.zeros(1, int), settings={**curve.settings, **settings}, model_hash=curve.model_hash,
     )  # fmt: skip
     (light,) = [light for light in lights(curve, fit) if light.name == "Contact constants"]

@@ -29,6 +29,7 @@ SINCE = {"Microslip": "SweepResult", "Dissipation": "Hysteresis"}
 """Names of results that are of another type since."""
 EXPECTED_0_6 = json.loads((OF_0_6 / "expected.json").read_text())
 """Sums over the absolute values of each column, or the texts in it, as version 0.6 had them."""
+GONE_COLUMNS = {"held_amplitude", "processor", "largest_gap", "largest_pressure_force"}
 GONE = ("advice_check", "contact_map", "crossings", "run_up", "wheel_curve", "wheel_optimal_curve")
 """Kinds that have gone since."""
 
@@ -249,7 +250,7 @@ class TestVersions:
             assert result.status == expected["status"]
         columns, then = result.columns() if "columns" in expected else {}, expected.get("columns", {})
         then = {"name" if column in ("design", "law") else column: found for column, found in then.items()}
-        assert set(then) - set(columns) <= {"held_amplitude"}  # gone since 0.6
+        assert set(then) - set(columns) <= GONE_COLUMNS
         for column, (unit, value) in ((c, found) for c, found in then.items() if c in columns):
             found = np.asarray(columns[column].values)
             assert columns[column].unit == unit, column

@@ -34,8 +34,8 @@ def lumped(**given):
 
 def empty_margins():
     nothing, none = np.zeros(0), np.zeros((0, 1))
-    return MarginCurve("preload", "N", nothing, nothing, nothing, ("a",), np.zeros(0, int), none, none, none, none,
-                       np.ones(1, bool), nothing, nothing, nothing, AISI_1050, None)  # fmt: skip
+    return MarginCurve("preload", "N", nothing, nothing, nothing, ("a",), np.zeros(0, int), none, none, none,
+                       nothing, nothing, nothing, AISI_1050, None)  # fmt: skip
 
 
 REFUSED = {

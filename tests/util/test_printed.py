@@ -9,7 +9,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.curve import Fold
-from bdamper.design.sweep import _as_words
+from bdamper.design.sweep import as_words
 from bdamper.peaks.optimal_curve import NEAR_BEST
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import Fact
@@ -192,6 +192,6 @@ def test_details_have_the_units_of_the_columns(peak):
 
 def test_places_close_together_are_told_apart():
     assert str(Fold(360.12, 1e-3, 1)) == "fold: 1 mm at 360.12 Hz (point 1)"
-    assert _as_words({"preload": 1001.0}) == "preload 1.001 kN" and _as_words({"mu": 0.46049}) == "mu 0.46049"
+    assert as_words({"preload": 1001.0}) == "preload 1.001 kN" and as_words({"mu": 0.46049}) == "mu 0.46049"
     kept = Marched(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9).bottom_line()
     assert "at 354.17 Hz;" in kept and "jumps to a lower amplitude at 354.24 Hz" in kept

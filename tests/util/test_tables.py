@@ -168,8 +168,11 @@ def test_arrays_over_a_grid_are_columns_beside_its_coordinates():
     assert float(found.to_xarray()["height"].sel(load=6.0, mode=2)) == 3.0
 
 
+MADE = Made(np.zeros(3), np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3), ("a", "b"), np.zeros((2, 4)))
+
+
 class TestQuantities:
-    made = Made(np.zeros(3), np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3), ("a", "b"), np.zeros((2, 4)))
+    made = MADE
 
     def test_columns_follow_from_the_types_of_fields_and_properties(self):
         columns = self.made.columns()
@@ -205,7 +208,12 @@ class TestNotebook:
 
     def test_what_is_printed_where_there_are_no_facts(self, swept):
         page = swept._repr_html_()
-        assert f"<p><b>{swept.bottom_line()}</b></p><img" in page and f"<pre>{swept.details()[:10]}" in page
+        assert f"<p><b>{swept.bottom_line()}</b></p><table>" in page and f"<pre>{swept.details()[:10]}" in page
+        assert "  mu   preload (N)  amplitude" in str(swept) and page.count("<tr>") == 1 + len(swept)
+
+    def test_of_a_long_table_the_ends_are_printed(self):
+        text = replace(MADE, words=tuple("ab" * 20), place=np.arange(40.0), shares=np.zeros((40, 3)), weight=np.ones(40))
+        assert text.as_rows()[0] == ("step: 40", "least", "largest") and ("place (m)", "0", "39") in text.as_rows()
 
     def test_without_anything_to_draw(self):
         class Empty(Plottable):
@@ -229,7 +237,7 @@ class TestDifferences:
         other = study.with_(friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
         found = study.compare(other)
         assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
-        assert "friction_coefficient.right  0.4  0.2  -50 %" in str(found) and "+100 %" in found._repr_html_()
+        assert "friction_coefficient.right  0.4    0.2     -50 %" in str(found) and "+100 %" in found._repr_html_()
         again = study.another(study.problem.with_())
         assert not study.compare(again) and "no difference" in str(study.compare(again))
 

@@ -55,7 +55,7 @@ def solved(wheel, frequency):
     """A solution from the wave of the tuned wheel, and the equations."""
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * frequency
-    y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter(0.0))
+    y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter())
     found = solution(system, omega, system.structure.flat(wave_of(wheel.structure, y[:-1])))
     assert found.status == 0
     X = system.structure.array(found.y[:-1])
@@ -162,7 +162,7 @@ def test_a_tuned_wheel_has_the_wave_of_its_study():
     wheel = wheel_of(8, 3).with_(mistuning=None)
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * AT[8][2]
-    y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
+    y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter())
     wave = system.structure.flat(wave_of(wheel.structure, y[:-1]))
     assert size(system, system.residual(np.append(wave, omega))) < 1e-7
 

@@ -110,7 +110,7 @@ def test_a_tuned_wheel_has_the_waves_of_the_study(harmonics):
     w = wheel(6, harmonics)
     tuned = w.structure.tuned
     system, omega = w.system(PRELOAD), 2.0 * np.pi * 200.0
-    y, _ = find_start(tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
+    y, _ = find_start(tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter())
     wave = system.structure.flat(wave_of(w.structure, y[:-1]))
     assert size(system, system.residual(np.append(wave, omega))) < 1e-10
     found = solution(system, omega)

@@ -58,7 +58,7 @@ def amplification(structure, order, deviations):
     out = []
     for deviation in [np.zeros(N), *deviations]:
         K = disk.copy()
-        blades = structure.with_mistuning(Mistuning(deviation)).stiffness
+        blades = structure.varied(Mistuning(deviation), np.ones(len(deviation))).stiffness
         for n in range(N):
             K[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] += blades[n]
         own = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, K)).real)
