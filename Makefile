@@ -25,6 +25,8 @@ PY := $(VENV)/bin/python
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# tests and modules are compiled once, and not again in every process of every run
+unexport PYTHONDONTWRITEBYTECODE
 
 # these run in make others alone
 APART := --ignore=tests/others

@@ -65,8 +65,7 @@ def roots(f):
 
 def bisect(f, a, b):
     fa = f(a)
-    for _ in range(200):
-        m = 0.5 * (a + b)
+    while a < (m := 0.5 * (a + b)) < b:
         fm = f(m)
         if (fm < 0) == (fa < 0):
             a, fa = m, fm
@@ -89,26 +88,28 @@ def pieces(u, v, kt, kn, mu, n0, w):
     def at(x, t):
         return float(basis(t, h) @ x)
 
+    opened = basis(0.5 * (cuts[1:] + cuts[:-1]), h) @ g <= 0.0
+    u_at, lo_at, hi_at = (basis(cuts, h) @ x for x in (u, lo, hi))
+    for _ in range(2):  # until the cycle has settled
+        for k, is_open in enumerate(opened, 1):
+            w = u_at[k] if is_open else lo_at[k] if lo_at[k] > w else min(w, hi_at[k])
     out = []
-    for period in range(3):
-        out = []
-        for a, b in zip(cuts[:-1], cuts[1:]):
-            middle = 0.5 * (a + b)
-            if at(g, middle) <= 0.0:
-                out.append((a, b, OPEN, 0.0))
-                w = at(u, b)
-            elif at(lo, b) > w:
-                t = bisect(lambda t: at(lo, t) - w, a, b) if at(lo, a) < w else a  # noqa: B023
-                out.append((a, t, STICK, w))
-                out.append((t, b, PLUS, 0.0))
-                w = at(lo, b)
-            elif at(hi, b) < w:
-                t = bisect(lambda t: at(hi, t) - w, a, b) if at(hi, a) > w else a  # noqa: B023
-                out.append((a, t, STICK, w))
-                out.append((t, b, MINUS, 0.0))
-                w = at(hi, b)
-            else:
-                out.append((a, b, STICK, w))
+    for k, (a, b) in enumerate(zip(cuts[:-1], cuts[1:])):
+        if opened[k]:
+            out.append((a, b, OPEN, 0.0))
+            w = u_at[k + 1]
+        elif lo_at[k + 1] > w:
+            t = bisect(lambda t: at(lo, t) - w, a, b) if at(lo, a) < w else a  # noqa: B023
+            out.append((a, t, STICK, w))
+            out.append((t, b, PLUS, 0.0))
+            w = lo_at[k + 1]
+        elif hi_at[k + 1] < w:
+            t = bisect(lambda t: at(hi, t) - w, a, b) if at(hi, a) > w else a  # noqa: B023
+            out.append((a, t, STICK, w))
+            out.append((t, b, MINUS, 0.0))
+            w = hi_at[k + 1]
+        else:
+            out.append((a, b, STICK, w))
     return out
 
 
@@ -163,18 +164,19 @@ def contact_sampled(x, kt, kn, mu, n0, w, n_time, interpolate, periods=2):
     g = n0 + kn * v
     normal = np.maximum(g, 0.0)
     friction = np.zeros((n_time, 2))
+    load = g.tolist()  # numbers of Python: those of NumPy take five times as long one by one
     for d in range(2):
-        s = w[d]
+        if mu == 0.0 or kt[d] == 0.0:
+            continue
+        s, along, bound = float(w[d]), u[:, d].tolist(), (mu * normal / kt[d]).tolist()
+        slider = [s] * n_time
         for k in range(periods * n_time):
             i, j = k % n_time, (k - 1) % n_time
-            if mu == 0.0 or kt[d] == 0.0:
-                continue
-            if interpolate and k > 0 and g[j] <= 0.0 < g[i]:
-                t = -g[j] / (g[i] - g[j])
-                s = (1 - t) * u[j, d] + t * u[i, d]
-            bound = mu * normal[i] / kt[d]
-            s = min(max(s, u[i, d] - bound), u[i, d] + bound)
-            friction[i, d] = kt[d] * (u[i, d] - s)
+            if interpolate and k > 0 and load[j] <= 0.0 < load[i]:
+                t = -load[j] / (load[i] - load[j])
+                s = (1 - t) * along[j] + t * along[i]
+            slider[i] = s = min(max(s, along[i] - bound[i]), along[i] + bound[i])
+        friction[:, d] = kt[d] * (u[:, d] - slider)
     scale = np.full(2 * h + 1, 2 / n_time)
     scale[0] = 1 / n_time
     return np.column_stack([friction, normal]).T @ b * scale

@@ -107,7 +107,7 @@ def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, plac
     assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
 
 
-@pytest.mark.parametrize("number", [1023, 1047, 1070, 1253])
+@pytest.mark.parametrize("number", [1023, *(pytest.param(n, marks=pytest.mark.slow) for n in (1047, 1070)), 1253])
 def test_resonance_that_comes_into_the_interval_is_found(number):
     """More modes or points bring another resonance in, or leave a top that is no maximum."""
     compared = accuracy_cases.compare(number)
@@ -115,7 +115,7 @@ def test_resonance_that_comes_into_the_interval_is_found(number):
     assert np.abs(compared.true).max() > 0.05
 
 
-@pytest.mark.parametrize("number", [5, 116, 2045, 2205])
+@pytest.mark.parametrize("number", [*(pytest.param(n, marks=pytest.mark.slow) for n in (5, 116)), 2045, 2205])
 def test_resonance_that_leaves_the_interval_is_followed(number):
     """With more modes or points the response is highest at an end; in the last case a lower peak is left within."""
     compared = accuracy_cases.compare(number)
@@ -361,7 +361,7 @@ def test_default_ladders_suit_every_model(name):
 # ---- effectivity ----
 
 
-@pytest.mark.parametrize("number", [2, 4, 8, 12, 20])
+@pytest.mark.parametrize("number", [2, 4, 8, *(pytest.param(n, marks=pytest.mark.slow) for n in (12, 20))])
 def test_effectivity_on_a_sample(number):
     compared = accuracy_cases.compare(number)
     assert compared is not None

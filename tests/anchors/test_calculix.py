@@ -36,7 +36,7 @@ def cyclic_frequencies(fe, d, n_modes, folder):
     return pairs[:, 0]
 
 
-@pytest.mark.parametrize("d", [0, 5, 30, 32])
+@pytest.mark.parametrize("d", [0, 32, *(pytest.param(d, marks=pytest.mark.slow) for d in (5, 30))])
 def test_sector(fe, d, tmp_path):
     ours = np.sqrt(fe.cyclic(d).modes(8)[0]) / (2 * np.pi)
     np.testing.assert_allclose(cyclic_frequencies(fe, d, 8, tmp_path), ours, rtol=1e-5)
@@ -49,7 +49,13 @@ def test_free_damper(fe, tmp_path):
     np.testing.assert_allclose(theirs[6:], ours[6:], rtol=1e-5)
 
 
-@pytest.mark.parametrize("structure", [blade_structure, rig_structure], ids=["blade to ground", "test rig"])
+@pytest.mark.parametrize(
+    "structure",
+    [
+        pytest.param(blade_structure, id="blade to ground"),
+        pytest.param(rig_structure, id="test rig", marks=pytest.mark.slow),
+    ],
+)
 def test_acyclic_structures(structure, tmp_path):
     body, held = structure(Geometry(), MeshDensity.preset("coarse"), Material())
     ours = np.sqrt(held.modes(8)[0]) / (2 * np.pi)

@@ -59,7 +59,7 @@ def until(true):
     end = time.monotonic() + SHORT
     while not true():
         assert time.monotonic() < end
-        time.sleep(0.05)
+        time.sleep(0.01)
 
 
 # ---- the thread ----

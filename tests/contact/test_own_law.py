@@ -86,7 +86,7 @@ class TestIwan:
         law = bd.ContactLaw.iwan(F, K, chi, beta, n=120)
         last = F * (1 + beta) / (K * (beta + (chi + 1) / (chi + 2)))
         R = K * (chi + 1) / (1 + beta) / last ** (chi + 1)
-        amplitudes = last * np.geomspace(0.02, 0.8, 12)
+        amplitudes = last * np.geomspace(0.02, 0.8, 6)
         losses = []
         for u in amplitudes:
             x = np.zeros((3, 3))

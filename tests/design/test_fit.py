@@ -167,12 +167,16 @@ class TestMistakes:
             fit(jenkins, tests, {"friction": (0.1, 0.5)})
         with pytest.raises(bd.SettingError, match="range of friction_coefficient"):
             fit(jenkins, tests, {"friction_coefficient": (0.5, 0.1)})
-        with pytest.raises(bd.SettingError, match="beside those that are found from the free response"):
-            fit(jenkins, tests, {"damping_factor": (0.5, 2.0)}, free=tests[0])
         with pytest.raises(bd.SettingError, match="data: expected one test or more"):
             fit(jenkins, [], RANGES, free=tests[0])
         with pytest.raises(bd.BdamperError, match="amplitudes above 0, found 0"):
             bd.Test(bd.io.Measurement("rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])), 1.0)
+
+    @pytest.mark.slow
+    def test_what_the_free_response_tells_is_not_asked_of_the_others(self, jenkins, tests):
+        """Which is refused once the free response was fitted."""
+        with pytest.raises(bd.SettingError, match="beside those that are found from the free response"):
+            fit(jenkins, tests, {"damping_factor": (0.5, 2.0)}, free=tests[0])
 
     def test_an_end_of_a_range_is_told(self, jenkins, tests):
         found = fit(jenkins, tests[1], {"friction_coefficient": (0.45, 0.9)})

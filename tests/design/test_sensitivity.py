@@ -147,10 +147,10 @@ class TestCurve:
         found = study.curve_sensitivities(curve, [name])[name]
         family = study.problem.system if name == "preload" else setting_family(study.problem, name, 60.0)
         step = 1e-5 * found.value
-        compared = []
+        beside, compared = (family(found.value + step), family(found.value - step)), []
         for i in range(2, len(curve), 5):
             ends = []
-            for system in (family(found.value + step), family(found.value - step)):
+            for system in beside:
                 y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
                 scale = system.units(y, 100.0)
                 c = system.correct_at(y[:-1], y[-1], scale, 1e-10, 12)
@@ -161,22 +161,31 @@ class TestCurve:
         assert len(compared) > 12 and np.median(compared) < 1e-5  # of which solutions to 1e-10 leave the larger part
         assert np.sort(compared)[-3] < 1e-3  # differences of solutions are rough next to folds
 
-    @pytest.mark.parametrize("name", ["preload", "friction_coefficient", "contact_stiffness_factor", "damping_factor"])
-    def test_across_the_curve_at_every_point(self, study, name):
-        """Solutions in the plane across the curve, also at folds; unit tractions, so that unknowns stay what they are."""
+    @pytest.fixture(scope="class")
+    def across(self, study):
+        """A study of unit tractions, so that unknowns stay what they are, its curve, and each point solved in its plane."""
         study = study.with_(contact_stiffness="unit_traction")
         curve = study.track(200.0, (270.0, 370.0))
         assert len(curve.folds) >= 1
-        found = study.curve_sensitivities(curve, [name])[name]
-        family = study.problem.system if name == "preload" else setting_family(study.problem, name, 200.0)
-        system, step = study.problem.system(200.0), 1e-5 * found.value
-        compared = {}
+        system, solved = study.problem.system(200.0), {}
         for i in range(1, len(curve) - 1):
             y, before, after = (np.append(curve.unknowns[k], 2.0 * np.pi * curve.frequency[k]) for k in (i, i - 1, i + 1))
             scale = system.units(y, np.pi * np.ptp(curve.frequency))
             chord = (after - before) / scale
-            c = system.solve(y, Plane(chord / np.linalg.norm(chord)), scale, 1e-10, 12)
-            ends = [family(found.value + d).solve(c.y, Plane(c.tangent), scale, 1e-10, 12) for d in (step, -step)]
+            solved[i] = system.solve(y, Plane(chord / np.linalg.norm(chord)), scale, 1e-10, 12), scale
+        return study, curve, solved
+
+    @pytest.mark.parametrize("name", ["preload", "friction_coefficient", "contact_stiffness_factor", "damping_factor"])
+    def test_across_the_curve_at_every_point(self, across, name):
+        """Solutions in the plane across the curve, also at folds."""
+        study, curve, solved = across
+        found = study.curve_sensitivities(curve, [name])[name]
+        family = study.problem.system if name == "preload" else setting_family(study.problem, name, 200.0)
+        system, step = study.problem.system(200.0), 1e-5 * found.value
+        high, low = family(found.value + step), family(found.value - step)
+        compared = {}
+        for i, (c, scale) in solved.items():
+            ends = [end.solve(c.y, Plane(c.tangent), scale, 1e-10, 12) for end in (high, low)]
             if all(end.status == 0 for end in ends):
                 moved = (ends[0].y - ends[1].y) / (2.0 * step)
                 expected = np.array([moved[-1] / (2.0 * np.pi), system.rows.value(moved)])

@@ -68,9 +68,13 @@ def residual_norm(study, preload):
     return {"norm": float(np.linalg.norm(r)), "list": [float(r[0]), float(r[-1])]}
 
 
+def quick_question(study, preload):
+    return {"value": study.settings.friction_coefficient * preload, "note": "x" * 200}
+
+
 def slow_question(study, preload):
     time.sleep(0.004)
-    return {"value": study.settings.friction_coefficient * preload, "note": "x" * 200}
+    return quick_question(study, preload)
 
 
 def stopping_question(study, preload):
@@ -385,23 +389,23 @@ if __name__ == "__main__":
 class TestResultsFile:
     over = {"friction_coefficient": np.linspace(0.1, 0.6, 10), "preload": [100.0, 200.0, 300.0]}  # noqa: RUF012
 
-    def run(self, study, path, **more):
-        return bd.sweep(study, over=self.over, evaluate=slow_question, resume=path, **more)
+    def run(self, study, path, evaluate=quick_question, **more):
+        return bd.sweep(study, over=self.over, evaluate=evaluate, resume=path, **more)
 
     def test_killed_at_random_moments_and_resumed(self, study, tmp_path):
-        """20 kills, each at a random moment; no finished point is lost, and the results are those of one quiet run."""
+        """10 kills, each at a random moment; no finished point is lost, and the results are those of one quiet run."""
         assert hasattr(os, "fork")
         begin = time.monotonic()
-        quiet = answers(self.run(study, tmp_path / "quiet.jsonl"))
+        quiet = answers(self.run(study, tmp_path / "quiet.jsonl", slow_question))
         span = time.monotonic() - begin
         path = tmp_path / "killed.jsonl"
         rng = random.Random(1)
         finished = 0
-        for _ in range(20):
+        for _ in range(10):
             child = os.fork()
             if child == 0:
                 try:
-                    self.run(study, path)
+                    self.run(study, path, slow_question)
                 finally:
                     os._exit(0)
             time.sleep(rng.uniform(0.0, 0.7 * span))
@@ -413,10 +417,10 @@ class TestResultsFile:
             assert len(indices) >= finished
             finished = len(indices)
         assert finished > 0
-        assert answers(self.run(study, path)) == quiet
+        assert answers(self.run(study, path, slow_question)) == quiet
         # and a run of a finished file computes nothing
         before = path.read_bytes()
-        assert answers(self.run(study, path)) == quiet
+        assert answers(self.run(study, path, slow_question)) == quiet
         assert path.read_bytes() == before
 
     def test_torn_last_line_at_every_length(self, study, tmp_path):
@@ -444,7 +448,7 @@ class TestResultsFile:
         with pytest.raises(bd.BdamperError, match="another one: study"):
             self.run(study.with_(engine_order=60), path)
         with pytest.raises(bd.BdamperError, match="another one: over"):
-            bd.sweep(study, over={"preload": [1.0]}, evaluate=slow_question, resume=path)
+            bd.sweep(study, over={"preload": [1.0]}, evaluate=quick_question, resume=path)
         with pytest.raises(bd.BdamperError, match="another one: evaluate"):
             bd.sweep(study, over=self.over, evaluate=residual_norm, resume=path)
         assert path.read_bytes() == content
@@ -487,12 +491,12 @@ DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_facto
 
 @pytest.fixture(scope="module")
 def samples():
-    return bd.draw(DISTRIBUTIONS, 8, seed=3)
+    return bd.draw(DISTRIBUTIONS, 4, seed=3)
 
 
 @pytest.fixture(scope="module")
 def curve(study, samples):
-    return bd.uncertain_curve(study, samples, (200.0, 10e3), 8, frequency=INTERVAL)
+    return bd.uncertain_curve(study, samples, (200.0, 10e3), 5, frequency=INTERVAL)
 
 
 class TestWarnings:
@@ -566,7 +570,7 @@ class TestUncertainty:
         from bdamper.problem.variation import vary
 
         own = vary(study, {name: float(v[2]) for name, v in samples.items()})
-        alone = own.optimal_curve((200.0, 10e3), 8, frequency=INTERVAL, check=False)
+        alone = own.optimal_curve((200.0, 10e3), 5, frequency=INTERVAL, check=False)
         assert curve.amplitude[2] == pytest.approx(alone.amplitude, rel=1e-9)
         assert curve.frequency[2] == pytest.approx(alone.frequency, rel=1e-9)
 
@@ -587,7 +591,7 @@ class TestUncertainty:
         assert list(again.samples) == list(curve.samples)
         assert again.settings == curve.settings and again.settings["engine_order"] == 5
         assert again.model_hash == curve.model_hash != ""
-        assert "8 draws" in curve.details()
+        assert "4 draws" in curve.details()
         curve.plot()
         curve.plot(quantity="frequency")
 

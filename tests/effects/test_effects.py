@@ -275,9 +275,9 @@ def test_what_is_off_or_fewer_already_remains():
 
 
 def test_stability_is_judged_only_where_it_is_on(full):
-    assert full.track(1000.0, (820.0, 860.0)).stable is None
+    assert full.track(1000.0, (838.0, 842.0)).stable is None
     judged = full.with_effects(effects(full, stability=True))
-    curve = judged.track(1000.0, (820.0, 860.0))
+    curve = judged.track(1000.0, (838.0, 842.0))
     assert curve.stable is not None and curve.stable.shape == (len(curve),)
 
 

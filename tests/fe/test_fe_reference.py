@@ -125,7 +125,7 @@ def test_surface_quadrilaterals_run_around_their_faces(model):
         assert np.all(np.einsum("ij,ij->i", first, second) > 0.0)
 
 
-@pytest.mark.parametrize("d", [0, 5])
+@pytest.mark.parametrize("d", [pytest.param(0, marks=pytest.mark.slow), 5])
 def test_bonded_frequencies_against_a_penalty(fe, d):
     """Very stiff springs between the patch means approach the bonded frequencies from below."""
     bonded = reference_frequencies(fe, d, 9, 4)

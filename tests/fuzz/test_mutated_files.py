@@ -2,7 +2,7 @@
 
 Valid files are written once, then their bytes, lines and numbers are changed at random.  What a reader still accepts
 goes on to build_model, or through the checks of a model.  The cases follow from their number alone, so a failure can be
-repeated; ``BDAMPER_FUZZ`` sets how many there are (250 by default, 20,000 for ``make fuzz``).
+repeated; ``BDAMPER_FUZZ`` sets how many there are (150 by default, 20,000 for ``make fuzz``).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from bdamper.util.versions import Versions
 from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.models import wedge_model
 
-CASES = int(os.environ.get("BDAMPER_FUZZ", "250"))
+CASES = int(os.environ.get("BDAMPER_FUZZ", "150"))
 NEVER_ENDS = {495} if h5py.version.hdf5_version_tuple >= (2, 0) else set()
 """Cases on which HDF5 2.0.0 never returns from reading the attributes of a damaged file; no alarm ends its loop."""
 LIMIT = 20.0

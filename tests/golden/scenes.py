@@ -78,11 +78,11 @@ def curve(of: Any, preload: float, frequency: tuple[float, float], **settings: A
 BAND = (270.0, 370.0)
 for preload in (60.0, 200.0, 2000.0):
     for harmonics in (1, 3):
-        scene(f"curve bladed 9, unit tractions, H={harmonics}, {preload:g} N")(
+        scene(f"curve bladed 9, unit tractions, H={harmonics}, {preload:g} N", slow=preload == 200.0)(
             lambda p=preload, h=harmonics: curve(study("bladed 9", harmonics=h), p, BAND)
         )
 for preload in (125.0, 500.0, 2000.0):
-    scene(f"curve bladed 9, residual modes, H=3, {preload:g} N")(
+    scene(f"curve bladed 9, residual modes, H=3, {preload:g} N", slow=preload == 500.0)(
         lambda p=preload: curve(study("bladed 9", plain=False, harmonics=3), p, BAND)
     )
 for preload in (800.0, 2000.0):
@@ -114,9 +114,11 @@ def peak(of: Any, preload: float) -> Answer:
 
 
 for preload in (50.0, 125.0, 500.0, 2000.0):
-    scene(f"peak bladed 9, unit tractions, H=3, {preload:g} N")(lambda p=preload: peak(study("bladed 9", harmonics=3), p))
+    scene(f"peak bladed 9, unit tractions, H=3, {preload:g} N", slow=preload in (125.0, 500.0))(
+        lambda p=preload: peak(study("bladed 9", harmonics=3), p)
+    )
 for preload in (125.0, 500.0, 2000.0):
-    scene(f"peak bladed 9, residual modes, H=3, {preload:g} N")(
+    scene(f"peak bladed 9, residual modes, H=3, {preload:g} N", slow=preload == 500.0)(
         lambda p=preload: peak(study("bladed 9", plain=False, harmonics=3), p)
     )
     scene(f"peak wedge, H=3, {preload:g} N")(lambda p=preload: peak(study("wedge", harmonics=3), p))
@@ -133,7 +135,7 @@ def optimum(of: Any, preload: tuple[float, float], n: int) -> Answer:
     return values, {"iterations": found.cost.iterations, "evaluations": found.cost.evaluations}
 
 
-scene("optimum bladed 9, unit tractions, H=1")(lambda: optimum(study("bladed 9"), (50.0, 5000.0), 12))
+scene("optimum bladed 9, unit tractions, H=1", slow=True)(lambda: optimum(study("bladed 9"), (50.0, 5000.0), 12))
 scene("optimum bladed 9, unit tractions, H=3, mu 0.2")(
     lambda: optimum(study("bladed 9", harmonics=3, friction_coefficient=0.2), (100.0, 5000.0), 8)
 )

@@ -26,8 +26,8 @@ from bdamper.problem.problem import stuck_springs
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
 
-BATCH = 50
-QUICK = 50
+BATCH = 25
+QUICK = 25
 """Cases of the quick tests."""
 N_TIME = 64
 LAWS = {

@@ -20,8 +20,8 @@ from bdamper.util.cost import CostMeter
 from tests.following import find_start
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
 
-BATCH = 25
-QUICK = 25
+BATCH = 10
+QUICK = 10
 """Cases that run with the quick tests; the others are slow."""
 STATUSES = {"complete", "incomplete", "not found"}
 

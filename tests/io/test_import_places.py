@@ -33,6 +33,12 @@ def bodies(fe):
     return blade_and_damper(fe)
 
 
+@pytest.fixture(scope="module")
+def plain(bodies):
+    """Both bodies as they were drawn."""
+    return build_model(*bodies, **SETTINGS, locations={"mid": ("damper", bodies[1].nodes[7])})
+
+
 def turned(body, rotation):
     """The body with its nodes and matrices in other axes, or turned about them."""
     blocks = sp.kron(sp.identity(len(body.numbers)), rotation, format="csr")
@@ -54,12 +60,11 @@ def same(found, expected):
 
 
 @pytest.mark.parametrize("sectors", [-1, 1, 2])
-def test_a_damper_drawn_anywhere_is_moved_between_the_first_two_blades(bodies, sectors):
+def test_a_damper_drawn_anywhere_is_moved_between_the_first_two_blades(bodies, plain, sectors):
     """At the other flank, beside the next blade, or further on."""
     blade, damper = bodies
     moved = turned(damper, turn(2.0 * np.pi / N * sectors))
     built = build_model(blade, moved, **SETTINGS, locations={"mid": ("damper", moved.nodes[7])})
-    plain = build_model(blade, damper, **SETTINGS, locations={"mid": ("damper", damper.nodes[7])})
     assert [i.sector_b for i in built.model.interfaces.values()] == [0, 1, 0, 0]
     same(built.model, plain.model)
     np.testing.assert_allclose(built.model.locations["mid"].position, plain.model.locations["mid"].position, atol=1e-12)
@@ -78,12 +83,12 @@ def test_what_the_user_says_in_numbers_moves_along(fe, bodies):
     same(built.model, build_model(blade, damper, **{**SETTINGS, "contacts": given}).model)
 
 
-def test_contacts_may_be_given_from_the_blade(bodies):
+def test_contacts_may_be_given_from_the_blade(bodies, plain):
     """Which of two faces is named first does not matter where the model has the damper first."""
     swapped = [ContactFaces(c.name, c.faces_b, c.faces_a, "blade", "damper", points=4) for c in contacts(4)[:2]]
     built = build_model(*bodies, **{**SETTINGS, "contacts": [*swapped, *contacts(4)[2:]]})
     assert {(i.body_a, i.body_b) for i in built.model.interfaces.values()} == {("damper", "blade"), ("damper", "ground")}
-    same(built.model, build_model(*bodies, **SETTINGS).model)
+    same(built.model, plain.model)
 
 
 def in_axes(body, axis, radial):
@@ -94,7 +99,8 @@ def in_axes(body, axis, radial):
 @pytest.mark.parametrize(
     ("axis", "radial", "sense", "flank"),
     [
-        *(((1, 0, 0), (0, 1, 0), sense, flank) for sense in (1, -1) for flank in (0, -1)),
+        *(pytest.param((1, 0, 0), (0, 1, 0), *how, marks=pytest.mark.slow) for how in ((1, 0), (1, -1), (-1, 0))),
+        ((1, 0, 0), (0, 1, 0), -1, -1),
         ((0, 1, 0), (1, 0, 0), -1, -1),
         ((0, 0, 1), (0, 1, 0), 1, -1),
     ],

@@ -46,7 +46,9 @@ def same(found, expected, tolerance):
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("as_arrays", [False, True], ids=["bodies", "read_arrays"])
+@pytest.mark.parametrize(
+    "as_arrays", [pytest.param(False, id="bodies", marks=pytest.mark.slow), pytest.param(True, id="read_arrays")]
+)
 def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     """Rows of modes, contact forces and rotation to 1e-6, from bare matrices."""
     blade, damper = bodies

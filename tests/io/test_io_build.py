@@ -598,10 +598,10 @@ def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies, tip):
     ("factor", "words"),
     [
         (2 * np.pi, "2 pi"),
-        (0.5 / np.pi, r"1/\(2 pi\)"),
-        (10.0, "10\\^1:"),
+        pytest.param(0.5 / np.pi, r"1/\(2 pi\)", marks=pytest.mark.slow),
+        pytest.param(10.0, "10\\^1:", marks=pytest.mark.slow),
         (10**1.5, r"10\^\(3/2\)"),
-        (1e-3, r"10\^-3"),
+        pytest.param(1e-3, r"10\^-3", marks=pytest.mark.slow),
         (1.31, "ratios"),
     ],
 )

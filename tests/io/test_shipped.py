@@ -32,7 +32,7 @@ def maker(monkeypatch):
 
     def make(points, progress):
         calls.append((points, progress))
-        time.sleep(0.3)
+        time.sleep(0.1)
         return bd.load_model(SMALL)
 
     monkeypatch.setitem(large.MAKERS, "paper_disk", make)

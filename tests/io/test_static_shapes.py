@@ -121,7 +121,7 @@ def test_at_speed(fe, nodes):
     assert errors(found(study(without(running), PAIRS[0], d), omega), exact[0]).max() > 0.05
 
 
-@pytest.mark.parametrize("deviation", [0.0, 0.03])
+@pytest.mark.parametrize("deviation", [pytest.param(0.0, marks=pytest.mark.slow), 0.03])
 def test_a_wheel(fe, built, nodes, deviation):
     """Equal and unequal blades in a wheel beside the matrices of all sectors, put together in one global frame.
 

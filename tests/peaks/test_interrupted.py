@@ -85,7 +85,7 @@ def test_goes_on_from_any_curve_with_the_same_result(whole, tmp_path):
     assert executor.calls == 0
 
 
-@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_threads_do_not_matter(whole, workers):
     with ThreadPoolExecutor(workers) as pool:
         same(optimal_curve(new_study().problem, **ASKED, executor=pool), whole)

@@ -73,7 +73,7 @@ def test_one_mass_that_opens_its_contact():
     study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).with_(harmonics=5)
     levels = Levels(study.track(0.0, (9.0, 14.0)))
     frequency = float(levels.frequency[levels.top]) + 0.3
-    found, expected = both(ring_of(study.problem, 0.0), levels.start(frequency), frequency, 0, 40, 10, 500)
+    found, expected = both(ring_of(study.problem, 0.0), levels.start(frequency), frequency, 0, 20, 10, 500)
     assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * levels.at(frequency)[0]
 
 

@@ -57,6 +57,7 @@ def test_labels_of_a_curve(disk):
             assert (study.verify(curve, i).verdict == AGREES) == judged.stable[i]
 
 
+@pytest.mark.slow
 def test_labels_of_a_few_masses():
     """Without sectors, a mass that meets a stop: between the folds the motion leaves."""
     study = bd.lumped(

@@ -42,7 +42,7 @@ def usual(factor):
     return factor * 2.0 * np.pi * (ZETA * F0) ** 2
 
 
-@pytest.mark.parametrize("up", [True, False])
+@pytest.mark.parametrize("up", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_changes(linear, up):
     errors, sweeps = [], []
     for factor in (0.05, 0.1):

@@ -21,6 +21,7 @@ from bdamper.effects.comparison import Comparison
 from bdamper.util.hdf5 import Storable, opened
 from bdamper.util.versions import HERE
 from tests.plain import plain_study
+from tests.test_codebase import nodes_of, python_files, spelled
 
 OF_0_6 = Path(__file__).parents[1] / "data" / "version_0_6"
 FORMER = {"bdamper-designs": "DesignComparison", "bdamper-law-comparison": "LawComparison"}
@@ -160,9 +161,9 @@ class TestWriting:
     def test_one_place_opens_files_for_writing(self):
         package = Path(bd.__file__).parent
         found = []
-        for path in sorted(package.rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
-                if isinstance(node, ast.Call) and ast.unparse(node.func) in ("h5py.File", "File"):
+        for path in python_files():
+            for node in nodes_of(path):
+                if isinstance(node, ast.Call) and spelled(node.func) in ("h5py.File", "File"):
                     mode = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "mode")]
                     if [ast.unparse(m) for m in mode] != ["'r'"]:
                         found.append(str(path.relative_to(package)))
