@@ -243,10 +243,7 @@ def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: s
     expected = f"{words} in double precision" if "f" in letters else words
     require(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
     require(fits(array.shape, shape), item, f"shape {shape_text(shape)}", array.shape)
-    wrong = np.argwhere(~np.isfinite(array))
-    if len(wrong):
-        at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, "finite numbers", f"{array[at]} at {at} and {len(wrong)} such in all")
+    check_all(np.isfinite(array), array, "finite numbers", item)
 
 
 def fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
@@ -265,7 +262,7 @@ def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}")
+        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]} and {len(wrong)} such in all")
 
 
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
