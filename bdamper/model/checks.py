@@ -221,11 +221,6 @@ def require(good: object, item: str, expected: str, found: object) -> None:
         raise mismatch(item, expected, found)
 
 
-def check_name(name: object, item: str) -> None:
-    good = isinstance(name, str) and name != "" and name.isprintable() and not set(name) & set("/.")
-    require(good, item, "a name of printable characters without '/' and '.'", repr(name))
-
-
 def check_integer(value: object, item: str) -> None:
     require(isinstance(value, int | np.integer) and not isinstance(value, bool), item, "an integer", repr(value))
 

@@ -33,7 +33,6 @@ from bdamper.model.checks import (
     check_all,
     check_hermitian,
     check_integer,
-    check_name,
     check_record,
     check_type,
     is_positive_definite,
@@ -114,7 +113,8 @@ def _check_head(model: Model, where: str) -> None:
         check_type(getattr(model, group.name), Mapping, f"{where}: /{group.place()}")
         for name, member in getattr(model, group.name).items():
             item = f"{where}: /{group.place(name)}"
-            check_name(name, item)
+            good = isinstance(name, str) and name.isprintable() and name and not set(name) & set("/.")
+            require(good, item, "a name of printable characters without '/' and '.'", repr(name))
             check_type(member, group.kind, item)
             own = getattr(member, "name", name)
             require(own == name, item, f"the name '{name}'", repr(own))
