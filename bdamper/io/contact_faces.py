@@ -80,11 +80,6 @@ class ContactFaces:
         """Name of this contact in messages."""
         return f"contact '{self.name}'"
 
-    @property
-    def pair(self) -> str:
-        """The same with its bodies."""
-        return f"{self.item} between {self.body_a} and {self.body_b}"
-
 
 def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
     pair = isinstance(points, Sequence | np.ndarray) and not isinstance(points, str | bytes)
@@ -270,27 +265,27 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[fl
 
     Faces that touch, but not as they would in one assembly, may belong to a body that stands beside its place.
     """
-    pair, distance, area = contact.pair, means.distance, float(means.area.sum())
+    item, distance, area = contact.item, means.distance, float(means.area.sum())
     width, share = np.sqrt(area), area / min(areas)
     measured = contact.patches is None and len(areas) == 2
     expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
     found = f"{area:.4g} m2 of {' and '.join(f'{a:.4g}' for a in areas)} m2"
-    require(not measured or share >= BOUNDS.overlap, pair, expected, found)
+    require(not measured or share >= BOUNDS.overlap, item, expected, found)
     farthest = distance[np.abs(distance).argmax()]
     found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
-    require(abs(farthest) <= BOUNDS.distance * width, pair, "faces that lie on each other", found)
+    require(abs(farthest) <= BOUNDS.distance * width, item, "faces that lie on each other", found)
     if not isinstance(contact.gap, str):
         expected = "much less than the width of the face, in the units of the files"
         found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
-        require(abs(contact.gap) <= BOUNDS.distance * width, f"{contact.item}: gap", expected, found)
+        require(abs(contact.gap) <= BOUNDS.distance * width, f"{item}: gap", expected, found)
         off = distance - contact.gap
         worst = float(off[np.abs(off).argmax()])
         if len(areas) == 2 and abs(worst) > BOUNDS.misfit * width:
             expected = f"meshes within {BOUNDS.misfit * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
-            implausible(pair, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
+            implausible(item, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
     if measured and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas) and share < 1.0 - BOUNDS.misfit:
         found = f"{100.0 * share:.3g} % in common, as of a shift by some {(1.0 - share) * width:.2g} m"
-        implausible(pair, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
+        implausible(item, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
 
 
 def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:
@@ -314,7 +309,7 @@ def _sector_of(
     distance, product, sector = _nearest(candidates, a, face_a, b, face_b, n_blades)
     expected = "outward normals that point at each other (faces seen from outside counter-clockwise)"
     found = f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart"
-    require(product <= -0.5, contact.pair, expected, found)
+    require(product <= -0.5, contact.item, expected, found)
     return sector
 
 

@@ -83,9 +83,8 @@ def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[N
     known = [modes.nodal_diameter for modes in body.given.modes]
     body.require(len(given) == 1, "modes", f"modes of nodal diameter {d} once", f"those of {known}")
     modes, waves = given[0], _waves(body, given[0], ring)
-    if modes.modal_mass is None:
-        expected = "modal masses (or matrices) to rescale the modes to unit modal mass over one sector"
-        raise body.error(item, expected, "neither")
+    expected = "modal masses (or matrices) to rescale the modes to unit modal mass over one sector"
+    body.require(modes.modal_mass is not None, item, expected, "neither")
     mass = body.place.units.mass * np.asarray(modes.modal_mass, float)[waves.index]
     frequency = np.asarray(modes.frequency, float)[waves.index]
     body.require((frequency > 0.0).all(), item, "frequencies > 0 of a held sector", frequency.min(initial=np.inf))

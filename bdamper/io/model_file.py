@@ -70,17 +70,8 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
         If the file cannot be written; an existing file is then unchanged.
     """
     check_model(model)
-    _check_attribute_lengths(model)
     with written(path, track_order=True) as file:
         write_model(file, model)
-
-
-def _check_attribute_lengths(model: Model) -> None:
-    most = 60000  # bytes; HDF5 has room for 64 KiB
-    for key, value in model.provenance.items():
-        size = len(value.encode())
-        good, found = len(key.encode()) + size <= most, f"{size} bytes in '{key[:40]}'"
-        require(good, "model: /provenance", f"texts of at most {most} bytes", found)
 
 
 def write_model(file: h5py.Group, model: Model) -> None:

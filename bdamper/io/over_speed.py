@@ -21,10 +21,11 @@ from scipy.linalg import polar, svdvals
 from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import FEBody
 from bdamper.io.prepare import PreparedBody
+from bdamper.model.checks import require
 from bdamper.model.model import ModalBasis
 from bdamper.reduction.spin import IN_PLANE, Rotation
 from bdamper.util import validate
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import SettingError
 
 
 def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
@@ -54,9 +55,8 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
         body = validate.instance(f"body at {omega:g} rad/s", value, FEBody)
         made.append(replace(body, rotor_speed=omega, faster=None))
     slower, faster = sorted(made, key=lambda body: body.rotor_speed)
-    if not np.array_equal(slower.numbers, faster.numbers):
-        expected = f"expected the nodes of {slower.source}, found other numbers"
-        raise ModelError(f"{faster.source} at {faster.rotor_speed:g} rad/s: {expected}")
+    alike, item = np.array_equal(slower.numbers, faster.numbers), f"{faster.source} at {faster.rotor_speed:g} rad/s"
+    require(alike, item, f"the nodes of {slower.source}", "other numbers")
     if (slower.stiffness is None) != (faster.stiffness is None):
         raise SettingError("over_speed: expected matrices at both speeds, or modes at both speeds, found one of each")
     return replace(slower, faster=faster)

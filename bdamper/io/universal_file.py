@@ -18,7 +18,7 @@ from bdamper.io.fe_body import FEBody, by_kind, modes_by_diameter
 from bdamper.io.measured import Measurement
 from bdamper.io.reading import Lines, parsing, reader
 from bdamper.model.checks import require
-from bdamper.util.errors import needed
+from bdamper.util.errors import mismatch, needed
 
 _LINEAR = {111: 4, 112: 6, 115: 8}
 # Elements of second order alternate corners and nodes between them around the bottom, then list the upright nodes between
@@ -38,8 +38,10 @@ def _sets(source: Path, wanted: tuple[int, ...]) -> list[dict[str, Any]]:
         out = []
         for k, kind in enumerate(kinds):
             if kind in wanted:
-                with parsing(f"{source}: data set {k + 1} of type {kind}", "a readable data set"):
+                try:
                     data = file.read_sets(k)
+                except Exception as error:
+                    raise mismatch(f"{source}: data set {k + 1} of type {kind}", "a readable data set", error) from error
                 if isinstance(data, dict):
                     out.append(data)
     return out

@@ -221,11 +221,6 @@ def require(good: object, item: str, expected: str, found: object) -> None:
         raise mismatch(item, expected, found)
 
 
-def check_name(name: object, item: str) -> None:
-    good = isinstance(name, str) and name != "" and name.isprintable() and not set(name) & set("/.")
-    require(good, item, "a name of printable characters without '/' and '.'", repr(name))
-
-
 def check_integer(value: object, item: str) -> None:
     require(isinstance(value, int | np.integer) and not isinstance(value, bool), item, "an integer", repr(value))
 
@@ -243,10 +238,7 @@ def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: s
     expected = f"{words} in double precision" if "f" in letters else words
     require(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
     require(fits(array.shape, shape), item, f"shape {shape_text(shape)}", array.shape)
-    wrong = np.argwhere(~np.isfinite(array))
-    if len(wrong):
-        at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, "finite numbers", f"{array[at]} at {at} and {len(wrong)} such in all")
+    check_all(np.isfinite(array), array, "finite numbers", item)
 
 
 def fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
@@ -265,7 +257,7 @@ def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}")
+        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]} and {len(wrong)} such in all")
 
 
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:

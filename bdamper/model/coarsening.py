@@ -53,19 +53,14 @@ class _Groups:
         self.sum[label, np.arange(n)] = 1.0
         self.area = self.sum @ face.area
         self.mean = self.sum * face.area / self.area[:, None]
-        self.frame = np.array([_nearest_frame(f) for f in np.einsum("mp,pij->mij", self.mean, face.frame)]).reshape(m, 3, 3)
+        frames = np.einsum("mp,pij->mij", self.mean, face.frame)
+        self.frame = np.array([scipy.linalg.polar(frame)[0] for frame in frames]).reshape(m, 3, 3)
         turn = np.einsum("pij,pkj->pik", self.frame[label], face.frame)
         self.vectors = np.einsum("mp,pij->mipj", self.mean, turn).reshape(3 * m, 3 * n)
         self.forces = np.einsum("mp,pij->mipj", self.sum, turn).reshape(3 * m, 3 * n)
         self.face = replace(
             face, points=self.mean @ face.points, area=self.area, frame=self.frame, gap=self.mean @ face.gap
         )
-
-
-def _nearest_frame(matrix: NDArray) -> NDArray:
-    left, _, right = np.linalg.svd(matrix)
-    frame: NDArray = left @ right
-    return frame
 
 
 def unite_contact_points(model: Model, n_points: int) -> Model:

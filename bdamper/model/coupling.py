@@ -123,6 +123,7 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     frames = np.concatenate([model.interfaces[name].frame for name, _ in body.ports])
     own, turning = body_axes(body) / np.sqrt(body.mass), turn / np.sqrt(moments)[:, None]
     motion = rigid_motions(points, body.centre, own, turning).reshape(-1, 3, 6)
+    # two products that round in their own ways, as in earlier versions: folds feel the last digit
     rigid = np.concatenate([frames @ motion[..., :3], np.einsum("pij,pjk->pik", frames, motion[..., 3:])], axis=2)
     # the stored modes span the same space: old @ change = new
     change = np.linalg.lstsq(basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]

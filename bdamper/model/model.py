@@ -25,7 +25,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -348,8 +348,14 @@ class Model(Plottable):
         return digest.hexdigest()[:16]
 
 
-def feed_digest(digest: Any, key: str, value: object) -> None:
-    """Add a value of any kind that a model holds to a digest of hashlib, with the path that leads to it.
+class Digest(Protocol):
+    """What hashes bytes."""
+
+    def update(self, data: bytes, /) -> None: ...
+
+
+def feed_digest(digest: Digest, key: str, value: object) -> None:
+    """Add a value of any kind that a model holds to a digest, with the path that leads to it.
 
     All but ``residual0`` beside a flexibility, from which it follows by a product of matrices that processors round each in
     their way.

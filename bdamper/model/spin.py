@@ -108,8 +108,8 @@ class SpeedBasis:
 
     def conjugate(self) -> SpeedBasis:
         """Conjugate basis (nodal diameter ``N - d``)."""
-        turned: dict[str, Any] = {name: part.conj() for name, part in vars(self).items() if isinstance(part, np.ndarray)}
-        return replace(self, **turned)
+        arrays: dict[str, Any] = {name: part.conj() for name, part in vars(self).items() if isinstance(part, np.ndarray)}
+        return replace(self, **arrays)
 
     def turned(self, omega: float, shapes: NDArray) -> SpeedBasis:
         """On the modes (n_modes, n_modes) of another speed, combinations of those of the basis."""

@@ -33,7 +33,6 @@ from bdamper.model.checks import (
     check_all,
     check_hermitian,
     check_integer,
-    check_name,
     check_record,
     check_type,
     is_positive_definite,
@@ -114,7 +113,8 @@ def _check_head(model: Model, where: str) -> None:
         check_type(getattr(model, group.name), Mapping, f"{where}: /{group.place()}")
         for name, member in getattr(model, group.name).items():
             item = f"{where}: /{group.place(name)}"
-            check_name(name, item)
+            good = isinstance(name, str) and name.isprintable() and name and not set(name) & set("/.")
+            require(good, item, "a name of printable characters without '/' and '.'", repr(name))
             check_type(member, group.kind, item)
             own = getattr(member, "name", name)
             require(own == name, item, f"the name '{name}'", repr(own))
@@ -255,8 +255,7 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
         check_all(omega2 >= 0, omega2, "numbers >= 0", item)
         return
     require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
-    if n_rigid:
-        check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
+    check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
     good = omega2 > 0
     good[:n_rigid] = True
     check_all(good, omega2, "numbers > 0 for elastic modes", item)
@@ -456,3 +455,5 @@ def _check_provenance(model: Model, where: str) -> None:
         text = key + value
         if key == "" or "\0" in text or text.encode(errors="ignore").decode() != text:
             raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
+        size, most = len(value.encode()), 60000  # bytes; HDF5 has room for 64 KiB with the name
+        require(size + len(key.encode()) <= most, item, f"texts of at most {most} bytes", f"{size} bytes in '{key[:40]}'")

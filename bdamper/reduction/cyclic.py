@@ -144,7 +144,8 @@ class CyclicSector:
 
     def forget_factors(self) -> None:
         """Free the memory of the factorisation; it is made again when needed.  Modes stay."""
-        self.__dict__.pop("solver", None)
+        if "solver" in vars(self):
+            del self.solver
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Lowest modes.

@@ -555,7 +555,7 @@ BROKEN: list[tuple[str, Callable[[h5py.File], None], str]] = [
     (
         "NaN",
         values("interfaces/left/gap", lambda x: x * np.nan),
-        "/interfaces/left/gap: expected finite numbers, found nan at (0,) and 1 such in all",
+        "/interfaces/left/gap: expected finite numbers, found nan at 0 and 1 such in all",
     ),
     (
         "no units",
