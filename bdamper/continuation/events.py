@@ -142,7 +142,7 @@ class Events:
             return [], "regular"
         drift = is_drift(a.tangent, n)
         found, missed = [], "regular"
-        if turned and not drift:
+        if turned and not drift and a.tangent[-1] * b.tangent[-1] < 0.0:
             found.append("fold")
         elif turned:  # a drift is one point in frequency, and so is the fold at its end
             missed = "fold"

@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_NORMAL
 from bdamper.continuation.curve import Curve, crossed
 from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.track import check_curve
@@ -419,8 +418,7 @@ def kept(
 ) -> Marched:
     """The highest amplitude in time at the preload of a tracking curve.
 
-    Amplitudes are those of the highest blade (:mod:`bdamper.stability.kept`).  Where contacts stay closed and no fold lies
-    within a half width of the peak nothing is marched: the peak stays.
+    Amplitudes are those of the highest blade (:mod:`bdamper.stability.kept`).
 
     Parameters
     ----------
@@ -453,12 +451,8 @@ def kept(
         raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
     watch, levels, top = CostMeter(), Levels(curve), curve.peak
     sides = [levels.side(sign) for sign in (1.0, -1.0)]
-    width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
-    near = np.abs(curve.frequency - top.frequency) <= width
     found = Marched(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
     part = "" if curve.complete else f"there may be a higher peak, as the curve is {curve.status}"
-    if not _opens(problem, curve, near) and not any(near[f.index] for f in curve.folds):
-        return replace(found, status=because(INCOMPLETE, part) if part else COMPLETE, cost=watch.read())
     none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
     ways = [side for side in sides if np.isfinite(side[1])]
     if not ways:
@@ -517,14 +511,3 @@ def of_blades(march: March, periods: int) -> dict[str, Any]:
         "energy": tuple(float(x) for x in np.mean(march.energy[-periods:], axis=0)),
         "growth": float(np.log(ratio)) / window if ratio else float("nan"),
     }  # fmt: skip
-
-
-def _opens(problem: Problem, curve: Curve, near: NDArray) -> bool:
-    """Whether a contact is open for a part of the cycle at one of some points, one without friction, too."""
-    if (np.asarray(curve.shares)[near, 2] > 0.0).any():
-        return True
-    system = problem.system(curve.preload)
-    if not (np.asarray(system.structure.points.law) == LAW_NORMAL).any():
-        return False
-    shares = (system.contact(u)[2][:, 4] for u in np.asarray(curve.unknowns)[near])
-    return any(((open_ > 0.0) & (open_ < 1.0)).any() for open_ in shares)

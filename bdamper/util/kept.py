@@ -153,11 +153,6 @@ class Marched(
         return sum(abs(a / own - 1.0) > ALIKE for name, a in self.answers.items() if name.startswith("start"))
 
     @property
-    def marched(self) -> bool:
-        """Whether anything had to be marched."""
-        return self.periods > 0
-
-    @property
     def factor(self) -> float:
         """Highest period over the amplitude of the balance, by which stress of the balance is scaled."""
         return self.highest / self.balance
@@ -185,8 +180,6 @@ class Marched(
         peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
         doubt = f" ({self.status})" if self.status != COMPLETE else ""
         head = f"{at} in time the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}; {peak}{doubt}."
-        if not self.marched:
-            return f"{head} Contacts stay closed and no fold is near, so the peak is steady in time."
         if self.parted:
             head = f"{head} Blades do not vibrate alike: {span(*self.spread, 'm')}."
         if starts := sum(name.startswith("start") for name in self.answers):

@@ -69,12 +69,20 @@ def test_a_kept_motion_marks_a_picture(bent, walked):
     plt.close("all")
 
 
-def test_where_contacts_stay_closed_the_peak_is_kept():
+def test_a_peak_whose_contacts_stay_closed_is_integrated_too():
+    """Without folds and separation a few harmonics may still be wrong: one has a fifth more than the motion in time."""
     study = one_mass(tangential=0, kt=1e-3, mu=0.3, preload=1e3)
-    curve = study.track(0.0, (9.5, 10.5))
-    found = study.march(curve)
-    assert not found.marched and found.mean == found.highest == curve.peak.amplitude and found.factor == 1.0
-    assert found.bottom_line().endswith("Contacts stay closed and no fold is near, so the peak is steady in time.")
+    found = study.march(study.track(0.0, (9.5, 10.5)))
+    assert found.periods > 0 and found.factor == pytest.approx(1.0, rel=0.01)
+    turbine = bd.Study(
+        bd.reference_model("turbine_blade", 9), bd.Excitation("tip", direction="tangential"), 5, harmonics=1,
+        friction_coefficient=0.3, contact_stiffness="unit_traction", blade_modes=5,
+    )  # fmt: skip
+    curve = turbine.track(125.0, (610.0, 710.0))
+    assert not curve.folds and not curve.shares[:, 2].any()
+    walked = turbine.march(curve)
+    assert walked.mean < 0.9 * curve.peak.amplitude
+    assert walked.mean == pytest.approx(turbine.settle(curve, walked.frequency).mean, rel=0.02)
 
 
 def test_a_contact_without_friction_that_opens_is_marched():
@@ -84,7 +92,7 @@ def test_a_contact_without_friction_that_opens_is_marched():
     curve = study.track(0.0, (6.0, 15.0))
     assert not curve.folds and not curve.shares[:, 2].any()
     found = study.march(curve)
-    assert found.marched and found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
+    assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
 
 
 def test_long_transients_take_more_periods():
@@ -213,7 +221,7 @@ def test_a_part_of_a_curve_gives_a_lower_bound(bent, budget):
     study = bent[0].with_(harmonics=5)
     curve = study.track(0.0, (9.0, 14.0), options=ContinuationOptions(budget=budget))
     found = study.march(curve)
-    assert not curve.complete and found.marched == (budget == 250)
+    assert not curve.complete and found.periods > 0
     assert found.status.startswith("incomplete: ")
     assert found.status.endswith("there may be a higher peak, as the curve is incomplete")
 

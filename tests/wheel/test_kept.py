@@ -49,7 +49,7 @@ def test_a_blade_keeps_a_peak_without_folds():
     wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
     kept = wheel.kept(peak, steps_per_period=32)
-    assert kept.status == "complete" and kept.blade == peak.blade and kept.marched
+    assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
     assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
     assert f"blade      {peak.blade}" in str(kept) and "vibrate alike" not in str(kept)
 
