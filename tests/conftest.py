@@ -1,5 +1,6 @@
 """Marks, time limits, shipped models that are read once, interruptions, and clean-up for all tests."""
 
+import gc
 import os
 import signal
 import sys
@@ -55,6 +56,11 @@ def pytest_collection_modifyitems(items):
         limit |= {"method": "thread"} if getattr(item.obj, "is_hypothesis_test", False) else {}
         if limit:
             item.add_marker(pytest.mark.timeout(**limit))
+
+
+def pytest_collection_finish():
+    """Modules and collected tests stay to the end: the garbage collector need not look through them again and again."""
+    gc.freeze()
 
 
 @pytest.fixture
