@@ -99,13 +99,13 @@ def converge(
         meetings = tuple(_meetings(([problem] + problems)[-1], peak))
         at, sign = (problem, peak), sign_of_jacobian(problem.system(peak.parameter), peak.y)
         for richer in problems:
-            begin, before, n = time.thread_time(), meter.iterations, richer.harmonic_numbers[-1]
+            begin, n = time.thread_time(), richer.harmonic_numbers[-1]
             new = _to(at, richer, sign, meter)
             if isinstance(new, str):
                 status = because(INCOMPLETE, f"with {n} harmonics no peak was found beside this one ({new})")
                 break
             at, seconds = new, time.thread_time() - begin
-            found.append(HarmonicPeak(n, at[1].amplitude, at[1].frequency, meter.iterations - before, seconds))
+            found.append(HarmonicPeak(n, at[1].amplitude, at[1].frequency, seconds))
             if _still(found, tolerance) and richer is not problems[-1] and not any(m.harmonic > n for m in meetings):
                 limit = "no later harmonic meets a mode"
                 break

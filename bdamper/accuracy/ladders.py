@@ -12,7 +12,6 @@ is the analysis; parts of a study that are made once (modes, contact stiffness, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -32,7 +31,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
-from bdamper.util.progress import LongWork, stages
+from bdamper.util.progress import LongWork
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
 from bdamper.util.text import percent, spaced
@@ -207,7 +206,6 @@ class _Runs:
     ask: Callable[[Problem], Any]
     preload: float
     done: list[Run] = field(default_factory=list)
-    report: Callable[[str, int, int], None] | None = None
 
     def at(self, part: str, place: Mapping[str, int]) -> Run:
         """The study with the values at these indices, computed unless it was before."""
@@ -215,9 +213,6 @@ class _Runs:
         same = next((r for r in self.done if r.values == names), None)
         if same is not None:
             return same
-        if self.report is not None:
-            most = sum(map(len, self.ladders.values())) - len(self.ladders) + 2  # of one setting, combined, the richest
-            self.report(_text(self.ladders, names), len(self.done), max(most, len(self.done) + 1))
         try:
             study = varied(self.problem, {n: self.ladders[n][value] for n, value in zip(self.ladders, names)})
             if study.static(self.preload).converged:
@@ -240,7 +235,6 @@ def accuracy_cost(
     quantity: Solver | None = None,
     vary: str | Sequence[str] | Mapping[str, Any] | None = None,
     tolerance: float = 0.05,
-    progress: bool = False,
 ) -> AccuracyCost:
     """The cheapest combination of settings within a tolerance of the richest one, and what others cost.
 
@@ -261,8 +255,6 @@ def accuracy_cost(
         which are varied by default, the name is enough.
     tolerance : float
         Relative, on amplitude and frequency.
-    progress : bool
-        Show which settings are run, and the time left.
 
     Returns
     -------
@@ -288,7 +280,7 @@ def accuracy_cost(
     check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)
     top = {name: len(values) - 1 for name, values in ladders.items()}
-    with stages("settings", "run") if progress else nullcontext() as runs.report, LongWork() as work:
+    with LongWork() as work:
         _search(runs, top, tolerance)
     if not runs.done:
         raise KeyboardInterrupt

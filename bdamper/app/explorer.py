@@ -48,7 +48,7 @@ class Explorer:
         return f'<iframe src="{self.address}" style="width:100%;height:860px;border:0"></iframe>'
 
 
-def explore(study: Study, *, source: str = "# study: the one that is explored", windows: int = 8) -> Explorer:
+def explore(study: Study, *, source: str = "# study: the one that is explored") -> Explorer:
     """A page with sliders for a study, its curves, contact faces and loops, on the loopback interface.
 
     Parameters
@@ -56,8 +56,6 @@ def explore(study: Study, *, source: str = "# study: the one that is explored", 
     study : Study
     source : str
         Lines of Python that make the study, for those that the page shows.
-    windows : int
-        That are answered at a time, each by one thread.
 
     Returns
     -------
@@ -81,8 +79,7 @@ def explore(study: Study, *, source: str = "# study: the one that is explored", 
 
     def make(document: Any) -> None:
         pages[:] = [page for page in pages if not page.answers.closed]
-        if len(pages) < windows:
-            pages.append(Page(document, study, source))
+        pages.append(Page(document, study, source))
 
     def serve() -> None:
         asyncio.set_event_loop(asyncio.new_event_loop())

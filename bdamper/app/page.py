@@ -10,7 +10,7 @@ import html
 import tempfile
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -61,6 +61,13 @@ MOVE = """
         window.moving = setInterval(() => document.hidden || draw(2 * Math.PI * (Date.now() % PERIOD) / PERIOD), 80);
 """.replace("PERIOD", "2400")
 """Draws the faces at an instant of the cycle, again and again."""
+
+
+class Place(Protocol):
+    """Position of a click on a view in its own units; None outside its axes."""
+
+    x: float | None
+    y: float | None
 
 
 class Page:
@@ -489,7 +496,7 @@ class Page:
 
     # ---- what is clicked ----
 
-    def chosen(self, event: Any) -> None:
+    def chosen(self, event: Place) -> None:
         """The point of the curve that is the nearest to a click, as it is seen; none for one outside of the axes."""
         answer = self.shown.get("curve")
         if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
@@ -499,7 +506,7 @@ class Page:
         self.point = int(np.argmin(apart))
         self.ask()
 
-    def dragged(self, event: Any) -> None:
+    def dragged(self, event: Place) -> None:
         """The preload under the pointer."""
         number = self.numbers["preload"]
         if event.x is not None and event.x > 0.0 and not number.disabled:

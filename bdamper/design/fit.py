@@ -219,15 +219,13 @@ class Objective:
     def parts(self, x: NDArray) -> list[Separation]:
         """Residuals of each set of data; those of the last point are kept."""
         if self._last is None or not np.array_equal(self._last[0], x):
+            held = dict(self.held)
+            gain = {FORCE: held.pop(FORCE)} if FORCE in held else {}  # its derivatives are found, too, and left out
             values = dict(zip(self.ranges, np.exp(x).tolist()))
-            varied = Variations(vary(self.problem, _settings(self.held)), values | self._gain(values))
+            varied = Variations(vary(self.problem, held), values | {n: v for n, v in gain.items() if n not in values})
             how: dict[type, Callable[..., Separation]] = {Test: of_test, Measured: of_resonances}
             self._last = x.copy(), [how[type(each)](varied, each, self.noise) for each in self.data]
         return self._last[1]
-
-    def _gain(self, values: dict[str, float]) -> dict[str, float]:
-        """The gain of the force that is held, for which derivatives are found, too, and left out."""
-        return {FORCE: self.held[FORCE]} if FORCE in self.held and FORCE not in values else {}
 
     def residual(self, x: NDArray) -> NDArray:
         """(m,) of all data."""
@@ -265,10 +263,6 @@ class Objective:
             (low[free], high[free]), **ways,
         )  # fmt: skip
         return whole(found.x)
-
-
-def _settings(values: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in values.items() if name != FORCE}
 
 
 def deviations(J: NDArray) -> NDArray:

@@ -66,7 +66,6 @@ def microslip(
     ModelError
         If there is no static state under the preload.
     """
-    validate.instance("problem", problem, Problem)
     wanted = validate.numbers("microslip forces", forces, above=0.0, unit="N")
     validate.that(not np.any(np.diff(wanted) <= 0.0), "microslip forces", "increasing forces above 0 N", forces)
     validate.choice("microslip location", location, sorted(problem.model.locations))

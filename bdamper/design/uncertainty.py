@@ -143,8 +143,7 @@ class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncer
         Draws without a peak at a preload are left out there.
         """
         validate.choice("quantity", quantity, ("amplitude", "frequency"))
-        for value in [q] if np.ndim(q) == 0 else validate.numbers("percentiles", q):
-            validate.number("percentile", value, least=0.0, most=100.0)
+        validate.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
         return np.nanpercentile(getattr(self, quantity), q, axis=0)
 
     @property

@@ -13,7 +13,7 @@ from bdamper.accuracy.ladders import COMBINED, AccuracyCost
 from bdamper.design.sweep import SweepResult, as_words
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
-from bdamper.plot.axes import NEW, STYLES, colours, legend_beside, looks, lost, once, picture, plain_number
+from bdamper.plot.axes import NEW, colours, legend_beside, looks, lost, once, picture, plain_number
 from bdamper.util.convergence import Convergence
 from bdamper.util.errors import SettingError
 from bdamper.util.text import UNITS, amount, percent, spaced
@@ -170,9 +170,6 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
             ax.plot(r.seconds, y, "ok", transform=place, markerfacecolor="none", markersize=12.0,
                     label=f"fastest within {within}:\n{values}")  # fmt: skip
     ax.axvline(richest.seconds, linestyle="-.", label="time of the reference", **line)
-    if result.uncertainty > equal:
-        name = f"uncertainty of the reference, {percent(result.uncertainty)}"
-        ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], label=name, **line)
     ax.axhline(100.0 * result.tolerance, label=f"tolerance, {within}", **line)
     ratio, others = richest.seconds / (best.seconds or np.nan), ", ".join(spaced(name) for name in names)
     found = "none is faster" if best is richest else f"{ratio:.2g} times faster than the reference"

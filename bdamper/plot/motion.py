@@ -102,8 +102,7 @@ class ContactStatus:
 
 def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     """Unknowns (..., n_unknowns) that can be solutions of a study."""
-    own = validate.instance("study", problem, Problem).bases
-    n = len(own[0].omega2) + 2 * sum(len(basis.omega2) for basis in own[1:])
+    n = len(problem.bases[0].omega2) + 2 * sum(len(basis.omega2) for basis in problem.bases[1:])
     try:
         out = np.asarray(unknowns, float)
     except (TypeError, ValueError):
@@ -137,7 +136,6 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     SettingError
         If there is no such free body.
     """
-    validate.instance("study", problem, Problem)
     bodies = [name for name, part in problem.model.bodies.items() if part.kind == "free"]
     if body is None and len(bodies) == 1:
         body = bodies[0]

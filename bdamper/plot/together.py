@@ -87,7 +87,6 @@ def _star(ax: Axes, result: OptimalCurve, colour: Any) -> None:
 
 
 @draws(Comparison)
-def plot_comparison(comparison: Comparison, *arguments: Any, title: str = "", **options: Any) -> Axes:
+def plot_comparison(comparison: Comparison, *arguments: Any, **options: Any) -> Axes:
     """All results of a comparison on the same axes, as :func:`plot_together` draws them."""
-    title = title or (f"preload {comparison.curves[0].preload:g} N" if comparison.curves else "")
-    return cast(Axes, plot_together(comparison.results, *arguments, title=title, **options))
+    return cast(Axes, plot_together(comparison.results, *arguments, **options))

@@ -202,8 +202,8 @@ def plot_sample(
                 best = int(np.argmin(value))
                 ax.plot(x[best], value[best], "*", color=look["color"], markersize=9.0)
         ax.plot([], [], **{**look, "linestyle": ""}, label=name or None)
-    for q, style in zip(percentiles, STYLES):
-        ax.plot([], [], color="0.3", linestyle=style, label=f"at most, in {q:g} % of wheels")
+    for q, dashes in zip(percentiles, STYLES):
+        ax.plot([], [], color="0.3", linestyle=dashes, label=f"at most, in {q:g} % of wheels")
     if sample.held:
         ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
     if preloads:

@@ -22,8 +22,6 @@ class HarmonicPeak:
     harmonics : int
         The highest harmonic.
     amplitude, frequency : float, m, Hz
-    iterations : int
-        Of Newton's method, those of numbers of harmonics in between included.
     seconds : float
         Of the processor.
     """
@@ -31,7 +29,6 @@ class HarmonicPeak:
     harmonics: int
     amplitude: Metre
     frequency: Cycles
-    iterations: int = 0
     seconds: Second = 0.0
 
 

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
+
+
+class Counted(Protocol):
+    """A system of equations whose core counts what it does."""
+
+    @property
+    def core(self) -> Any:
+        """With a count of what it does, ``cost``."""
+
+    @property
+    def work(self) -> NDArray:
+        """(4,) million operations of an evaluation, Jacobian, factorisation, solution by least norm."""
 
 
 @dataclass(frozen=True)
@@ -69,21 +80,16 @@ class Cost:
         )
 
 
-def operations(counts: Any) -> NDArray:
-    """(4,) evaluations, Jacobians, factorisations, solutions by least norm, as the ``work`` of a system weighs them."""
-    return np.array([counts.evaluations, counts.jacobians, counts.factorisations, counts.least_norm], float)
+WEIGHED = ("evaluations", "jacobians", "factorisations", "least_norm")
+"""Counts of the core in the order in which :attr:`Counted.work` weighs them."""
 
 
 @dataclass
 class CostMeter:
-    """Sums what serves one result, in the thread that made the meter: time, several systems, and parts metered before.
-
-    A system is a system of equations whose ``core`` counts what it does (``core.cost``); its ``work`` has the (4,) million
-    operations of an evaluation, Jacobian, factorisation and solution by least norm.
-    """
+    """Sums what serves one result, in the thread that made the meter: time, several systems, and parts metered before."""
 
     start: float = field(default_factory=time.perf_counter)
-    systems: list[tuple[Any, Any]] = field(default_factory=list)
+    systems: list[tuple[Counted, Any]] = field(default_factory=list)
     iterations: int = 0
     failed_steps: int = 0
     parts: list[Cost] = field(default_factory=list)
@@ -98,7 +104,7 @@ class CostMeter:
         self.iterations += iterations
         self.failed_steps += failed_steps
 
-    def watch(self, system: Any) -> None:
+    def watch(self, system: Counted) -> None:
         """Count what a system does from now on, once."""
         if all(system.core is not other.core for other, _ in self.systems):
             self.systems.append((system, system.core.cost))
@@ -108,15 +114,14 @@ class CostMeter:
         """Million operations so far."""
         total = sum(part.work for part in self.parts)
         for system, before in self.systems:
-            total += float(system.work @ (operations(system.core.cost) - operations(before)))
+            total += float(system.work @ [getattr(system.core.cost, name) - getattr(before, name) for name in WEIGHED])
         return float(total)
 
     def read(self, *parts: Cost) -> Cost:
         """The cost so far, with that of parts that have not been added."""
-        counts = "contact", "assembly", "algebra", "evaluations", "jacobians", "factorisations", "least_norm"
         own: dict[str, Any] = {
             name: sum(getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems)
-            for name in counts
+            for name in ("contact", "assembly", "algebra", *WEIGHED)
         }
         mine = Cost(**own, iterations=self.iterations, failed_steps=self.failed_steps)
         seconds, processor = time.perf_counter() - self.start, time.thread_time() - self.processor_start

@@ -39,16 +39,13 @@ class Differences(Summarised):
     def __bool__(self) -> bool:
         return bool(self.settings or self.outcomes)
 
-    def rows(self) -> list[tuple[str, str, str, str]]:
-        """Name, first, second, and relative change of numbers, as texts."""
-        out = [(name, plain(a), plain(b), _change(a, b)) for name, a, b in self.settings]
-        return out + [(a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)) for a, b in self.outcomes]
-
     def bottom_line(self) -> str:
         return f"{' and '.join(self.kinds)}{' differ:' if self else ': no difference'}"
 
     def _rows(self) -> list[tuple[str, ...]]:
-        return [("", "first", "second", "change"), *self.rows()] if self else []
+        rows = [(name, plain(a), plain(b), _change(a, b)) for name, a, b in self.settings]
+        rows += [(a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)) for a, b in self.outcomes]
+        return [("", "first", "second", "change"), *rows] if rows else []
 
 
 def _change(a: Any, b: Any) -> str:

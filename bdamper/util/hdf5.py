@@ -257,12 +257,17 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
                 found[name] = {key: part[()] for key, part in item.items()}
         elif item is not None:
             text = h5py.check_string_dtype(item.dtype) is not None
-            found[name] = typed(hints[name], json.loads(item[()])) if text else item[()]
+            found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
     return cls(**found)
 
 
-def typed(hint: Any, value: Any) -> Any:
+def typed(hint: object, value: object) -> Any:
     """Convert a value read from JSON to the annotated type of its field."""
+    return _typed(hint, value)
+
+
+def _typed(hint: Any, value: Any) -> Any:
+    """What was read from JSON, in the annotated type."""
     origin, inner = get_origin(hint), get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
@@ -270,14 +275,14 @@ def typed(hint: Any, value: Any) -> Any:
         return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
-        return tuple(typed(kind, item) for kind, item in zip(kinds, value))
+        return tuple(_typed(kind, item) for kind, item in zip(kinds, value))
     if isinstance(hint, InitVar):
-        return typed(hint.type, value)
+        return _typed(hint.type, value)
     if NoneType in inner and _leaf(hint) is not hint:
-        return typed(_leaf(hint), value)
+        return _typed(_leaf(hint), value)
     if is_dataclass(hint):
         hints = get_type_hints(hint)
-        known = {name: typed(hints[name], item) for name, item in value.items() if name in hints}
+        known = {name: _typed(hints[name], item) for name, item in value.items() if name in hints}
         return hint(**known)  # type: ignore[operator]
     if origin in (Union, UnionType):  # such as int | tuple[int, ...]
         return tuple(value) if isinstance(value, list) else value

@@ -78,7 +78,7 @@ def stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
 
         def report(stage: str, done: int, total: int) -> None:
             bar.total = max(total, bar.total or 0)
-            bar.set_description(f"{what}: {stage}", refresh=False)
+            bar.set_description(f"{what}: {stage}" if stage else what, refresh=False)
             bar.update(max(done - bar.n, 0))
 
         yield report
@@ -98,13 +98,8 @@ def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any]
     if not show:
         yield None
         return
-    with _bar(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]") as bar:
-
-        def update(point: Any) -> None:
-            reached = min(100.0, 100.0 * (point.y[-1] - low) / (high - low))
-            bar.update(max(reached - bar.n, 0.0))
-
-        yield update
+    with stages("tracking", "%") as report:
+        yield lambda point: report("", int(min(100.0, 100.0 * (point.y[-1] - low) / (high - low))), 100)
 
 
 def _bar(*items: Any, **given: Any) -> Any:

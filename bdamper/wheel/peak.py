@@ -149,7 +149,7 @@ def peak(
         points = tau * np.linspace(low, high, n)
         search = Search(equations.system, tau * width, (float(points[0]), float(points[-1])), meter, springs)
         swept = search.sweep(points)
-        climbed = [search.climb(y, blade, None) for y, blade in search.candidates(swept, options.climbs)]
+        climbed = [search.climb(y, blade, springs) for y, blade in search.candidates(swept, options.climbs)]
         if held := search.different([c for c in climbed if c is not None]):
             break
     met = [y for y in swept if y is not None]

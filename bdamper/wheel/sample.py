@@ -78,11 +78,6 @@ class _Sample:
         wheel = self.wheel.with_(mistuning=self.mistuning(standard_deviation, seed=seed))
         return wheel.with_(dampers=DamperVariation.drawn(wheel.n_blades, **dampers, seed=seed)) if dampers else wheel
 
-    def points(self) -> tuple[list[dict[str, Any]], list[str]]:
-        """Every wheel at every standard deviation and preload, wheel by wheel, and their names in the results file."""
-        cells = list(itertools.product(*self.over.values()))
-        return [dict(zip(self.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
-
     def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
         """Numbers of the points that are searched again: of wheels drawn before, and of the highest once all are known."""
         if any(word(r["status"]) == NOT_RUN for r in peaks):
@@ -207,7 +202,8 @@ def _records(
     asked: _Sample, audit: float, audited: NDArray, run: Callable[..., list[Record]]
 ) -> tuple[list[Record], list[Record]]:
     """Records of all peaks and of the thorough searches, empty where none was asked for."""
-    points, names = asked.points()
+    cells = list(itertools.product(*asked.over.values()))
+    points, names = [dict(zip(asked.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
     peaks = run(points, names, what="wheels", unit="peak")
     at = asked.audits(peaks, audit, audited)
     again = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]

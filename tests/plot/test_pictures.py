@@ -157,7 +157,7 @@ def test_sweeps_have_units(study):
     ax = result.plot()
     assert ax.get_xlabel() == "Friction coefficient"
     assert ax.get_ylabel() == "Resonance amplitude (µm)"
-    assert legend_texts(ax) == ["preload 2000 N", "preload 4000 N"]
+    assert legend_texts(ax) == ["preload 2 kN", "preload 4 kN"]
     assert result.plot("frequency").get_ylabel() == "Resonance frequency (Hz)"
     assert_nothing_overlaps(ax)
 

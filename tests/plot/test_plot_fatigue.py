@@ -40,9 +40,9 @@ def test_haigh_diagram_has_the_lines_and_every_point(margins):
 def test_stress_over_the_cycle_is_drawn_at_the_critical_point():
     coefficients = np.zeros((2, 6, 2), complex)
     coefficients[:, 1, 0], coefficients[:, 1, 1] = 100e6, [20e6, 50e6]
-    nothing, seen = np.zeros((2, 6)), np.ones(2, bool)
-    at = {"points": np.zeros((2, 3)), "names": ("a 1", "a 2"), "counted": seen, "spread": nothing[:, 0]}
-    cycle = StressCycle(coefficients, nothing, **at, **SOLUTION)
+    seen = np.ones(2, bool)
+    at = {"points": np.zeros((2, 3)), "names": ("a 1", "a 2"), "counted": seen, "spread": np.zeros(2)}
+    cycle = StressCycle(coefficients, **at, **SOLUTION)
     axes = cycle.plot()
     whole = next(line for line in axes.lines if line.get_label() == "von Mises")
     assert whole.get_ydata().max() == pytest.approx(150.0) and "a 2" in axes.get_title()
