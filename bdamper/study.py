@@ -50,7 +50,7 @@ from bdamper.stability import floquet, settled, time_sweep
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import FilePath, enter_reader, load, opened, written
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import Fact
@@ -374,9 +374,9 @@ class Study(Comparable):
     @property
     def preload(self) -> float:
         """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times squared speed."""
-        expected = "a study at a rotor speed, study.at_speed(omega)"
-        validate.require(self.settings.speed is not None, "preload", expected, "one without")
-        return at_speed.preload_at(self.problem, self.settings.speed or 0.0)
+        if self.settings.speed is None:
+            raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found one without")
+        return at_speed.preload_at(self.problem, self.settings.speed)
 
     # accuracy
     converge = analysis(more_harmonics.converge)

@@ -95,14 +95,12 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
     """What is to be followed, with its budget."""
     low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
     system = problem.system(preload)
-    if options.budget is None:
-        options = replace(options, budget=evaluation_budget(system))
-    assert options.budget is not None
+    budget = options.budget or evaluation_budget(system)
     springs = None, stuck_springs(problem, problem.static(preload))
     free, stuck = (system.structure.linear.resonances((k,), ELASTIC * low, np.inf) for k in springs)
     watched = [there for there in (*free, *stuck) if low < there[0] < high]
-    system = replace(system.within(options.budget), watched=watched)
-    search = Coverage(system, (low, high), options, CostMeter(time.perf_counter()))
+    system = replace(system.within(budget), watched=watched)
+    search = Coverage(system, (low, high), replace(options, budget=budget), CostMeter(time.perf_counter()))
     search.reach = reach([w for w, *_ in free], [w for w, *_ in stuck], low, high)
     search.meter.watch(system)
     return search
@@ -199,19 +197,20 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
     )
 
 
-def check_curve(problem: Problem, curve: Curve) -> None:
-    """Refuse a curve that is no tracking curve of this problem."""
-    validate.require(curve.kind == "tracking", "curve", "a tracking curve (study.track)", f"a {curve.kind} curve")
-    validate.require(curve.model_hash == problem.model.hash, "curve", "one of this model", "one of another")
+def check_curve(problem: Problem, curve: Curve, name: str = "curve") -> None:
+    """Refuse what is no tracking curve of this problem."""
+    validate.instance(name, curve, Curve, "a tracking curve")
+    validate.require(curve.kind == "tracking", name, "a tracking curve (study.track)", f"a {curve.kind} curve")
+    validate.require(curve.model_hash == problem.model.hash, name, "one of this model", "one of another")
     system = problem.system(curve.preload)
     n = system.n_unknowns
-    validate.require(curve.unknowns.shape[1] == n, "curve", f"one of this study with {n} unknowns", curve.unknowns.shape[1])
+    validate.require(curve.unknowns.shape[1] == n, name, f"one of this study with {n} unknowns", curve.unknowns.shape[1])
     if not len(curve):
         return
     i = curve.peak.index
     error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
     found = f"one with other settings (residual {error:.2g} at its peak)"
-    validate.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), "curve", "one of this study", found)
+    validate.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "one of this study", found)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:

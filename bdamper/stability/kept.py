@@ -447,7 +447,6 @@ def kept(
         If the curve has no peak, or the settings describe something else than a structure in time.
     """
     starts = validate.whole("starts", starts, least=1)
-    validate.instance("curve", curve, Curve, "a tracking curve")
     check_curve(problem, curve)
     if curve.peak_at_end:
         raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
