@@ -117,9 +117,9 @@ def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | 
     return replace(best, note=note)
 
 
-def maxima(system: Equations, curve: Curve, share: float = 0.0, *, options: PeakOptions | None = None) -> tuple[Peak, ...]:
+def maxima(system: Equations, curve: Curve, share: float = 0.0) -> tuple[Peak, ...]:
     """All maxima of a tracking curve within its interval from a share of the highest on, each once, the highest first."""
-    search = _Refined(system, curve, options or PeakOptions())
+    search = _Refined(system, curve, PeakOptions())
     found: list[Peak] = []
     for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
         if curve.amplitude[i] < share * curve.amplitude.max():
