@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, replace
 from inspect import getdoc, signature
 from pathlib import Path
@@ -336,11 +337,8 @@ class Study(Comparable):
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
         if margin and material is not None and not stopped:
-            try:
+            with suppress(KeyboardInterrupt):
                 curve = replace(curve, margins=(best_margin.best_margin(problem, curve, material),))
-            except KeyboardInterrupt:
-                return curve
-            stopped = curve.margins[0].best_status == INTERRUPTED
         return curve
 
     peak_sensitivities = analysis(sensitivity.peak_sensitivities)

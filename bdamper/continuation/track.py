@@ -65,17 +65,16 @@ def track(
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     validate.flag("progress", progress)
-    if options is not None:
-        validate.instance("options", options, ContinuationOptions)
+    options = ContinuationOptions() if options is None else validate.instance("options", options, ContinuationOptions)
     with single_thread():
         state = problem.static(preload)
         if not state.converged:
             reason = f"static state: {state.note}"
-            return without_points(problem, preload, reason, options or ContinuationOptions(), state.cost)
-        free = free_of_contact(problem, frequency, options or ContinuationOptions()) if preload == 0.0 else None
+            return without_points(problem, preload, reason, options, state.cost)
+        free = free_of_contact(problem, frequency, options) if preload == 0.0 else None
         if free is not None:
             return free
-        search = _search(problem, preload, frequency, options or ContinuationOptions())
+        search = _search(problem, preload, frequency, options)
         find_start = partial(_start, problem, preload, search)
         try:
             with progress_bar(progress, *search.limits) as search.on_point:

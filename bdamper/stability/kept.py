@@ -99,10 +99,8 @@ class Rules:
     def stretched(self, memory: float) -> Rules:
         """With the periods that a memory takes."""
         factor = min(max(1.0, memory / self.memory), self.stretch)
-        window, brief, fewest, most = (
-            2 * round(0.5 * factor * n) for n in (self.window, self.brief, self.fewest, self.most)
-        )
-        return replace(self, window=window, brief=brief, fewest=fewest, most=most)
+        periods = ("window", "brief", "fewest", "most")
+        return replace(self, **{name: 2 * round(0.5 * factor * getattr(self, name)) for name in periods})
 
 
 RULES = Rules()
