@@ -77,6 +77,8 @@ def first_point(
         if c.status == OK:
             return c.y, log, last
     found = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
+    if found is None and system.spent:
+        log.append("the budget of evaluations is used up")
     return found, log, last
 
 
