@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, replace
 from inspect import getdoc, signature
 from pathlib import Path
@@ -50,7 +51,7 @@ from bdamper.stability import floquet, settled, time_sweep
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import FilePath, enter_reader, load, opened, written
 from bdamper.util.kept import Marched
 from bdamper.util.plotting import Fact
@@ -336,11 +337,8 @@ class Study(Comparable):
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
         if margin and material is not None and not stopped:
-            try:
+            with suppress(KeyboardInterrupt):
                 curve = replace(curve, margins=(best_margin.best_margin(problem, curve, material),))
-            except KeyboardInterrupt:
-                return curve
-            stopped = curve.margins[0].best_status == INTERRUPTED
         return curve
 
     peak_sensitivities = analysis(sensitivity.peak_sensitivities)
@@ -374,9 +372,9 @@ class Study(Comparable):
     @property
     def preload(self) -> float:
         """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times squared speed."""
-        expected = "a study at a rotor speed, study.at_speed(omega)"
-        validate.require(self.settings.speed is not None, "preload", expected, "one without")
-        return at_speed.preload_at(self.problem, self.settings.speed or 0.0)
+        if self.settings.speed is None:
+            raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found one without")
+        return at_speed.preload_at(self.problem, self.settings.speed)
 
     # accuracy
     converge = analysis(more_harmonics.converge)

@@ -64,17 +64,16 @@ def track(
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     validate.flag("progress", progress)
-    if options is not None:
-        validate.instance("options", options, ContinuationOptions)
+    options = ContinuationOptions() if options is None else validate.instance("options", options, ContinuationOptions)
     with single_thread():
         state = problem.static(preload)
         if not state.converged:
             reason = f"static state: {state.note}"
-            return without_points(problem, preload, reason, options or ContinuationOptions(), state.cost)
-        free = free_of_contact(problem, frequency, options or ContinuationOptions()) if preload == 0.0 else None
+            return without_points(problem, preload, reason, options, state.cost)
+        free = free_of_contact(problem, frequency, options) if preload == 0.0 else None
         if free is not None:
             return free
-        search = _search(problem, preload, frequency, options or ContinuationOptions())
+        search = _search(problem, preload, frequency, options)
         find_start = partial(_start, problem, preload, search)
         try:
             with progress_bar(progress, *search.limits) as search.on_point:
@@ -94,14 +93,12 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
     """What is to be followed, with its budget."""
     low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
     system = problem.system(preload)
-    if options.budget is None:
-        options = replace(options, budget=evaluation_budget(system))
-    assert options.budget is not None
+    budget = options.budget or evaluation_budget(system)
     springs = None, stuck_springs(problem, problem.static(preload))
     free, stuck = (system.structure.linear.resonances((k,), ELASTIC * low, np.inf) for k in springs)
     watched = [there for there in (*free, *stuck) if low < there[0] < high]
-    system = replace(system.within(options.budget), watched=watched)
-    search = Coverage(system, (low, high), options, CostMeter())
+    system = replace(system.within(budget), watched=watched)
+    search = Coverage(system, (low, high), replace(options, budget=budget), CostMeter())
     search.reach = reach([w for w, *_ in free], [w for w, *_ in stuck], low, high)
     search.meter.watch(system)
     return search
@@ -198,19 +195,20 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
     )
 
 
-def check_curve(problem: Problem, curve: Curve) -> None:
-    """Refuse a curve that is no tracking curve of this problem."""
-    validate.require(curve.kind == "tracking", "curve", "a tracking curve (study.track)", f"a {curve.kind} curve")
-    validate.require(curve.model_hash == problem.model.hash, "curve", "one of this model", "one of another")
+def check_curve(problem: Problem, curve: Curve, name: str = "curve") -> None:
+    """Refuse what is no tracking curve of this problem."""
+    validate.instance(name, curve, Curve, "a tracking curve")
+    validate.require(curve.kind == "tracking", name, "a tracking curve (study.track)", f"a {curve.kind} curve")
+    validate.require(curve.model_hash == problem.model.hash, name, "one of this model", "one of another")
     system = problem.system(curve.preload)
     n = system.n_unknowns
-    validate.require(curve.unknowns.shape[1] == n, "curve", f"one of this study with {n} unknowns", curve.unknowns.shape[1])
+    validate.require(curve.unknowns.shape[1] == n, name, f"one of this study with {n} unknowns", curve.unknowns.shape[1])
     if not len(curve):
         return
     i = curve.peak.index
     error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
     found = f"one with other settings (residual {error:.2g} at its peak)"
-    validate.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), "curve", "one of this study", found)
+    validate.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "one of this study", found)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:

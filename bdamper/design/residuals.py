@@ -120,7 +120,7 @@ class Variations:
     def under(self, force: float | None, problem: Problem | None = None, gain: float | None = None) -> Problem:
         """The problem under the excitation of a test."""
         gain = self.values.get(FORCE, 1.0) if gain is None else gain
-        given = self.problem.excitation.amplitude if force is None else force
+        given = self.problem.settings.excitation.amplitude if force is None else force
         return vary(problem or self.own, {"excitation.amplitude": gain * given})
 
     def families(self, force: float | None, preload: float) -> dict[str, tuple[Family, float]]:

@@ -216,6 +216,8 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         known = self.array(name).ravel() if name else np.empty(0)
         failed = sum(word(s) == FAILED for s in self.status)
         head = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}, {failed} failed"
+        if left := sum(word(s) == NOT_RUN for s in self.status):
+            head += f", {left} not run"
         if not np.isfinite(known).any():
             return f"{head}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))

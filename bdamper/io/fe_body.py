@@ -213,6 +213,11 @@ class FEBody:
     faster: FEBody | None = None
     element_kinds: tuple[ElementKind, ...] = ()
 
+    def __post_init__(self) -> None:
+        shapes = [np.shape(e) for e in self.elements]
+        expected = "arrays (n, nodes of an element) in a tuple"
+        require(all(len(shape) == 2 for shape in shapes), f"{self.source}: elements", expected, f"shapes {shapes[:2]}")
+
     def __str__(self) -> str:
         n_elements = sum(len(e) for e in self.elements)
         lines = [f"{self.source}: {len(self.nodes)} nodes, {n_elements} solid elements"]

@@ -16,6 +16,7 @@ from bdamper.contact.preload import PreloadState
 from bdamper.continuation.coverage import Piece, evaluation_budget, in_order
 from bdamper.continuation.follower import TWO_PI, follow
 from bdamper.continuation.path import ContinuationOptions, Path
+from bdamper.harmonic_balance.cycle import at_angles
 from bdamper.harmonic_balance.equations import OK, Correction, Equations
 from bdamper.harmonic_balance.modes import Mode, mode_equations
 from bdamper.modes.result import NonlinearMode
@@ -212,11 +213,10 @@ def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: f
     if np.any(static.n0 > 0.0) or np.any(static.constant_force):
         return 0.0
     gapped = static.n0 < 0.0
-    gap, harmonics = -static.n0[gapped] / static.kn[gapped], np.arange(1, system.n_harmonics + 1)
-    angles = np.outer(harmonics, np.linspace(0.0, 2.0 * np.pi, 64 * system.n_harmonics, endpoint=False))
-    wave = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(2 * system.n_harmonics, -1)
+    gap = -static.n0[gapped] / static.kn[gapped]
+    theta = np.linspace(0.0, TWO_PI, 64 * system.n_harmonics, endpoint=False)
     closing = (system.structure.driven.contact(one)[0][gapped, 2] for one in u)
-    used = [((v[:, :1] + v[:, 1:] @ wave).max(axis=1) / gap).max(initial=0.0) for v in closing]
+    used = [(at_angles(v, theta).max(axis=1) / gap).max(initial=0.0) for v in closing]
     most = max(used, default=1.0)
     return 0.0 if most >= 1.0 else preload / most if most > 0.0 else float("inf")
 

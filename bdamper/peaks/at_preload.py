@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from threading import Event
 
@@ -44,10 +45,7 @@ def at_preload(
     if found.top is not None:
         why = rattles(curve, open_at_rest(problem, preload))
         peak = found.top.peak
-        if not peak.corner:
-            try:
-                slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
-            except (*LOST, BdamperError):
-                slope = np.nan
+        with suppress(*LOST, BdamperError):  # none at a corner
+            slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
     light = replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
     return replace(found, curve=light, slope=slope, rattles=why)

@@ -104,23 +104,21 @@ def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | 
     if not counted:
         raise BdamperError("the response curve has no point that is connected with an end of the interval")
     within = [i for i in counted if not search.at_end(i)]
-    best: Highest | None = None
-    for i in within or counted[:1]:
-        if best is not None and amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
+    first, *others = within or counted[:1]
+    best = search.at(first)
+    for i in others:
+        if amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
             break
-        found = search.at(i)
-        if best is None or found.peak.amplitude > best.peak.amplitude:
-            best = found
-    assert best is not None
+        best = max(best, search.at(i), key=lambda found: found.peak.amplitude)
     note, top = "", counted[0]
     if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
         note = f"higher at an end of the interval: {height(amplitude[top], curve.frequency[top], 4)}"
     return replace(best, note=note)
 
 
-def maxima(system: Equations, curve: Curve, share: float = 0.0, *, options: PeakOptions | None = None) -> tuple[Peak, ...]:
+def maxima(system: Equations, curve: Curve, share: float = 0.0) -> tuple[Peak, ...]:
     """All maxima of a tracking curve within its interval from a share of the highest on, each once, the highest first."""
-    search = _Refined(system, curve, options or PeakOptions())
+    search = _Refined(system, curve, PeakOptions())
     found: list[Peak] = []
     for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
         if curve.amplitude[i] < share * curve.amplitude.max():

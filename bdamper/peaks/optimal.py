@@ -305,13 +305,12 @@ def smooth_minimum(
 def _least_so_far(curves: Curves) -> OptimumPoint:
     """The least value known at any preload when the search was interrupted."""
     edge = rattling_below(curves.known)
-    found = [there for p, there in curves.known.items() if p > edge and there.known and there.top is not None]
+    found = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
     status = because(INTERRUPTED, "by the user")
     if not found:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
-    best = min(found, key=lambda there: there.value)
-    assert best.top is not None
-    return OptimumPoint(best.preload, best.top.peak.amplitude, best.top.peak.frequency, "unknown", np.inf, status)
+    _, p, peak = min(found, key=lambda item: item[0])
+    return OptimumPoint(p, peak.amplitude, peak.frequency, "unknown", np.inf, status)
 
 
 def rattling_below(known: dict[float, AtPreload]) -> float:

@@ -273,7 +273,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         o = self.optimum
         if not np.isfinite(o.preload):
             at = height(o.amplitude, o.frequency)
-            return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}."
+            first = f"; at {amount(self.preload[0], 'N')} {self.status[0]}" if len(self) else ""
+            return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
         free = self.free.amplitude
         gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
         force, shares = self.settings.get("excitation", {}).get("amplitude", 0.0), shares_of(self.settings.get("loads"))

@@ -196,5 +196,5 @@ def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
         changes["friction_coefficient"] = mu
     force = conditions.excitation_at(omega, int(problem.engine_order))
     if force is not None:
-        changes["excitation"] = replace(problem.excitation, amplitude=force)
+        changes["excitation"] = replace(problem.settings.excitation, amplitude=force)
     return problem.with_(**changes)

@@ -96,7 +96,7 @@ def check_question(
 
 def check_load(problem: Problem, low: float, high: float) -> None:
     """Warn of an excitation that is extreme for preloads from ``low`` to ``high`` (N)."""
-    amplitude = problem.excitation.amplitude if problem.settings.acts_at_location else 0.0
+    amplitude = problem.settings.excitation.amplitude if problem.settings.acts_at_location else 0.0
     # amplitude of the excitation over the preload: below, nothing slips; above, the damper does not stay in its seat
     excitation = (1e-6, 1.0)
     if amplitude > 0.0 and high > 0.0 and (amplitude > excitation[1] * high or amplitude < excitation[0] * low):
@@ -142,7 +142,7 @@ def check_interval(problem: Problem, frequency: tuple[float, float], preload: fl
 def _check_direction(problem: Problem, sector: Sector, frequency: tuple[float, float]) -> None:
     """Warn of a force across the motion that all modes without contact in an interval (Hz) have at its place."""
     omega, modes = sector.linear.modes(None)
-    hertz, at = omega / (2.0 * np.pi), problem.excitation
+    hertz, at = omega / (2.0 * np.pi), problem.settings.excitation
     within = (frequency[0] < hertz) & (hertz < frequency[1])
     motion = np.linalg.norm(problem.location_modes(at.location, 1) @ modes[:, within], axis=0)
     along = np.abs(problem.modal_force(1).conj() @ modes[:, within]) / at.amplitude

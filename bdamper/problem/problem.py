@@ -35,7 +35,7 @@ from bdamper.model.coupling import (
     in_flow,
     standard_rigid_modes,
 )  # fmt: skip
-from bdamper.model.loads import Excitation, Response, direction_vector
+from bdamper.model.loads import Response, direction_vector
 from bdamper.model.model import ContactStiffness, Model
 from bdamper.problem.effects import Effects
 from bdamper.problem.loads import approach, at_points, carried, gaps, normal_loads
@@ -83,11 +83,6 @@ class Problem:
     def model(self) -> Model:
         """Model of the structure."""
         return self.settings.model
-
-    @property
-    def excitation(self) -> Excitation:
-        """Location, direction and amplitude of the excitation."""
-        return self.settings.excitation
 
     @property
     def engine_order(self) -> int:
@@ -483,7 +478,7 @@ class Problem:
         forces = {harmonic: self.modal_force(harmonic) for harmonic in self.settings.excited}
         vibration = max(float(np.abs(e).max()) for e in forces.values())
         if not np.finfo(float).tiny <= np.abs(forces[1]).max() <= vibration < np.inf:
-            at = self.excitation
+            at = self.settings.excitation
             raise SettingError(
                 f"excitation: expected a finite force that works on the modes of harmonic 1, found {at.amplitude:g} N at "
                 f"'{at.location}', {at.direction}"

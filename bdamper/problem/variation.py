@@ -39,8 +39,8 @@ SIDES = ("tangential", "normal")
 def setting_names(problem: Problem) -> list[str]:
     """All names that :func:`vary` understands."""
     names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
-    names += [f"excitation.{f.name}" for f in fields(problem.excitation) if f.name != "beside"]
-    names += [f"response.{f.name}" for f in fields(problem.excitation) if f.name in ("location", "direction")]
+    names += [f"excitation.{f.name}" for f in fields(problem.settings.excitation) if f.name != "beside"]
+    names += [f"response.{f.name}" for f in fields(problem.settings.excitation) if f.name in ("location", "direction")]
     faces = problem.settings.friction_faces
     names += [f"{setting}.{face.name}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
     names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
@@ -87,7 +87,7 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     for part in ("excitation", "response"):
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
-            place: Any = problem.excitation if part == "excitation" else problem.settings.response_location
+            place: Any = problem.settings.excitation if part == "excitation" else problem.settings.response_location
             problem = problem.with_(**{part: replace(place, **inner)})
     for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
         head, _, part = name.partition(".")

@@ -220,7 +220,6 @@ def with_stability(
     progress : bool
         Show a bar of the points marched in time.
     """
-    validate.instance("curve", curve, Curve, "a tracking curve")
     check_curve(problem, curve)
     system, progress = problem.system(curve.preload), validate.flag("progress", progress)
     ring = ring_of(problem, curve.preload) if validate.flag("in_time", in_time) else None

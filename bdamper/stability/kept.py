@@ -98,10 +98,8 @@ class Rules:
     def stretched(self, memory: float) -> Rules:
         """With the periods that a memory takes."""
         factor = min(max(1.0, memory / self.memory), self.stretch)
-        window, brief, fewest, most = (
-            2 * round(0.5 * factor * n) for n in (self.window, self.brief, self.fewest, self.most)
-        )
-        return replace(self, window=window, brief=brief, fewest=fewest, most=most)
+        periods = ("window", "brief", "fewest", "most")
+        return replace(self, **{name: 2 * round(0.5 * factor * getattr(self, name)) for name in periods})
 
 
 RULES = Rules()
@@ -445,7 +443,6 @@ def kept(
         If the curve has no peak, or the settings describe something else than a structure in time.
     """
     starts = validate.whole("starts", starts, least=1)
-    validate.instance("curve", curve, Curve, "a tracking curve")
     check_curve(problem, curve)
     if curve.peak_at_end:
         raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")

@@ -141,10 +141,9 @@ def settle(
     SettingError, MarchFailed
         If the curve has a solution at every frequency and none is given, or an argument does not fit; if the march fails.
     """
-    validate.instance("start", start, Curve, "a tracking curve")
     if frequency is not None:
         frequency = validate.number("frequency", frequency, above=0.0, unit="Hz")
-    check_curve(problem, start)
+    check_curve(problem, start, "start")
     validate.that(len(start), "start", "a curve with points", f"one without ({start.status}: {start.reason})")
     if frequency is None:
         if start.gap is None:
@@ -197,7 +196,6 @@ def verify(
     SettingError, MarchFailed
         If the settings describe something else than a structure in time, or a number does not fit; if the march fails.
     """
-    validate.instance("curve", curve, Curve, "a tracking curve")
     check_curve(problem, curve)
     i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i])

@@ -18,12 +18,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
 from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.slow_sweep import Jump
-from bdamper.continuation.track import check_curve, track
+from bdamper.continuation.track import track
 from bdamper.problem.problem import Problem
-from bdamper.stability.kept import Levels
 from bdamper.stability.march import BOUNDS, March
 from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
@@ -144,14 +142,14 @@ def sweep_in_time(
     *,
     up: bool = True,
     rate: float | None = None,
-    start: Curve | None = None,
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> TimeSweep:
     """March in time while the frequency of the excitation goes slowly over an interval.
 
     All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed.  The nodal
-    diameters are all that the model carries.
+    diameters are all that the model carries.  The march begins at the lowest solution between folds that is found at the
+    first frequency, and settles there before the sweep begins.
 
     Parameters
     ----------
@@ -162,10 +160,6 @@ def sweep_in_time(
         From the low end to the high one, or back.
     rate : float, Hz/s, optional
         By default a tenth of the half bandwidth of the least damped mode within the memory of its transients.
-    start : Curve, optional
-        A tracking curve of this study at this preload, from whose highest solution at the first frequency, or next to it
-        in a gap, the march starts, branches that close on themselves aside.  By default the lowest solution between
-        folds that is found at the first frequency.  The march settles at the first frequency before the sweep begins.
     steps_per_period : int, optional
         256 by default.
     progress : bool
@@ -190,7 +184,7 @@ def sweep_in_time(
     rate = None if rate is None else validate.number("rate", rate, above=0.0, unit="Hz/s")
     watch = CostMeter()
     ends = (low, high) if up else (high, low)
-    u, begin = _start(problem, preload, ends[0], start)
+    u, begin = _start(problem, preload, ends[0])
     ring = ring_of(problem, preload)
     march = March(ring, TWO_PI * begin, u, steps_per_period)
     least = ring.least_damping
@@ -214,21 +208,11 @@ def sweep_in_time(
     )  # fmt: skip
 
 
-def _start(problem: Problem, preload: float, first: float, start: Curve | None) -> tuple[NDArray, float]:
+def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, float]:
     """Solution and its frequency (Hz) from which the march starts."""
-    given = start is not None
-    if start is None:
-        start = track(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
-    validate.instance("start", start, Curve, "a tracking curve")
-    check_curve(problem, start)
-    if start.preload != preload:
-        raise validate.unfit("start", f"a curve at {preload:g} N", start.preload)
+    start = track(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
     if not len(start):
         raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
-    if given:
-        levels = Levels(start)
-        first = min(max(first, levels.end(-1.0)), levels.end(1.0))
-        return levels.start(first), first
     i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
     return start.unknowns[i], float(start.frequency[i])
 

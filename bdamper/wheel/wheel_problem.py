@@ -75,7 +75,7 @@ class WheelProblem:
     def excitation(self) -> NDArray:
         """(n_blades, n_sector) complex forces on the coordinates, first harmonic."""
         s, tuned = self.structure, self.structure.tuned
-        e = tuned.excitation
+        e = tuned.settings.excitation
         plain = tuned.settings.acts_at_location and not e.beside
         validate.that(plain, "excitation of a wheel", "one force at a location", e)
         row = s.location_rows(e.location, e.direction, "excitation")

@@ -121,20 +121,6 @@ def test_a_march_that_fails_is_no_sweep(linear, monkeypatch):
         linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
 
 
-def test_it_starts_from_a_point_of_a_curve(separating):
-    curve = separating.track(0.0, (11.3, 11.7))
-    high = int(np.flatnonzero(curve.frequency > 11.5)[curve.amplitude[curve.frequency > 11.5].argmax()])
-    options = {"up": False, "rate": usual(2.0), "start": curve}
-    f = float(curve.frequency[high])
-    upper = separating.sweep_in_time(0.0, (11.3, f), **options)
-    assert upper.amplitude[0] == pytest.approx(curve.amplitude[high], rel=0.03), "not the highest solution there"
-    beyond = separating.sweep_in_time(0.0, (11.3, 11.8), **options)
-    assert beyond.amplitude[0] < 1.01 * curve.amplitude.max(), "the curve ends before"
-    apart = replace(curve, branch=np.arange(len(curve)), closed=())
-    in_gap = separating.sweep_in_time(0.0, (11.3, f), **options | {"start": apart}).amplitude
-    assert in_gap[0] < 1.01 * curve.amplitude.max(), "no two of its points are joined"
-
-
 def test_it_is_drawn_written_and_read(linear, tmp_path):
     found = linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
     curve = linear.track(0.0, BAND)
@@ -154,7 +140,6 @@ def test_it_is_drawn_written_and_read(linear, tmp_path):
         ({"frequency": (10.5, 9.5)}, "frequency"),
         ({"up": 1}, "up"),
         ({"rate": 0.0}, "rate"),
-        ({"start": "curve"}, "start"),
         ({"steps_per_period": 2}, "steps_per_period"),
     ],
 )
