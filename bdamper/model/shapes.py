@@ -19,7 +19,7 @@ def rigid_motions(points: NDArray, centre: NDArray, axes: NDArray, turning: NDAr
         Rotations are about ``axes``, too, by default.
     """
     turned = np.cross((axes if turning is None else turning)[:, None], points - centre).transpose(1, 2, 0)
-    return np.concatenate([np.broadcast_to(axes.T, turned.shape), turned], axis=2).reshape(-1, 6)
+    return np.ascontiguousarray(np.concatenate([np.broadcast_to(axes.T, turned.shape), turned], axis=2)).reshape(-1, 6)
 
 
 def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:

@@ -42,6 +42,9 @@ _BARYCENTRIC, _WEIGHTS = _seven_points()
 SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
 """Corners of the square from which facets are mapped."""
 
+SIDES = np.array([[0, -1], [0, 1], [1, 0], [-1, 0]], float)
+"""Directions of the sides of a rectangle: left, right, bottom, top, counter-clockwise."""
+
 SMALL_CELL = 0.02
 """Covered share of a grid cell below which its covered part is added to the neighbouring patch."""
 
@@ -212,27 +215,31 @@ def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
 
 
 def rectangle(low: NDArray, high: NDArray) -> NDArray:
-    """Corners (4, 2) of the rectangle from ``low`` (2,) to ``high`` (2,), counter-clockwise."""
-    return np.where(SQUARE < 0.0, low, high)
+    """Points (4, 2) on the sides of the rectangle from ``low`` (2,) to ``high`` (2,), which run along ``SIDES``."""
+    return np.array([low, high, low, high])
 
 
-def clip_to_polygon(polygon: NDArray, window: NDArray) -> NDArray:
-    """Part (m, 2) of a convex polygon in a convex, counter-clockwise ``window`` (k, 2)."""
-    for a, b in zip(window, np.roll(window, -1, axis=0)):
+def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = None) -> NDArray:
+    """Part (m, 2) of a convex polygon in a convex, counter-clockwise ``window`` (k, 2).
+
+    ``sides`` (k, 2) lead from its corners to the next ones by default.
+    """
+    for a, side in zip(window, np.roll(window, -1, axis=0) - window if sides is None else sides):
         if len(polygon) == 0:
             return polygon
-        edge = b - a
-        polygon = _cut(polygon, edge[0] * (polygon[:, 1] - a[1]) - edge[1] * (polygon[:, 0] - a[0]))
+        polygon = _cut(polygon, side[0] * (polygon[:, 1] - a[1]) - side[1] * (polygon[:, 0] - a[0]))
     return polygon
 
 
-def overlaps(polygons: Sequence[NDArray], windows: Sequence[NDArray]) -> Iterator[tuple[int, int, NDArray]]:
-    """Parts (m, 2) of convex polygons in convex, counter-clockwise windows, each after the numbers of both."""
+def overlaps(
+    polygons: Sequence[NDArray], windows: Sequence[NDArray], sides: NDArray | None = None
+) -> Iterator[tuple[int, int, NDArray]]:
+    """Parts (m, 2) of convex polygons in windows as of :func:`clip_to_polygon`, each after the numbers of both."""
     low, high = (np.array([end(window, axis=0) for window in windows]).reshape(-1, 2) for end in (np.min, np.max))
     for k, polygon in enumerate(polygons):
         near = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
         for m in np.flatnonzero(near).tolist():
-            part = clip_to_polygon(polygon, windows[m])
+            part = clip_to_polygon(polygon, windows[m], sides)
             if len(part) >= 3:
                 yield k, m, part
 
@@ -352,10 +359,10 @@ def patches_on_rectangles(
     flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
     groups = [g[flat_enough[corners].all(axis=1)] for g, corners in zip(facets.groups, facets.corners)]
     flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
-    middle, half = (patches.centre - origin) @ frame[:2].T, 0.5 * patches.size
-    windows = [rectangle(low, high) for low, high in zip(middle - half, middle + half)]
+    middles = ((centre - origin) @ frame[:2].T for centre in patches.centre)
+    windows = [rectangle(middle - 0.5 * size, middle + 0.5 * size) for middle, size in zip(middles, patches.size)]
     cells: list[list[_Piece]] = [[] for _ in windows]
-    for k, i, part in overlaps(flat.corner, windows):
+    for k, i, part in overlaps(flat.corner, windows, SIDES):
         cells[i].append(_Piece(part, k, -1))
     for i, (cell, area) in enumerate(zip(cells, patches.area)):
         total = sum(polygon_area(p.polygon) for p in cell)
@@ -405,7 +412,7 @@ def patches_on_faces(
     corners = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1)
     windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
     cells: list[list[_Piece]] = [[] for _ in windows]
-    for k, m, part in overlaps([piece.polygon for piece in pieces], windows):
+    for k, m, part in overlaps([piece.polygon for piece in pieces], windows, SIDES):
         if polygon_area(part) > 1e-13 * whole:
             cells[m].append(_Piece(part, pieces[k].a, pieces[k].b))
     cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
