@@ -269,7 +269,7 @@ def test_the_turbine_blade(blade):
     amplitude = {p.harmonics: 1e6 * p.amplitude for p in found.peaks}
     expected = {3: 75.29, 5: 74.95, 7: 74.96, 9: 75.16, 12: 74.19, 16: 69.41, 20: 70.67, 26: 69.19}
     assert amplitude == pytest.approx(expected, rel=1e-3) and found.status == "complete"
-    assert found.note.startswith("75.3 µm with 3 harmonics, 69.2 to 70.7 µm with 16 to 26: not converged with 3; -6.4 %")
+    assert found.note.startswith("75.3 µm with 3 harmonics, 69.2 to 70.7 µm with 16 to 26: not converged with 3")
     far = blade.converge(blade.peak(518.0))
     assert far.converged and far.peaks[-1].amplitude == pytest.approx(188.36e-6, rel=1e-3)
 
