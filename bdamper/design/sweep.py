@@ -34,7 +34,7 @@ from bdamper.util.hdf5 import Recorded, Storable, enter_former
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief, short
 from bdamper.util.results_file import ResultsFile
-from bdamper.util.status import FAILED, all_complete, word
+from bdamper.util.status import FAILED, NOT_RUN, all_complete, word
 from bdamper.util.tables import Column, Tabular
 from bdamper.util.text import UNITS, amount, spaced
 from bdamper.util.versions import HERE

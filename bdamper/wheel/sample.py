@@ -216,8 +216,8 @@ def _result(
 ) -> MistunedSample:
     """The sample from the records of all searches, thorough ones empty where they were not asked for."""
 
-    def array(records: list[Record], name: str) -> NDArray:
-        return np.array([r.get("values", {}).get(name, np.nan) for r in records], float).reshape(asked.shape)
+    def array(records: list[Record], name: str, of: str = "values", missing: float = np.nan) -> NDArray:
+        return np.array([r.get(of, {}).get(name, missing) for r in records], float).reshape(asked.shape)
 
     columns: dict[str, Any] = {name: array(peaks, name) for name in OF_PEAKS}
     wheels, deviations, preloads = map(np.array, asked.over.values())
@@ -232,6 +232,8 @@ def _result(
         status=tuple(r["status"] for r in peaks),
         curve_amplitude=array(curves, "amplitude"),
         curve_status=tuple(str(r.get("status", "not asked")) for r in curves),
+        processor=array(peaks, "processor", "cost", 0.0),
+        curve_processor=array(curves, "processor", "cost", 0.0),
         drawn=dict(asked.drawn),
         settings=asked.wheel.structure.tuned.record(),
         model_hash=asked.wheel.study.model.hash,

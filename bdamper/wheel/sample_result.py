@@ -14,7 +14,7 @@ from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Fact, Plottable, Summarised, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, all_complete, word
-from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Tabular
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 from bdamper.util.text import amount
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 
@@ -165,6 +165,8 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     curve_amplitude : float, m
         By the thorough search, of the wheels that were audited; in files before 0.6 that of whole curves with dampers held.
     curve_status : tuple of str
+    processor, curve_processor : float, s
+        Spent on the peaks and on the audit.
     drawn : mapping
         Distribution, variations of the dampers and seed.
     settings : mapping
@@ -188,6 +190,8 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     audit_share: float
     curve_amplitude: Metres
     curve_status: tuple[str, ...]
+    processor: Seconds
+    curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -304,12 +308,14 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
             Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 95 % {Interval(*upper[:, i, j])}")
             for i, d in enumerate(self.standard_deviation) for j, p in enumerate(self.preload)
         ]  # fmt: skip
+        spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
         return (
             Fact("wheels", f"{len(self)} of {self.n_blades} blades"),
             Fact("without a peak", sum(word(s) == FAILED for s in self.status)),
             Fact("held", int((self.springs > 0.0).sum())),
             *cells,
             *(Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.wheel)}") for a in map(self.audit, (False, True))),
+            Fact("processor", f"{spent[0]:.0f} s, {spent[1]:.0f} s for the audit"),
         )
 
     def bottom_line(self) -> str:

@@ -83,7 +83,7 @@ def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(st
         {"as it is": study, "smooth": {"friction_coefficient": 0.2}}, lambda s: s.track(1000.0, (250.0, 270.0))
     )
     assert compared.bottom_line().startswith("No peak of 'as it is' to compare with: complete, no peak: highest ")
-    assert [line.count("no peak: highest") for line in compared.details().splitlines()] == [0, 1, 1]
+    assert all("no peak: highest" in line for line in compared.details().splitlines()[-2:])
 
 
 def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():

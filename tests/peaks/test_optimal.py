@@ -111,7 +111,8 @@ class TestOptimalCurve:
         mpl.use("Agg")
         text = result.details()
         assert "optimum" in text
-        assert len(result.as_lines()) == 15 and "\n".join(result.as_lines()) in text
+        rows = result.as_rows()
+        assert len(rows) == 15 and all(cell in text for row in rows for cell in row)
         left, right = result.plot()
         assert left.get_xscale() == "log"
         assert "shift" in right.get_ylabel()

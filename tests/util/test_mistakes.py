@@ -156,7 +156,8 @@ DOUBTED = {
     "rpm of a run-up": (lambda s: failing(lambda: s.run_up((7000, 9500))), "rotor speed: .*found 9500: revolutions"),
     "a mass in grams": (lambda s: vary(s, {"damper_mass_factor": 1e3}), "mass of 'damper': .*found 69 kg: grams susp"),
     "a mass in tonnes": (lambda s: vary(s, {"damper_mass_factor": 1e-3}), "mass of 'damper': .*kg: tonnes suspected"),
-    "endurance in MPa": (lambda s: Material(300.0, 1200.0, 900.0), "ultimate_strength: .*found 1200 Pa: MPa"),
+    "strength in MPa": (lambda s: Material(300.0, 1200.0, 900.0), "ultimate_strength: .*found 1200 Pa, where 1 MPa is"),
+    "Pa for MPa": (lambda s: Material(3e14, 1.2e15, 9e14), r"ultimate_strength: .*found 1.2e\+15 Pa, where 1 MPa is"),
     "rad/s for Hz": (lambda s: s.free((1700.0, 2200.0)), r"frequency: .*found \(1700, 2200\) where it answers .*radians"),
 }
 
