@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from bdamper.io import save_model as save_model
     from bdamper.masses import Contact as Contact
     from bdamper.masses import lumped as lumped
-    from bdamper.model.coupling import RIGID_NAMES as RIGID_NAMES
     from bdamper.model.loads import Excitation as Excitation
     from bdamper.model.loads import Response as Response
     from bdamper.model.loads import influence_coefficients as influence_coefficients
     from bdamper.model.misfit import misfit as misfit
     from bdamper.model.model import Model as Model
+    from bdamper.model.relative_motion import RIGID_NAMES as RIGID_NAMES
     from bdamper.peaks.newton import PeakOptions as PeakOptions
     from bdamper.problem.effects import Effects as Effects
     from bdamper.problem.settings import PAPER as PAPER
@@ -59,7 +59,7 @@ HOMES = {
     "Response": "model.loads",
     "Effects": "problem.effects",
     "influence_coefficients": "model.loads",
-    "RIGID_NAMES": "model.coupling",
+    "RIGID_NAMES": "model.relative_motion",
     "PAPER": "problem.settings",
     # how it is answered
     "Sampled": "contact.laws",

@@ -9,8 +9,8 @@ from __future__ import annotations
 import time
 
 import bdamper as bd
-from bdamper.model.coupling import centrifugal_load
 from bdamper.model.model import Model
+from bdamper.model.relative_motion import centrifugal_load
 
 ORDERS = tuple(range(3, 11))
 MASSES = (0.7, 1.0, 1.4)

@@ -7,7 +7,7 @@ import numpy as np
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import Coordinate, HarmonicBasis
+from bdamper.model.relative_motion import Coordinate, HarmonicBasis
 
 
 def oscillator(

@@ -38,7 +38,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.effects.indicator import Change
 from bdamper.effects.richer import Tops, compare
-from bdamper.model.coupling import RIGID_NAMES
+from bdamper.model.relative_motion import RIGID_NAMES
 from bdamper.peaks.newton import Peak
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem

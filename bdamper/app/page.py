@@ -16,7 +16,7 @@ import numpy as np
 
 from bdamper.app.answers import FORCE, Answer, Answers, Question
 from bdamper.continuation.curve import Curve
-from bdamper.model.coupling import centrifugal_load
+from bdamper.model.relative_motion import centrifugal_load
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL, LAW_SEPARABLE
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 
 CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
 """The law of constant normal load that replaces each law of variable load."""

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.preload import STICK, law_tangent, limited_forces
 from bdamper.model.checks import require
-from bdamper.model.coupling import Coupling
+from bdamper.model.relative_motion import Coupling
 from bdamper.util.errors import ModelError
 from bdamper.util.repr import brief
 

@@ -1,7 +1,7 @@
 r"""Residual modes: the flexibility that the retained modes leave out, as a few more modal coordinates.
 
 A force :math:`F` at the contact points moves them by :math:`-R F` more than the retained modes give, :math:`R` the residual
-flexibility (:mod:`bdamper.model.coupling`).  A contact element can carry a diagonal :math:`D` of it only.  The rest,
+flexibility (:mod:`bdamper.model.relative_motion`).  A contact element can carry a diagonal :math:`D` of it only.  The rest,
 :math:`E = R - D`, is projected onto a few force patterns :math:`W`,
 
 .. math:: R \approx D + E W\,(W^H E W)^{-1}\,(E W)^H,
@@ -33,7 +33,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.model.checks import require
-from bdamper.model.coupling import Coordinate, Coupling, HarmonicBasis
+from bdamper.model.relative_motion import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validate
 from bdamper.util.errors import mismatch
 from bdamper.util.repr import brief

@@ -1,7 +1,7 @@
 """Contact stiffness (paper, section 2.2): the flexibility that the retained modes leave out, at the contact points.
 
-Every method starts from the residual flexibility ``R_res`` of both sides of an interface (:mod:`bdamper.model.coupling`),
-patch-averaged displacement for patch-averaged force, and looks for a positive diagonal.
+Every method starts from the residual flexibility ``R_res`` of both sides of an interface
+(:mod:`bdamper.model.relative_motion`), patch-averaged displacement for patch-averaged force, and looks for a positive diagonal.
 
 ``"unit_traction"``
     A uniform traction in one direction over the whole face, forces ``F_i = A_i``:  ``k_i = A_i/(R_res A)_i``.
@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 from bdamper.contact.preload_forces import solve_static_contact, static_contact_problem
 from bdamper.contact.residual_modes import ResidualModes, ResidualSet
 from bdamper.model.checks import require
-from bdamper.model.coupling import Coupling
 from bdamper.model.model import ContactStiffness
+from bdamper.model.relative_motion import Coupling
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief

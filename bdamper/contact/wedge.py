@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from bdamper.contact.preload_forces import forces_in_balance
-from bdamper.model.coupling import Coupling
+from bdamper.model.relative_motion import Coupling
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bdamper.continuation.follower import TWO_PI
 from bdamper.harmonic_balance.equations import Correction, Equations
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import Coordinate
 from bdamper.model.model import Model
+from bdamper.model.relative_motion import Coordinate
 
 
 def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:

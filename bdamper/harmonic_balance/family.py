@@ -19,7 +19,7 @@ from bdamper import _core
 from bdamper.contact.own_law import refuse
 from bdamper.harmonic_balance.equations import Equations, Rows
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.util.errors import SettingError
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from bdamper.harmonic_balance.equations import Layout
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 
 UNDAMPED = 1e-9
 """Ratio of half-width to frequency of a resonance without damping."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bdamper import _core
 from bdamper.harmonic_balance.equations import Equations, Rows, norm2
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from bdamper.contact.laws import (
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.equations import Equations, InFrequency, Layout, Rows
 from bdamper.harmonic_balance.linear import Linear
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 

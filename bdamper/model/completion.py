@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.basis import ModalBasis
-from bdamper.model.coupling import retained_modes
 from bdamper.model.model import Body, Model
+from bdamper.model.relative_motion import retained_modes
 
 PARALLEL = 1e-6
 """Size of a residual vector beside the others, of length 1, below which it is a combination of them."""
@@ -42,7 +42,7 @@ def completed(
     model : Model
     places : sequence of (location, direction (3,))
     blade_modes, damper_modes, rigid : int, mapping of body name to int, sequence of str
-        As in :func:`bdamper.model.coupling.retained_modes`.
+        As in :func:`bdamper.model.relative_motion.retained_modes`.
 
     Returns
     -------

@@ -39,9 +39,9 @@ from bdamper.model.checks import (
     layout,
     require,
 )
-from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Body, BodyLoad, Interface, ModalBasis, Model, turn
+from bdamper.model.relative_motion import RIGID_NAMES
 from bdamper.model.shapes import rigid_motions
 from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.stress import StressSet

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
 from bdamper.contact.own_law import refuse
 from bdamper.harmonic_balance.system import segments
-from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.model.model import Model, turn
+from bdamper.model.relative_motion import RIGID_NAMES, body_axes, principal_axes
 from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from bdamper.contact.residual_modes import RESIDUAL
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 

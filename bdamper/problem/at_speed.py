@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.coupling import centrifugal_load
+from bdamper.model.relative_motion import centrifugal_load
 from bdamper.model.validation import as_checked
 from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem

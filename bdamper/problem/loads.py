@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.contact.preload import StaticSystem, static_state
 from bdamper.model.coarsening import united_mean, united_sum
-from bdamper.model.coupling import Coupling
 from bdamper.model.model import Interface
+from bdamper.model.relative_motion import Coupling
 from bdamper.problem.settings import Settings
 from bdamper.util import validate
 from bdamper.util.errors import SettingError

@@ -26,7 +26,9 @@ from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.system import Sector
 from bdamper.model.coarsening import unite_contact_points, united_mean
 from bdamper.model.completion import completed
-from bdamper.model.coupling import (
+from bdamper.model.loads import Response, direction_vector
+from bdamper.model.model import ContactStiffness, Model
+from bdamper.model.relative_motion import (
     Coordinate,
     Coupling,
     HarmonicBasis,
@@ -35,8 +37,6 @@ from bdamper.model.coupling import (
     in_flow,
     standard_rigid_modes,
 )  # fmt: skip
-from bdamper.model.loads import Response, direction_vector
-from bdamper.model.model import ContactStiffness, Model
 from bdamper.problem.effects import Effects
 from bdamper.problem.loads import approach, at_points, carried, gaps, normal_loads
 from bdamper.problem.settings import Settings, check_history

@@ -19,9 +19,9 @@ from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, LAW_USE
 from bdamper.contact.own_law import ContactLaw
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import PerArea
-from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
 from bdamper.model.model import Interface, Model
+from bdamper.model.relative_motion import RIGID_NAMES
 from bdamper.model.validation import check_model_once
 from bdamper.problem.effects import (
     BLADE_MODES,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import Contact, PerArea, contact_stiffness
 from bdamper.model.coarsening import united_sum
-from bdamper.model.coupling import Coupling
+from bdamper.model.relative_motion import Coupling
 from bdamper.problem.settings import Settings
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.warn import say

@@ -42,7 +42,7 @@ from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.continuation.follower import TWO_PI
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector, segments
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 
 SMOOTH = 0.9
 """Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next.  With 0.8

@@ -36,7 +36,7 @@ from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.continuation.follower import TWO_PI
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.cost import Cost

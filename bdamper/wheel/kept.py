@@ -16,7 +16,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.stability.kept import RULES, stay
 from bdamper.stability.march import March
 from bdamper.stability.time_integration import STEPS, MarchFailed, Ring

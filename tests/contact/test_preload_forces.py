@@ -13,7 +13,7 @@ from bdamper.contact.preload_forces import (
     solve_static_contact,
     static_contact_problem,
 )
-from bdamper.model.coupling import Coupling, retained_modes
+from bdamper.model.relative_motion import Coupling, retained_modes
 from bdamper.util.errors import ModelError
 from tests.certificate import certify, worst
 from tests.models import wedge_model

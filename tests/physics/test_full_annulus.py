@@ -16,8 +16,8 @@ import bdamper as bd
 from bdamper.contact.points import PointArrays
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.util.cost import CostMeter
 from tests.following import find_start
 from tests.models import wedge_model

@@ -286,7 +286,7 @@ def test_the_neighbour_is_turned_the_right_way():
         locations={"tip": np.zeros((3, 1))},
         flexibility=None,
     )
-    from bdamper.model.coupling import Coupling
+    from bdamper.model.relative_motion import Coupling
 
     moved = replace(model, bodies={**model.bodies, "blade": replace(blade, bases={0: basis})})
     coupling = Coupling(moved, ("left", "right"), {"blade": np.arange(1), "damper": np.arange(6)}, 2)

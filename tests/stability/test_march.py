@@ -19,7 +19,7 @@ from bdamper.contact.laws import (
 )
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.stability.march import March
 from bdamper.stability.time_integration import MarchFailed, Motion, Ring, ring_of
 from tests.stability import plain_march

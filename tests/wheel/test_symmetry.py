@@ -8,7 +8,7 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.relative_motion import HarmonicBasis
 from bdamper.wheel import DamperVariation, Mistuning, Wheel
 from tests.wheel.lumped import lumped_study, size, solution
 
