@@ -1,7 +1,8 @@
 """Contact stiffness (paper, section 2.2): the flexibility that the retained modes leave out, at the contact points.
 
 Every method starts from the residual flexibility ``R_res`` of both sides of an interface
-(:mod:`bdamper.model.relative_motion`), patch-averaged displacement for patch-averaged force, and looks for a positive diagonal.
+(:mod:`bdamper.model.relative_motion`), patch-averaged displacement for patch-averaged force, and looks for a positive
+diagonal.
 
 ``"unit_traction"``
     A uniform traction in one direction over the whole face, forces ``F_i = A_i``:  ``k_i = A_i/(R_res A)_i``.
