@@ -15,7 +15,7 @@ def test_advice_of_the_page(monkeypatch):
     for block in re.findall(r"```python\n(.*?)```", page, re.S):
         exec(compile(block, str(PAGE), "exec"), space)
     advice = space["advice"]
-    row = re.compile(r"^ *(translation X|contact points beyond 4|all left out) +(\S+)", re.M)
+    row = re.compile(r"^ *(translation X|contact points beyond 4|separation) +(\S+)", re.M)
     shown, found = (dict(row.findall(text)) for text in (page, advice.details()))
     assert len(shown) == 3
     assert [float(found[name]) for name in shown] == pytest.approx([float(v) for v in shown.values()], rel=0.02)
