@@ -399,7 +399,8 @@ class Page:
         self._fit(self.best.y_range, y)
         loads = [*x, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))
-        self.told["optimal"] = f"★ {html.escape(found.bottom_line())}"
+        star = "★ " if np.isfinite(o.preload) else ""
+        self.told["optimal"] = star + html.escape(found.bottom_line())
 
     def _marched(self, found: Marched) -> None:
         """The steady-state amplitude in time, beside the peak."""

@@ -232,8 +232,10 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
 
     @property
     def unstable(self) -> int | None:
-        """Number of unstable points, None where that has not been examined."""
-        return None if self.stable is None else int(np.count_nonzero(~np.asarray(self.stable, bool)))
+        """Number of unstable points, None where that has not been examined or only the sign of det J is known of some."""
+        labels = self.labels.tolist()
+        known = self.stable is not None and not any(label.startswith("det J") for label in labels)
+        return labels.count("unstable") if known else None
 
     @property
     def at_peak(self) -> dict[str, float]:

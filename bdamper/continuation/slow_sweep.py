@@ -81,7 +81,8 @@ class _Sweep:
         found: list[_Landing] = []
         # relative difference of amplitudes below which two places of a curve at one frequency are one solution
         same = 1e-6
-        for i, height in zip(*(found.tolist() for found in crossed(self.x, self.amplitude, x, self.joined))):
+        points, heights = crossed(self.x, self.amplitude, x, self.joined)
+        for i, height in zip(points.tolist(), heights.tolist()):
             way = 1 if self.x[i + 1] > self.x[i] else -1
             if max(self.x[i], self.x[i + 1]) > x and all(abs(height - other.amplitude) > same * height for other in found):
                 found.append(_Landing(height, i + 1 if way > 0 else i, way))

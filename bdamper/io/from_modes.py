@@ -130,11 +130,13 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
         raise body.error("free body", "matrices, or mass, centre and inertia (MassProperties)", "neither")
     item, expected = "mass properties", "a mass > 0, a centre (3,) and an inertia (3, 3)"
     with body.refusing(item, expected):
-        mass, centre = units.mass * float(given.mass), units.length * q @ (given.centre - body.place.origin)
+        mass = units.mass * float(given.mass)
+        centre = units.length * q @ (np.reshape(given.centre, 3) - body.place.origin)
         inertia = units.mass * units.length**2 * q @ given.inertia @ q.T
         moments, principal = np.linalg.eigh(inertia)
     expected += " with principal moments > 0, none larger than the sum of the others"
-    good = mass > 0 and moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
+    solid = moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
+    good = mass > 0 and solid and np.isfinite(centre).all()
     body.require(good, item, expected, f"{mass} kg, {moments} kg m2")
     axes = body.damper_axes(centre)
     shapes = rigid_motions(body.nodes, centre, axes, principal.T) / np.sqrt([*3 * [mass], *moments])

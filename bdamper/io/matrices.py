@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -124,11 +125,12 @@ def number_rows(source: Path, *columns: int, mixed: bool = False, separators: st
     """
     rows: list[list[float]] = []
     for k, line in data_lines(source.read_text(errors="replace"), COMMENTS):
-        words = line.translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE")).split()
+        own = line.partition("#")[0]
+        words = own.translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE")).split()
         try:
             row = [float(word) for word in words]
         except ValueError:
-            if not rows:  # a line of column names
+            if not rows and not any(re.match(r"[-+.]*\d", word) for word in words):  # a line of column names
                 continue
             raise mismatch(f"{source}: line {k}", "numbers", line[:60]) from None
         if len(row) not in columns or not (mixed or len(row) == len((rows or [row])[0])):

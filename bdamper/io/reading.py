@@ -124,7 +124,7 @@ def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
 
 def data_lines(text: str, comments: str | tuple[str, ...]) -> list[tuple[int, str]]:
     """Lines of a text, with their numbers, that are neither empty nor comments."""
-    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
+    lines = [(k, line.strip()) for k, line in enumerate(text.split("\n"), 1)]
     return [(k, line) for k, line in lines if line and not line.startswith(comments)]
 
 

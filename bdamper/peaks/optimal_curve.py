@@ -273,7 +273,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         o = self.optimum
         if not np.isfinite(o.preload):
             at = height(o.amplitude, o.frequency)
-            first = f"; at {amount(self.preload[0], 'N')} {self.status[0]}" if len(self) else ""
+            failed = [f"; at {amount(p, 'N')} {why}" for p, why in zip(self.preload, self.status) if word(why) != COMPLETE]
+            first = "".join(failed[:1])
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
         free = self.free.amplitude
         gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""

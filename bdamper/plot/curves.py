@@ -121,8 +121,10 @@ def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str
         _draw_tracking(ax, curve, colour, None if many else named)
         for part in curve.left_out:
             ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not followed"))
-    if any(unstable_points(c).any() for c in tracking):
-        ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
+    labels_of = (label for c in tracking for label in c.labels[unstable_points(c)])
+    dashed = {label.partition(" with")[0] or "unstable" for label in labels_of}
+    if dashed:
+        ax.plot([], [], color="k", linestyle=DASHED, label=" or ".join(sorted(dashed)))
     if any(len(c) and _only_highest(c) for c in tracking):
         ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
                 label="highest point that was followed")  # fmt: skip

@@ -155,7 +155,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
     for r in result.runs[1:]:
         k = names.index(r.part) if r.part in names else -1
         name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
-        look = points[r.part]
+        look = points.get(r.part, points[COMBINED])
         ax.plot([], [], linestyle="none", label=once(ax, name), **look)
         place, y = ax.transData, 100.0 * r.error
         if not r.error > equal:

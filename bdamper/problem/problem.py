@@ -6,10 +6,11 @@ equations of the harmonic balance at one preload are ``system(preload)``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,16 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import ModelError, SettingError, StaticError
 from bdamper.util.warn import say
+
+T = TypeVar("T")
+
+
+def made_once(make: Callable[[Any], T]) -> cached_property[T]:
+    """A cached property without the lock of Python 3.11, which all problems share: threads would wait for each other."""
+    made = cached_property(make)
+    made.lock = nullcontext()  # type: ignore[attr-defined]
+    return made
+
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,12 +138,12 @@ class Problem:
 
     # ---- parts, made once ----
 
-    @cached_property
+    @made_once
     def static_states(self) -> dict[tuple[float, ...], PreloadState]:
         """Static states so far, by preload and load history."""
         return {}
 
-    @cached_property
+    @made_once
     def coupling(self) -> Coupling:
         """The model with the retained modes and interfaces."""
         bodies = {
@@ -147,7 +158,7 @@ class Problem:
         model, kept = completed(model, self.settings.places, *modes)
         return Coupling(model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.single_basis)
 
-    @cached_property
+    @made_once
     def body_loads(self) -> Mapping[str, float] | None:
         """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times radius."""
         if self.settings.speed is None:
@@ -155,7 +166,7 @@ class Problem:
         arms = centrifugal_arms(self.model)
         return {name: arm / next(iter(arms.values())) for name, arm in arms.items()}
 
-    @cached_property
+    @made_once
     def static_basis(self) -> HarmonicBasis:
         """Modes of the static state."""
         return self._with_residual(self.coupling.basis(0), 0)
@@ -167,7 +178,7 @@ class Problem:
         own = residual.basis(harmonic)
         return joined(basis, replace(own, omega2=float(self.settings.contact_stiffness_factor) * own.omega2))
 
-    @cached_property
+    @made_once
     def modal_bases(self) -> list[HarmonicBasis]:
         """Modes of the bodies for each harmonic, from the mean on."""
         return [
@@ -175,7 +186,7 @@ class Problem:
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
 
-    @cached_property
+    @made_once
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
         bases = [
@@ -192,7 +203,7 @@ class Problem:
         own = self._damper_drag
         return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
 
-    @cached_property
+    @made_once
     def _damper_drag(self) -> dict[Coordinate, float]:
         ratio, drag = (self.settings.by_body(name) for name in ("damper_damping_ratio", "damper_drag"))
         if not (any(ratio.values()) or any(drag.values())):
@@ -201,7 +212,7 @@ class Problem:
         springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
         return damper_drag(self.model, self.static_basis, springs, ratio, drag)
 
-    @cached_property
+    @made_once
     def friction(self) -> NDArray:
         """(n_points,) friction coefficients."""
         mu = np.zeros(self.coupling.n_points)
@@ -210,7 +221,7 @@ class Problem:
             mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, *faces, united_mean)
         return mu
 
-    @cached_property
+    @made_once
     def contact(self) -> Contact:
         """Contact stiffness by the method asked for, with residual modes if it has any."""
         return contact_of(self.settings, self.coupling, self.friction)
@@ -225,7 +236,7 @@ class Problem:
         except (ModelError, SettingError):  # no stiffness at all, which an analysis says
             return "residual_modes"
 
-    @cached_property
+    @made_once
     def stiffness(self) -> dict[str, ContactStiffness]:
         """Contact stiffness of each interface."""
         factor = float(self.settings.contact_stiffness_factor)
@@ -235,23 +246,23 @@ class Problem:
         made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
         return made | {name: law.springs(len(made[name].stiffness)) for name, law in own.items()}
 
-    @cached_property
+    @made_once
     def own_laws(self) -> OwnLaws | None:
         """Contact laws of the user's own at the points, if there are any."""
         own = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
         return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps) if own else None
 
-    @cached_property
+    @made_once
     def point_stiffness(self) -> NDArray:
         """(n_points, 3) contact stiffness along t1, t2, n, N/m."""
         return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
 
-    @cached_property
+    @made_once
     def point_gaps(self) -> NDArray:
         """(n_points,) initial distance of the surfaces, m; negative for interference, none where a load is given."""
         return gaps(self.coupling, self.settings)
 
-    @cached_property
+    @made_once
     def point_laws(self) -> NDArray:
         """(n_points,) law of each contact point."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
@@ -263,23 +274,23 @@ class Problem:
             law[rows] = value if value in (LAW_BONDED, LAW_USER) else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
         return law
 
-    @cached_property
+    @made_once
     def bonded_points(self) -> NDArray:
         """(n_points,) bool: points of linear springs."""
         return self.point_laws == LAW_BONDED
 
-    @cached_property
+    @made_once
     def tangential_stiffness(self) -> NDArray:
         """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is neither friction nor bond."""
         return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
 
-    @cached_property
+    @made_once
     def friction_points(self) -> NDArray:
         """(n_points,) bool: points of friction interfaces, whatever their coefficient."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
 
-    @cached_property
+    @made_once
     def damper_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) per newton of preload, and motion (n_points, 3) of the points that the modes do not
         carry."""
@@ -290,7 +301,7 @@ class Problem:
         loads = normal_loads(self.coupling, self.settings, "loads")
         return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "loads")
 
-    @cached_property
+    @made_once
     def fixed_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) and motion (n_points, 3) of the points that the preload does not change."""
         own = self.settings.fixed_loads or {}
@@ -317,7 +328,7 @@ class Problem:
         forces = self.settings.excited[harmonic]
         return np.sum([(along @ self.location_modes(at, harmonic)).conj() * force for at, along, force in forces], axis=0)
 
-    @cached_property
+    @made_once
     def response_rows(self) -> list[NDArray]:
         """(n_modes,) rows that give the response, for each harmonic from the mean on."""
         return self.rows_at(self.settings.response_location)
@@ -334,7 +345,7 @@ class Problem:
 
     # ---- static ----
 
-    @cached_property
+    @made_once
     def _unloaded(self) -> StaticSystem:
         """The static contact problem without any load."""
         return StaticSystem(
@@ -352,13 +363,13 @@ class Problem:
             own=self.own_laws,
         )
 
-    @cached_property
+    @made_once
     def static_system(self) -> StaticSystem:
         """The same under the loads."""
         (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
         return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
 
-    @cached_property
+    @made_once
     def _surfaces(self) -> dict[str, Any]:
         """What static states say of their contact points, whatever the load."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
@@ -418,7 +429,7 @@ class Problem:
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
         return preload
 
-    @cached_property
+    @made_once
     def carries_load(self) -> bool:
         """Whether the preload loads anything along a motion that the study has."""
         return carried(self.coupling, self.settings, self.body_loads)
@@ -443,7 +454,7 @@ class Problem:
         """Number of unknowns of the harmonic balance."""
         return self.layout.n_unknowns
 
-    @cached_property
+    @made_once
     def _sectors(self) -> dict[float, Sector]:
         return {}
 

@@ -107,16 +107,16 @@ class Summarised:
 
     def facts(self) -> tuple[Fact, ...]:
         """The few things to know besides, in order: what is named in ``_told``."""
-        return tuple(fact for name in self._told for fact in self._said(name))
+        return tuple(fact for name in self._told for fact in self._said(name, several=True))
 
-    def _said(self, name: str) -> Iterator[Fact]:
+    def _said(self, name: str, several: bool = False) -> Iterator[Fact]:
         """What there is to say of a field or property, or with dots of a part of it; nothing of arrays and None."""
         mark = quantities(cast(Any, type(self))).get(name, Quantity())
         value = reduce(lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self))
         if mark.parts and np.ndim(value) == 1:
             return (Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value))
         unit = mark.unit or UNITS.get(name.rpartition(".")[2], "")
-        return _facts(spaced(mark.name or name), value, unit, several=name in self._told)
+        return _facts(spaced(mark.name or name), value, unit, several=several)
 
     def details(self) -> str:
         """Everything that there is to say, in lines: facts, single values, a short table, notes, warnings and cost."""

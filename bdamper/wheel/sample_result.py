@@ -83,11 +83,12 @@ class Audit(Summarised, Tabular, row="search"):
 
     def bottom_line(self) -> str:
         n, missed, found = len(np.unique(self.wheel)), self.missed, self.share
+        named = ", ".join(map(str, np.unique(self.wheel[missed])))
         return (
             f"Audit of {n} wheels ({self.kind}), {len(missed)} wider searches: {int(missed.sum())} "
             f"higher by more than {100.0 * self.tolerance:g} %, {int((missed & ~self.covered).sum())} beyond their error, "
             f"{int(self.undecided.sum())} not decided; {100.0 * found.value:.3g} % of the wheels with any "
-            f"({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %)."
+            f"({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %){f': {named}' if named else ''}."
         )
 
 

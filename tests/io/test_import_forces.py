@@ -11,6 +11,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 import bdamper as bd
 from bdamper.fe import SectorFE
 from bdamper.io import build_model, load_model
+from bdamper.io.matrices import number_rows
 from bdamper.util.errors import BdamperError
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
 
@@ -95,6 +96,15 @@ def test_a_field_is_no_place_for_a_response(model):
         bd.Study(model, bd.Excitation("gust"), 5, harmonics=1)
     with pytest.raises(bd.SettingError, match="response location: expected one of"):
         bd.Study(model, bd.Excitation("gust"), 5, harmonics=1, response=bd.Response("gust"))
+
+
+def test_a_bad_first_line_is_no_line_of_names(tmp_path):
+    path = tmp_path / "field.csv"
+    path.write_text("node, x, x, y, y, z, z\n1, 0, 0, 1, 0, 0, 0  # tip\n")
+    assert number_rows(path, 7) == [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]
+    path.write_text("1, 0, 0, 1, 0, 0, O\n2, 0, 0, 1, 0, 0, 0\n")
+    with pytest.raises(BdamperError, match="line 1: expected numbers"):
+        number_rows(path, 7)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from bdamper.io import MassProperties, Modes, build_model
 from bdamper.model.model import turn
 from bdamper.reduction.sector_faces import match_faces
 from bdamper.reduction.waves import travelling_waves
-from bdamper.util.errors import ModelError
+from bdamper.util.errors import BdamperError, ModelError
 from bdamper.util.warn import BdamperWarning
 from tests.fe_bodies import SPARSE, contacts, modes_alone, sector_and_damper
 
@@ -145,6 +145,14 @@ def test_damper_from_mass_properties(fe, bodies, built):
     np.testing.assert_allclose(body.load.generalised[:6], theirs.load.generalised[:6], atol=1e-9)
     np.testing.assert_array_equal(other.model.contact["left"].stiffness, np.tile([1e8, 2e8, 3e8], (9, 1)))
     assert "elastic deformation of the damper (no matrices)" in str(other)
+
+
+@pytest.mark.parametrize("centre", [np.zeros(1), np.zeros(2), np.array([0.0, np.nan, 0.0])], ids=["one", "two", "nan"])
+def test_the_centre_of_a_rigid_damper_has_three_finite_coordinates(fe, bodies, centre):
+    blade, damper = bodies
+    rigid = replace(damper, stiffness=None, mass=None, rigid=MassProperties(0.05, centre, 1e-6 * np.eye(3)))
+    with pytest.raises(BdamperError, match="mass properties: expected a mass > 0, a centre"):
+        build_model(blade, rigid, contacts=contacts(), fixed="BORE", **SETTINGS)
 
 
 def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):

@@ -7,10 +7,12 @@ import pkgutil
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 
 import h5py
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -247,6 +249,10 @@ class TestVersions:
         result = bd.load(files_0_6 / f"{name}.h5")
         kind = "Comparison" if expected["kind"] in FORMER.values() else SINCE.get(expected["kind"], expected["kind"])
         assert type(result).__name__ == kind and str(result)
+        if hasattr(result, "plot"):
+            with suppress(bd.BdamperError):  # of one that has nothing to draw
+                result.plot()
+            plt.close("all")
         if "status" in expected:
             assert result.status == expected["status"]
         columns, then = result.columns() if "columns" in expected else {}, expected.get("columns", {})
