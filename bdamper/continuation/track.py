@@ -131,6 +131,10 @@ def _explained(problem: Problem, search: Coverage, curve: Curve) -> str:
         return reason
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
+    force = problem.settings.excitation.amplitude
+    if 0.0 < curve.preload < 2.0 * force:
+        ratio = curve.preload / force
+        reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
     return f"{reason}; study.settle marches in time where no solution was found"
 
 
