@@ -23,7 +23,7 @@ from bdamper.effects.comparison import Comparison
 from bdamper.util.hdf5 import Storable, opened
 from bdamper.util.versions import HERE
 from tests.plain import plain_study
-from tests.test_codebase import nodes_of, python_files, spelled
+from tests.test_codebase import nodes_of, spelled
 
 OF_0_6 = Path(__file__).parents[1] / "data" / "version_0_6"
 FORMER = {"bdamper-designs": "DesignComparison", "bdamper-law-comparison": "LawComparison"}
@@ -161,9 +161,9 @@ class TestWriting:
         assert path.read_bytes() == before and [item.name for item in tmp_path.iterdir()] == ["curve.h5"]
 
     def test_one_place_opens_files_for_writing(self):
-        package = Path(bd.__file__).parent
+        package = Path(bd.__file__).resolve().parent
         found = []
-        for path in python_files():
+        for path in sorted(package.rglob("*.py")):
             for node in nodes_of(path):
                 if isinstance(node, ast.Call) and spelled(node.func) in ("h5py.File", "File"):
                     mode = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "mode")]
