@@ -259,7 +259,8 @@ class TestInterrupted:
         assert result.status == ("complete", "complete", "not run", "not run")
         assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
         assert not result.complete
-        assert result.details().count("interrupted: 2 of 4 parts were not run") == 1 and "0 failed" in result.details()
+        assert result.details().count("interrupted: 2 of 4 parts were not run") == 1
+        assert ", 0 failed, 2 not run." in result.bottom_line()
         result.save(tmp_path / "part.h5")
         assert bd.load(tmp_path / "part.h5").status == result.status
         lines = (tmp_path / "r.jsonl").read_text().splitlines()

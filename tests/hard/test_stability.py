@@ -126,7 +126,10 @@ def test_a_neutral_position_has_no_sign():
     assert neutral.any() and not neutral.all()
     judged = study.with_stability(curve)
     assert judged.stable[neutral].all()
-    assert set(judged.labels) <= {"det J > 0 with 5 harmonics", "det J < 0 with 5 harmonics"}
+    assert set(judged.labels) <= {"det J > 0 with 5 harmonics", "det J < 0 with 5 harmonics"} and judged.unstable is None
+    signs = replace(judged, stable=np.arange(len(judged)) % 2 == 0)
+    assert signs.labels[1] == "det J < 0 with 5 harmonics" and signs.unstable is None
+    assert "det J < 0" in signs.plot().get_legend_handles_labels()[1]
 
 
 def test_stuck_sliders_are_left_out():

@@ -414,6 +414,11 @@ def without_clamped(body):
     return replace(body, dofs=dofs, stiffness=body.stiffness[keep][:, keep], mass=body.mass[keep][:, keep])
 
 
+def test_a_bare_array_of_elements_is_refused(bodies):
+    with pytest.raises(ModelError, match=r"elements: expected arrays \(n, nodes of an element\) in a tuple"):
+        replace(bodies[1], elements=bodies[1].elements[0])
+
+
 @pytest.mark.parametrize("elements", [True, False], ids=["with elements", "without"])
 @pytest.mark.parametrize("which", ["blade", "damper", "held blade"])
 def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):

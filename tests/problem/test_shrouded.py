@@ -13,6 +13,12 @@ def model():
     return bd.reference_model("shrouded_blade")
 
 
+def test_a_drift_that_ends_in_a_turn_is_no_fold_within_a_step(model):
+    """Both tangents of the step point backward: the search for a fold between them had no bracket."""
+    study = bd.Study(model, bd.Excitation("tip"), engine_order=4, harmonics=1, loads={"shroud": 1.0})
+    assert study.peak(1.0).amplitude > 0.0
+
+
 def study_of(model, **settings):
     return bd.Study(model, EXCITATION, 4, harmonics=1, **settings)
 
