@@ -42,6 +42,13 @@ def peak(study):
     return study.peak(1000.0, INTERVAL)
 
 
+def test_no_optimum_says_why(study):
+    """Within this band the response only rises."""
+    curve = study.optimal_curve([1000.0, 2000.0], frequency=(250.0, 270.0), check=False)
+    assert curve.status[0].startswith("incomplete: highest at an end")
+    assert curve.bottom_line().endswith(f"; at 1 kN {curve.status[0]}.")
+
+
 class TestOptimalCurve:
     def test_agrees_with_tracking_curves(self, study, result):
         assert result.complete

@@ -6,6 +6,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.system import Sector
+from bdamper.problem.problem import made_once
 from tests.plain import plain_study
 
 BAND = (250.0, 400.0)
@@ -14,6 +15,31 @@ BAND = (250.0, 400.0)
 @pytest.fixture
 def study():
     return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip", "tangential"), engine_order=5)
+
+
+def test_problems_do_not_wait_for_each_other():
+    """One makes its part in a thread while another is asked for its own, on any version of Python."""
+    begun, free = threading.Event(), threading.Event()
+
+    class Holder:
+        def __init__(self, waits: bool) -> None:
+            self.waits = waits
+
+        @made_once
+        def part(self) -> bool:
+            begun.set()
+            return free.wait(20.0) if self.waits else True
+
+    slow, quick = Holder(True), Holder(False)
+    threads = [threading.Thread(target=lambda holder=holder: holder.part, daemon=True) for holder in (slow, quick)]
+    threads[0].start()
+    assert begun.wait(5.0)
+    threads[1].start()
+    threads[1].join(5.0)
+    done = not threads[1].is_alive()
+    free.set()
+    threads[0].join(5.0)
+    assert done and slow.part and quick.part
 
 
 def test_a_track_and_a_peak_make_one_core(study, monkeypatch):

@@ -71,6 +71,7 @@ def test_the_tuned_wheel_is_no_higher_than_its_sector(study):
 
 def test_order_workers_and_company_do_not_matter(study, quick):
     whole = sample(study)
+    assert (whole.processor > 0.0).all()
     with ThreadPoolExecutor(2) as pool:
         assert same(whole, sample(study, executor=pool))
     some = sample(study, wheels=[6, 2])
