@@ -222,8 +222,8 @@ class Events:
                 if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
                     value = self._value(kind, c.y, c.tangent, a.scale)
                     beyond = value * last >= 0.0
-                    square, across = self.system.rows.squared_gradient(c.y)[1], around[not beyond]
-                    weight = 1.0 if kind == "fold" else square
+                    across = around[not beyond]
+                    weight = 1.0 if kind == "fold" else self.system.rows.squared_gradient(c.y)[1]
                     around[beyond] = s, value
                     near, far = (near, (s, c.y, c.tangent)) if beyond else ((s, c.y, c.tangent), far)
                     curvature = (value - across[1]) / (s - across[0])
