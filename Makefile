@@ -12,6 +12,7 @@
 #   make others    models that other programs wrote and other packages carry (Debian: calculix-ccx, calculix-ccx-test; a network)
 #   make oldest    quick tests with the oldest supported dependencies (make newest: with the newest ones)
 #   make wheel     source distribution and a wheel for every Python of this machine, in dist/, each tried in an empty environment
+#   make readme    commands and Python of the README as they are pasted, in a fresh copy and an empty environment
 #   make browser   the explorer in a real browser (Debian: chromium, chromium-driver)
 #   make cross     the core compiled for aarch64 Linux
 #   make peers     small problems beside a published package, in an environment of its own (needs a network)
@@ -39,7 +40,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel browser cross peers clean prerequisites
+.PHONY: demo test test-slow bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -101,6 +102,9 @@ newest: | prerequisites
 wheel: | prerequisites
 	$(call step,wheels in empty environments,sh tools/test_wheel.sh)
 
+readme: | prerequisites
+	$(call step,the README as it is pasted,PYTHON=$(PYTHON) sh tools/test_readme.sh)
+
 browser: $(VENV)/test.stamp
 	$(call step,explorer in a browser,$(PY) -m pip install -qq --no-build-isolation -e ".[app-test]" && $(PY) -m pytest -n 0 tests/app)
 
@@ -122,7 +126,7 @@ fuzz: $(VENV)/test.stamp
 lint: $(VENV)/dev.stamp
 	$(call step,ruff,$(PY) -m ruff check .)
 	$(call step,codespell,$(VENV)/bin/codespell)
-	$(call step,mypy,$(PY) -m mypy bdamper)
+	$(call step,mypy,$(PY) -m mypy src/bdamper)
 	$(call step,clang-format,$(VENV)/bin/clang-format --dry-run --Werror csrc/*.c csrc/*.h $(wildcard tests/c/*.c tests/c/*.h))
 	$(call step,compiler warnings,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/warnings.sh)
 

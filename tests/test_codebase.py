@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "bdamper"
+PACKAGE = ROOT / "src" / "bdamper"
 
 # every C file may include its own header and those on lower levels
 C_LEVELS = [

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 def test_every_public_name_is_in_the_reference():
     reference = (ROOT / "docs" / "api.md").read_text()
     named = re.findall(r"^(?:   |\.\. py:data:: )bdamper\.(\w+)$", reference, re.M)
-    rooms = {path.stem for path in (ROOT / "bdamper").iterdir()}
+    rooms = {path.stem for path in (ROOT / "src" / "bdamper").iterdir()}
     assert [name for name in named if name not in rooms] == bd.__all__, "same names in the same order"
     parts = "two each for masses and wheels, matrices, studies, explorer, contact laws, three for fits, comparisons, flow"
     assert len(bd.__all__) <= 44, parts

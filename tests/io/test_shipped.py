@@ -12,13 +12,13 @@ import bdamper as bd
 from bdamper import shipped
 from tests.test_codebase import ROOT
 
-SMALL = ROOT / "bdamper" / "data" / "blade_to_ground_24.h5"
+SMALL = ROOT / "src" / "bdamper" / "data" / "blade_to_ground_24.h5"
 
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
     """As where a wheel is installed, away from the checkout: the cache folder."""
-    monkeypatch.setattr(shipped, "__file__", str(tmp_path / "site" / "bdamper" / "shipped.py"))
+    monkeypatch.setattr(shipped, "__file__", str(tmp_path / "lib" / "site" / "bdamper" / "shipped.py"))
     monkeypatch.setattr(shipped, "user_cache_path", lambda name, version: tmp_path / "cache" / version)
     monkeypatch.delenv("BDAMPER_MODELS", raising=False)
     return tmp_path
@@ -84,7 +84,7 @@ def test_folder_of_the_environment_variable(installed, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", ["models/paper_disk_24.h5", "bdamper/data/shrouded_blade_4.h5"])
+@pytest.mark.parametrize("path", ["models/paper_disk_24.h5", "src/bdamper/data/shrouded_blade_4.h5"])
 def test_what_is_made_is_what_is_stored(path):
     """Up to rounding, 1.4e-9 for the flexibility of a free damper, whose factors a shift keeps from singularity."""
     large = pytest.importorskip("bdamper.fe.large", reason="scikit-fem is not installed (extra bdamper[fe])")

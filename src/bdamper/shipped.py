@@ -63,7 +63,7 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     if points not in CONTACT_POINTS[name]:
         raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {points}")
     package = Path(__file__).resolve().parent
-    folders = (package / "data", Path(os.environ.get("BDAMPER_MODELS", package / "data")), package.parent / "models")
+    folders = (package / "data", Path(os.environ.get("BDAMPER_MODELS", package / "data")), package.parents[1] / "models")
     paths = (folder / f"{name}_{points}.h5" for folder in folders)
     found = next((path for path in paths if path.is_file()), None)
     return _kept(name, points) if found is None else load_model(found)
