@@ -269,7 +269,8 @@ class Study(Comparable):
             How exactly the highest point is refined.
         """
         problem = self.problem
-        preload, frequency = problem.check_preload(preload), peak_interval(problem, frequency, mode)
+        preload = problem.check_preload(preload)
+        frequency = peak_interval(problem, frequency, preload, mode)
         check_question(problem, [preload], frequency)
         return highest.highest_peak(problem, preload, frequency, mode=mode, options=options)
 
@@ -320,7 +321,7 @@ class Study(Comparable):
         problem = self.problem
         check = check if check is False else validate.choice("check", check, ("time", "neighbours"))
         values = optimal.preload_values(preload, n)
-        frequency = peak_interval(problem, frequency, mode) if problem.carries_load else frequency
+        frequency = peak_interval(problem, frequency, float(values[-1]), mode) if problem.carries_load else frequency
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
         margin = validate.choice("quantity", quantity, ("amplitude", "margin")) == "margin"

@@ -89,7 +89,7 @@ def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(st
 def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
     """The flank of the next mode, 8.9 µm at the end of the interval, is no resonance of the mode, whose peak is 4.7 µm."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
-    low, high = resonance_interval(study.problem)
+    low, high = resonance_interval(study.problem, 1.0)
     peak, curve = study.peak(3000.0), study.track(3000.0, (low, high))
     assert curve.peak_at_end and curve.peak.amplitude > 1.5 * peak.amplitude
     assert not peak.corner and low < peak.frequency < 0.9 * high

@@ -241,7 +241,7 @@ class TestFindPeak:
         assert peak.frequency == pytest.approx(linear.frequency, rel=1e-8)
 
     def test_interval_spans_free_and_stuck(self, study):
-        low, high = resonance_interval(study.problem)
+        low, high = resonance_interval(study.problem, 1.0)
         assert low < linear_peak(study.problem, INTERVAL, 1.0, stuck=False).frequency
         assert high > linear_peak(study.problem, INTERVAL, 1.0, stuck=True).frequency
 
@@ -250,7 +250,7 @@ class TestFindPeak:
         study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4)
         free, stuck = free_and_stuck(study.problem, study.problem.equilibrium(1.0), 6)
         assert free[5] < stuck[4] < stuck[5]
-        assert resonance_interval(study.problem, 6)[1] > stuck[5]
+        assert resonance_interval(study.problem, 1.0, 6)[1] > stuck[5]
 
 
 class TestNewtonToThePeak:

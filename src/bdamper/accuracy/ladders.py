@@ -274,9 +274,9 @@ def accuracy_cost(
     problem = problem_of(study)
     solve = whole_curve if quantity is None else lambda p, *place: quantity(like(study, p), *place)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
-    low, high = map(float, peak_interval(problem, frequency))
-    ladders = make_ladders(problem, vary)
     preload = problem.check_preload(preload)
+    low, high = map(float, peak_interval(problem, frequency, preload))
+    ladders = make_ladders(problem, vary)
     check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)
     top = {name: len(values) - 1 for name, values in ladders.items()}

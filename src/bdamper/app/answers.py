@@ -193,8 +193,9 @@ class Answers:
 
     def band(self, question: Question) -> tuple[float, float]:
         """Frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
-        key = "band", question.settings, question.mode
-        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem, None, question.mode))
+        load = question.preloads[1] if question.preloads else question.preload
+        key = "band", question.settings, question.mode, load
+        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem, None, load, question.mode))
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:

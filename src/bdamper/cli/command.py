@@ -21,7 +21,7 @@ from bdamper.peaks.interval import peak_interval
 
 def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """The tracking curve, and whether it spans the band."""
-    band = peak_interval(study.problem, given.band and tuple(given.band), given.mode)
+    band = peak_interval(study.problem, given.band and tuple(given.band), given.preload, given.mode)
     curve = study.track(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 

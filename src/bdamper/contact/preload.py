@@ -5,11 +5,12 @@ The mean equations of the harmonic balance without vibration, paper section 3.1:
     K q + G^T F(x) = P f + f_0,      x = G q + P s + s_0 = (u1, u2, v),
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
 
-The load grows in steps from a small fraction to its full value.  Within a step every point has a state for each
-tangential direction (stick, slip in one of two senses, open); the equations are then linear, and the law updates the states
-until they no longer change.  At the first step all points that touch are taken as stuck, and again where the states of the
-step before do not lead to a solution.  Every step starts from the sliders of the step before, so the result depends on the
-history of loading, as friction does.  Bonded points always stick, with springs that push and pull.
+Interference and the loads ``f_0``, ``s_0`` grow first, together from nothing; then P grows.  Every point has a state for
+each tangential direction (stick, slip in one of two senses, open), and between changes of state the motion is linear in the
+load.  A load step solves for the states at its end and starts from the sliders of the step before.  It is exact if the
+forces are linear along the straight line between both motions, and is shortened to the first change of state otherwise
+(:func:`linear_range`).  The number of steps then has no effect, but the history of loading has, as friction does.
+Bonded points always stick, with springs that push and pull.
 Points with laws of their own (``bdamper.contact.own_law``) count as open without any stiffness, as stuck with that of
 their springs, and as slipping in between.
 
@@ -203,7 +204,11 @@ enter_former("bdamper-contact-map", "owner", PreloadState, _of_map)
 
 
 EQUILIBRIUM = 1e-10
-"""On modal equilibrium, relative to the modal load."""
+"""On modal equilibrium, relative to the largest of all modal loads."""
+AT_LIMIT = 1e-12
+"""A force is at its limit if it is this close to it, relative to the largest spring force before any cancellation."""
+SHORTEST = 1e-7
+"""Load step, relative to the longest, below which a change of state is a jump: that of a loose body as its load begins."""
 STALLS = 6
 """Consecutive steps without a reduction of the residual after which an iteration stops.  Of 1478 iterations that converge
 one has more than 4."""
@@ -311,17 +316,20 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
     return scale * np.linalg.lstsq(A, scale * r, rcond=1e-12)[0]
 
 
+def _size(system: StaticSystem, loads: tuple[float, ...], w: NDArray) -> float:
+    """Return the largest modal force (N) of all loads: preload, constant loads, and interference of undeformed surfaces."""
+    pressing = [_law(system, system.shift_at(load), w)[0] for load in loads]
+    modal = [load * system.force for load in loads] + [np.einsum("pdm,pd->m", system.G, F) for F in pressing]
+    return max(float(np.abs(f).max(initial=0.0)) for f in (*modal, system.constant_force, np.array(1e-300)))
+
+
 def _step(
-    system: StaticSystem, load: float, w: NDArray, status: NDArray, largest: float
+    system: StaticSystem, load: float, w: NDArray, status: NDArray, size: float
 ) -> tuple[NDArray, NDArray, int, float]:
-    """Newton on the states at one load; returns coordinates, states, iterations and residual."""
+    """Newton on the states at one load; returns coordinates, states, iterations and residual relative to ``size`` (N)."""
     force = load * system.force + system.constant_force
     shift = system.shift_at(load)
     G = system.G.reshape(-1, system.G.shape[2])
-    at_rest = G.T @ _law(system, shift, w)[0].ravel()  # interference presses even without a load
-    # unloading may end at no load, where the forces on the way set the scale
-    on_the_way = largest * float(np.abs(system.force).max())
-    size = max(float(np.abs(force).max()), float(np.abs(at_rest).max()), on_the_way, 1e-300)
 
     def residuals(*q: NDArray) -> tuple[NDArray, NDArray]:
         """At several q, bit for bit as at one: rounding decides the states of points at their limit."""
@@ -364,7 +372,9 @@ def _step(
     return q, status, iteration, float(np.abs(r).max()) / size
 
 
-def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDArray, NDArray, int, float]:
+def _creep(
+    system: StaticSystem, load: float, state: PreloadState, size: float
+) -> tuple[NDArray, NDArray, int, float]:
     """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
 
     Used for load steps in which the updates of the states do not end.  ``D`` is the stiffness with every point
@@ -377,7 +387,6 @@ def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDAr
     force = load * system.force + system.constant_force
     shift = system.shift_at(load)
     G = system.G.reshape(-1, system.G.shape[2])
-    size = max(float(np.abs(force).max()), 1e-300)
     springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
     D = np.diag(system.stiffness) + G.T @ (springs * G)
     q, w = state.q.copy(), _remembered(system, state)
@@ -429,6 +438,47 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
     return np.asarray(spread * drawn * (friction > 0.0)[:, None])
 
 
+def _assembly(system: StaticSystem) -> StaticSystem:
+    """Return the system with a share of the constant loads and of the interference as its load, for the way to them."""
+    pressed = (system.n0 > 0.0) & (system.kn > 0.0)
+    if system.own is not None:  # these laws have the interference themselves
+        pressed &= ~system.own.held
+    shift = np.array(np.broadcast_to(system.constant_shift, (len(pressed), 3)))
+    shift[pressed, 2] += system.n0[pressed] / system.kn[pressed]
+    n0, none = np.where(pressed, 0.0, system.n0), np.zeros_like(system.force)
+    return replace(system, n0=n0, force=system.constant_force, shift=shift, constant_force=none, constant_shift=0.0)
+
+
+def linear_range(points: Any, x0: NDArray, x1: NDArray, w: NDArray, close: float) -> tuple[float, float]:
+    """Find the first change of state on the straight line from motion ``x0`` to ``x1``.
+
+    Forces at their limit in ``x0`` follow it, or leave it, over the whole line: both are linear.
+
+    Parameters
+    ----------
+    points : object
+        With ``kt`` (n_points, 2), ``kn``, ``mu`` and ``n0`` (n_points,) of one-sided normal springs with friction.
+    x0, x1 : (n_points, 3) float, m
+        Both in equilibrium, for sliders ``w`` (n_points, 2) m at ``x0``.
+    close : float, N
+        A force within this of a limit is at it: rounding after a step that ends at a change of state makes no new one.
+
+    Returns
+    -------
+    within, beyond : float
+        Its place from 0 at ``x0`` to 1 at ``x1``, infinite if there is none; and that of the first one after ``x1`` if
+        the motion goes on along the line.
+    """
+    level = points.n0 + points.kn * np.array([x0[:, 2], x1[:, 2]])
+    trial, limit = points.kt * (np.array([x0, x1])[..., :2] - w), (points.mu * level)[..., None]
+    # each is negative before a change of state: closing, opening, slip in both senses
+    before, after = np.concatenate([level[..., None], -level[..., None], trial - limit, -trial - limit], axis=2)
+    rising = (before < -close) & (after > before)
+    before, after = before[rising], after[rising]
+    place = before / (before - after)
+    return place[after > close].min(initial=np.inf), place[after < -close].min(initial=np.inf)
+
+
 def static_state(
     system: StaticSystem, load: float, *, steps: int = 8, start: PreloadState | None = None, offset: NDArray | None = None
 ) -> PreloadState:
@@ -439,9 +489,9 @@ def static_state(
     system : StaticSystem
     load : float, N
     steps : int
-        Load steps; a step that fails is halved, down to a thousandth.
+        Load steps at least; matters only for cubic springs and laws of a user's own.
     start : PreloadState, optional
-        An earlier state to go on from, loading or unloading; zero load without it.
+        An earlier state to go on from, loading or unloading; without it constant loads come first, then the load.
     offset : (n_points, 2) float, m, optional
         Sliders before any load; zero by default.
 
@@ -450,50 +500,69 @@ def static_state(
     PreloadState
         ``converged`` is False, with a note, if some step could not be solved; it then holds the last state that was.
     """
-    state = _before_loading(system) if start is None else start
-    if start is None and offset is not None:
+    if start is not None:
+        return _loaded(system, load, start, steps)
+    assembly = system if system.scales else _assembly(system)
+    state = _before_loading(assembly)
+    if offset is not None:
         state = replace(state, slider=offset)
-    first = state.load
-    target = load - first
-    done, fraction = 0.0, 1.0 / steps if target else 1.0
-    if load == 0.0 and state.load == 0.0 and system.scales:
-        if start is not None:
-            return state
+    if not system.scales:
+        state = replace(_loaded(assembly, 1.0, state, steps), load=0.0)
+    elif load == 0.0:
         force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), _remembered(system, state))
         memory = None if system.own is None else slider[:, 2:]
         return replace(state, force=force, status=status, slider=slider[:, :2], closing=closing, memory=memory)
-    while done < 1.0:
-        now = min(1.0, done + fraction)
-        at = first + now * target
-        # slip signs of the step before may be a dead end; then all closed points are taken as stuck, and then all points
-        stuck = np.where(state.status == OPEN, OPEN, STICK)
-        iterations = 0
-        tries = {s.tobytes(): s for s in (state.status, stuck, np.full_like(stuck, STICK))}
-        for first_status in tries.values():
-            q, status, tried, residual = _step(system, at, _remembered(system, state), first_status, first)
+    return _loaded(system, load, state, steps) if state.converged else state
+
+
+def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) -> PreloadState:
+    """Return the state after the load has changed to ``load``, from change of state to change of state."""
+    change, left, longest = load - state.load, 1.0, 1.0 / steps
+    size, step = _size(system, (state.load, load), _remembered(system, state)), longest
+    free = np.logical_not(system.bonded | (False if system.own is None else system.own.held))
+    frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
+    springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
+    displaced = np.abs(system.shift_at(state.load)) + np.abs(system.shift_at(load))
+    x = system.G @ state.q + system.shift_at(state.load)
+    while change and left:
+        step = min(step, longest)
+        step = left if step > (1.0 - SHORTEST) * left else step
+        at = load - (left - step) * change
+        # slip signs of the step before may be a dead end; then all points that touch are taken as stuck, and then all points
+        apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
+        stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
+        iterations, before = 0, _remembered(system, state)
+        for first_status in {s.tobytes(): s for s in (state.status, stuck, np.full_like(stuck, STICK))}.values():
+            q, status, tried, residual = _step(system, at, before, first_status, size)
             iterations += tried
             if residual <= EQUILIBRIUM:
                 break
-        if not residual <= EQUILIBRIUM:
-            fraction *= 0.5
-            if fraction >= 0.1 / steps:
-                continue
-            fraction = 1.0 / steps
-            now = min(1.0, done + fraction)
-            at = first + now * target
-            q, before, iterations, residual = _creep(system, at, state)
+        within, beyond = np.inf, np.inf
+        if residual <= EQUILIBRIUM:
+            moved = system.G @ q + system.shift_at(at)
+            close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
+            within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
+        elif step >= 0.2 * longest:
+            step *= 0.5
+            continue
+        else:
+            step = min(longest, left)
+            at = load - (left - step) * change
+            q, before, iterations, residual = _creep(system, at, state, size)
             if not residual <= EQUILIBRIUM:
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
-        else:
-            before = _remembered(system, state)
+        if within < 1.0 and step > SHORTEST * longest:
+            step *= 0.1 * within
+            continue
         x = (system.G @ q) + system.shift_at(at)
         force, status, slider, closing = _law(system, x, before)
         state = PreloadState(
             at, q, slider[:, :2], force, closing, status, residual, state.steps + 1, state.iterations + iterations, True,
             memory=None if system.own is None else slider[:, 2:],
         )  # fmt: skip
-        done = now
+        # a motion that jumps does not tell where the next change of state is
+        left, step = left - step, longest if within < 1.0 else max(step * (beyond - 1.0), SHORTEST * longest)
     return state
 
 

@@ -284,7 +284,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     standard deviation of its frequency: that of a flat peak says little.
     """
     loads, n = np.unique(data.load[data.load > 0.0]), int((data.load > 0.0).sum())
-    problem, band = varied.under(None), peak_interval(varied.own, None)
+    problem, band = varied.under(None), peak_interval(varied.own, None, float(loads[-1]))
     order = np.argsort(data.load)[-n:]
     rest = int(np.argmin(data.load))
     source, least = data.source or "resonances", float(data.load[rest])

@@ -347,7 +347,7 @@ def highest_peak(
         If no response was found in the interval.
     """
     preload = problem.check_preload(preload)
-    frequency = peak_interval(problem, frequency, mode)
+    frequency = peak_interval(problem, frequency, preload, mode)
     check_options(options)
     found = found_at(problem, preload, frequency, options=options)
     if found.top is None:

@@ -38,12 +38,14 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
     return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
 
 
-def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
+def resonance_interval(problem: Problem, preload: float, mode: int = 1) -> tuple[float, float]:
     """Frequency interval (Hz) that spans the free and the stuck resonance of one mode of the constrained bodies.
 
     Parameters
     ----------
     problem : Problem
+    preload : float, N
+        Decides which points are closed.
     mode : int
         1 for the lowest.
 
@@ -51,9 +53,10 @@ def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     ------
     SettingError
         If there is no such mode.
+    StaticError
+        If there is no static state at the preload.
     """
-    state = problem.equilibrium(1.0 if problem.carries_load else 0.0)
-    free, stuck = (float(f[-1]) for f in free_and_stuck(problem, state, mode))
+    free, stuck = (float(f[-1]) for f in free_and_stuck(problem, problem.equilibrium(preload), mode))
     margin = beyond(free, stuck)
     return max(0.1 * free, free - margin), stuck + margin
 
@@ -80,9 +83,11 @@ def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float
     return Limit(omega / (2.0 * np.pi), amplitude)
 
 
-def peak_interval(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
-    """The interval (Hz) that is given, or the one around the resonances of a mode."""
+def peak_interval(
+    problem: Problem, frequency: tuple[float, float] | None, preload: float, mode: int = 1
+) -> tuple[float, float]:
+    """Return the given interval (Hz), or the one around the resonances of a mode at a preload (N)."""
     mode = validate.whole("mode", mode, least=1)
     if frequency is None:
-        return resonance_interval(problem, mode)
+        return resonance_interval(problem, preload, mode)
     return validate.interval("frequency", frequency)

@@ -101,7 +101,7 @@ def optimal_curve(
     check_options(options)
     why = problem.why_no_load
     validate.require(problem.carries_load, "optimal_curve", "a model with a body that carries a load", f"that {why}")
-    frequency = peak_interval(problem, frequency, mode)
+    frequency = peak_interval(problem, frequency, float(values[-1]), mode)
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
     asked = {"preload": values, "options": options}

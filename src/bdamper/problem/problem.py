@@ -402,7 +402,7 @@ class Problem:
                 if state is not None:
                     self.static_states[key] = replace(state, cost=watch.read())
                     return self.static_states[key]
-            for factor in (0.0, *factors) if self.settings.fixed_loads else factors:  # assembly comes first
+            for factor in factors:
                 state = static_state(system, factor * preload, start=state, offset=offset)
                 if not state.converged:
                     break
