@@ -167,7 +167,7 @@ def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
         return np.zeros(len(system.force)), status, 1, 1.0
 
     monkeypatch.setattr(preload, "_step", failing)
-    monkeypatch.setattr(preload, "_creep", lambda system, load, state: (state.q, state.slider, 1, 1.0))
+    monkeypatch.setattr(preload, "_creep", lambda system, load, state, size: (state.q, state.slider, 1, 1.0))
     assert not study.static(100.0).converged
     assert len(began) == len(set(began)) > 1
 

@@ -1,5 +1,7 @@
 """Normal loads of interfaces at rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,33 @@ def test_the_load_of_an_interface_may_be_the_preload(study):
     assert one.amplitude == pytest.approx(other.amplitude, rel=1e-7)
     with pytest.raises(bd.SettingError, match="preload: expected 0, since no body of the model carries a load"):
         fixed.track(10.0, (300.0, 400.0))
+
+
+def test_a_scalar_load_is_spread_by_area(study):
+    """Over points of unequal areas, as a fixed load and as the preload: ``N_i = N A_i / A``."""
+    area = np.linspace(1.0, 4.0, 24) * 1e-5
+    face = replace(study.model.interfaces["platform"], area=area)
+    unequal = study.with_(model=replace(study.model, interfaces={**study.model.interfaces, "platform": face}))
+    expected = 720.0 * area / area.sum()
+    fixed = unequal.with_(fixed_loads={"platform": 720.0}).static(0.0)
+    assert fixed.force[:, 2] == pytest.approx(expected, rel=1e-7)
+    assert unequal.with_(loads={"platform": 2.4}).static(300.0).force[:, 2] == pytest.approx(expected, rel=1e-7)
+
+
+def test_other_faces_are_apart_under_loads_and_touch_under_fixed_loads():
+    """A mass on k = 1 between two contacts, kn = 4 and 2; the load N = 6 of the first one presses it on the second one.
+
+    Apart from the second one it gives way by N/k, so the surfaces approach by ``e = N/4 + N/1``.  With it, its motion p is
+    ``4 (e - p) = (1 + 2) p``.  A fixed load is N although they touch: ``p = N/(1 + 2)``.
+    """
+    contacts = [bd.Contact(1, 0, kt=1.0, kn=4.0, mu=0.5), bd.Contact(1, {0: -1.0}, kt=1.0, kn=2.0, mu=0.5)]
+    study = bd.lumped([1.0, 1.0], [0.01, 0.01], [1.0, 1.0], contacts=contacts, forces={1: 0.1})
+    first = next(iter(study.model.interfaces))
+    e = 6.0 / 4.0 + 6.0
+    alone = study.with_(loads={first: 2.0}).static(3.0)
+    np.testing.assert_allclose(alone.force[:, 2], [4.0 * (e - 4.0 * e / 7.0), 2.0 * 4.0 * e / 7.0], rtol=1e-9)
+    held = study.with_(fixed_loads={first: 6.0}).static(0.0)
+    np.testing.assert_allclose(held.force[:, 2], [6.0, 4.0], rtol=1e-9)
 
 
 def test_derivatives_under_prescribed_loads_hold_the_loads(study):

@@ -523,7 +523,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
     frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
     displaced = np.abs(system.shift_at(state.load)) + np.abs(system.shift_at(load))
-    x = system.G @ state.q + system.shift_at(state.load)
+    x, slope = system.G @ state.q + system.shift_at(state.load), None
     while change and left:
         step = min(step, longest)
         step = left if step > (1.0 - SHORTEST) * left else step
@@ -532,13 +532,15 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
         stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
         iterations, before = 0, _remembered(system, state)
-        for first_status in {s.tobytes(): s for s in (state.status, stuck, np.full_like(stuck, STICK))}.values():
+        ahead = () if slope is None else (_law(system, x + step * slope, before)[1],)
+        starts = (*ahead, state.status, stuck, np.full_like(stuck, STICK))
+        for first_status in {s.tobytes(): s for s in starts}.values():
             q, status, tried, residual = _step(system, at, before, first_status, size)
             iterations += tried
             if residual <= EQUILIBRIUM:
                 break
-        within, beyond = np.inf, np.inf
-        if residual <= EQUILIBRIUM:
+        within, beyond, crept = np.inf, np.inf, not residual <= EQUILIBRIUM
+        if not crept:
             moved = system.G @ q + system.shift_at(at)
             close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
             within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
@@ -555,14 +557,15 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         if within < 1.0 and step > SHORTEST * longest:
             step *= 0.1 * within
             continue
-        x = (system.G @ q) + system.shift_at(at)
+        jumped = within < 1.0 or crept  # then the way so far does not lead on
+        moved = system.G @ q + system.shift_at(at)
+        x, slope = moved, None if jumped else (moved - x) / step
         force, status, slider, closing = _law(system, x, before)
         state = PreloadState(
             at, q, slider[:, :2], force, closing, status, residual, state.steps + 1, state.iterations + iterations, True,
             memory=None if system.own is None else slider[:, 2:],
         )  # fmt: skip
-        # a motion that jumps does not tell where the next change of state is
-        left, step = left - step, longest if within < 1.0 else max(step * (beyond - 1.0), SHORTEST * longest)
+        left, step = left - step, longest if jumped else max(step * (beyond - 1.0), SHORTEST * longest)
     return state
 
 

@@ -1,0 +1,58 @@
+"""Static states of dampers next to a shroud that has a load of its own."""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+
+DAMPER, SHROUD = (0.0, 1.0, 10.0, 100.0, 1000.0, 5000.0, 20000.0), (30.0, 200.0, 500.0, 2000.0)
+
+
+def shrouded(load, **settings):
+    return bd.Study(
+        bd.reference_model("shrouded_blade"), bd.Excitation("tip", amplitude=1.0), engine_order=4,
+        friction_coefficient=settings.pop("mu", 0.3), fixed_loads={"shroud": load}, **settings,
+    )  # fmt: skip
+
+
+def check(study, preload, load):
+    """Equilibrium and the limits of friction, from the state alone; the shroud has its load before the dampers have any."""
+    state, system = study.static(preload), study.problem.static_system
+    assert state.converged, f"{preload:g} N, {load:g} N: {state.note}"
+    pulled = np.einsum("pdm,pd->m", system.G, state.force) + system.stiffness * state.q
+    applied = preload * system.force + system.constant_force
+    terms = np.abs(system.G * state.force[..., None]).sum(axis=(0, 1)).max()
+    np.testing.assert_allclose(pulled, applied, rtol=0.0, atol=1e-9 * max(terms, np.abs(applied).max()))
+    T, N = np.abs(state.force[:, :2]), state.force[:, 2:]
+    assert (N >= 0.0).all() and (T <= system.mu[:, None] * N + 1e-9 * (preload + load)).all()
+    if preload == 0.0:
+        assert state.normal_force["shroud"] == pytest.approx(load, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mu", [0.1, 0.5])
+@pytest.mark.parametrize("method", ["residual_modes", "unit_traction"])
+@pytest.mark.parametrize("load", SHROUD)
+def test_every_load_of_the_dampers_has_a_state(load, method, mu):
+    study = shrouded(load, contact_stiffness=method, mu=mu)
+    for preload in DAMPER:
+        check(study, preload, load)
+
+
+@pytest.mark.parametrize("preload", [1.0, 1000.0])
+def test_a_small_load_next_to_a_large_one(preload):
+    """Residuals are relative to all loads: without the 2,000 N of the shroud rounding exceeds the tolerance at 1 N."""
+    check(shrouded(2000.0, mu=0.5, loads={"front": 1.0, "rear": 0.6}), preload, 2000.0)
+
+
+def test_the_default_interval_comes_from_the_asked_preload(monkeypatch):
+    study = shrouded(500.0, harmonics=1)
+    asked, static = [], type(study.problem).static
+
+    def seen(problem, preload, history=None):
+        asked.append(preload)
+        return static(problem, preload, history)
+
+    monkeypatch.setattr(type(study.problem), "static", seen)
+    study.peak(1000.0)
+    assert set(asked) == {1000.0}
