@@ -57,7 +57,8 @@ class Rates:
                     K = K + np.outer(normal, kn * normal) + np.outer(t, T_rate)
             q = np.linalg.solve(K, sign * s.force)
             u, N = s.kt[:, 0] * (s.G[:, 0] @ q), s.kn * (s.G[:, 2] @ q)
-            T = np.array([0.0 if k == "open" else a if k == "stick" else k * m * b for k, a, m, b in zip(states, u, s.mu, N)])
+            slip = [0.0 if isinstance(state, str) else state for state in states] * s.mu * N
+            T = np.where([state == "stick" for state in states], u, slip)
             if all(map(self.fits, states, level / size, self.T / size, s.mu, u, N)):
                 found.append((q, T, N))
         assert found, "no consistent rates: the motion jumps"
@@ -75,8 +76,10 @@ class Rates:
         touching, room = level <= AT_REST, mu * level - abs(T)
         if state == "stick":
             senses = (1.0, -1.0) if touching else (np.sign(T),) if room <= AT_REST else ()
-            return all(sense * u <= mu * N for sense in senses)
-        return (touching or (room <= AT_REST and state * T > 0.0)) and state * u >= mu * N
+            return all(sense * u - mu * N <= 0.0 for sense in senses)
+        at_limit = touching or (room <= AT_REST and state * T > 0.0)
+        sliding = state * u - mu * N
+        return at_limit and sliding >= 0.0
 
     def to(self, load, size):
         while self.P != load:

@@ -439,7 +439,7 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
 
 
 def _assembly(system: StaticSystem) -> StaticSystem:
-    """Return the system with a share of the constant loads and of the interference as its load, for the way to them."""
+    """Return the system whose load is the share of the constant loads and of the interference."""
     pressed = (system.n0 > 0.0) & (system.kn > 0.0)
     if system.own is not None:  # these laws have the interference themselves
         pressed &= ~system.own.held
@@ -449,25 +449,22 @@ def _assembly(system: StaticSystem) -> StaticSystem:
     return replace(system, n0=n0, force=system.constant_force, shift=shift, constant_force=none, constant_shift=0.0)
 
 
-def linear_range(points: Any, x0: NDArray, x1: NDArray, w: NDArray, close: float) -> tuple[float, float]:
+def linear_range(points: StaticSystem, x0: NDArray, x1: NDArray, w: NDArray, close: float) -> tuple[float, float]:
     """Find the first change of state on the straight line from motion ``x0`` to ``x1``.
-
-    Forces at their limit in ``x0`` follow it, or leave it, over the whole line: both are linear.
 
     Parameters
     ----------
-    points : object
-        With ``kt`` (n_points, 2), ``kn``, ``mu`` and ``n0`` (n_points,) of one-sided normal springs with friction.
+    points : StaticSystem
+        Of which ``kt``, ``kn``, ``mu`` and ``n0`` count.
     x0, x1 : (n_points, 3) float, m
         Both in equilibrium, for sliders ``w`` (n_points, 2) m at ``x0``.
     close : float, N
-        A force within this of a limit is at it: rounding after a step that ends at a change of state makes no new one.
+        A force within this of a limit is at it, since rounding must not make a new change of state.
 
     Returns
     -------
     within, beyond : float
-        Its place from 0 at ``x0`` to 1 at ``x1``, infinite if there is none; and that of the first one after ``x1`` if
-        the motion goes on along the line.
+        Its place, 0 at ``x0`` and 1 at ``x1``, infinite if there is none; the place of the first one after ``x1``.
     """
     level = points.n0 + points.kn * np.array([x0[:, 2], x1[:, 2]])
     trial, limit = points.kt * (np.array([x0, x1])[..., :2] - w), (points.mu * level)[..., None]
@@ -528,7 +525,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         step = min(step, longest)
         step = left if step > (1.0 - SHORTEST) * left else step
         at = load - (left - step) * change
-        # slip signs of the step before may be a dead end; then all points that touch are taken as stuck, and then all points
+        # the states may be a dead end; then all points that touch are taken as stuck, and then all points
         apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
         stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
         iterations, before = 0, _remembered(system, state)
@@ -540,8 +537,8 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             if residual <= EQUILIBRIUM:
                 break
         within, beyond, crept = np.inf, np.inf, not residual <= EQUILIBRIUM
+        moved = system.G @ q + system.shift_at(at)
         if not crept:
-            moved = system.G @ q + system.shift_at(at)
             close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
             within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
         elif step >= 0.2 * longest:
@@ -551,6 +548,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             step = min(longest, left)
             at = load - (left - step) * change
             q, before, iterations, residual = _creep(system, at, state, size)
+            moved = system.G @ q + system.shift_at(at)
             if not residual <= EQUILIBRIUM:
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
@@ -558,7 +556,6 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             step *= 0.1 * within
             continue
         jumped = within < 1.0 or crept  # then the way so far does not lead on
-        moved = system.G @ q + system.shift_at(at)
         x, slope = moved, None if jumped else (moved - x) / step
         force, status, slider, closing = _law(system, x, before)
         state = PreloadState(
