@@ -76,13 +76,13 @@ class Rates:
         touching, room = level <= AT_REST, mu * level - abs(T)
         if state == "stick":
             senses = (1.0, -1.0) if touching else (np.sign(T),) if room <= AT_REST else ()
-            return all(sense * u - mu * N <= 0.0 for sense in senses)
+            return not any(sense * u > mu * N for sense in senses)
         at_limit = touching or (room <= AT_REST and state * T > 0.0)
         sliding = state * u - mu * N
         return at_limit and sliding >= 0.0
 
     def to(self, load, size):
-        while self.P != load:
+        while load != self.P:
             sign = np.sign(load - self.P)
             q, T, N = self.rate(sign, size)
             level, mu = self.level, self.s.mu

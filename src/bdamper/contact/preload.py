@@ -455,7 +455,7 @@ def linear_range(points: StaticSystem, x0: NDArray, x1: NDArray, w: NDArray, clo
     Parameters
     ----------
     points : StaticSystem
-        Of which ``kt``, ``kn``, ``mu`` and ``n0`` count.
+        Only ``kt``, ``kn``, ``mu`` and ``n0`` are used.
     x0, x1 : (n_points, 3) float, m
         Both in equilibrium, for sliders ``w`` (n_points, 2) m at ``x0``.
     close : float, N
@@ -464,7 +464,7 @@ def linear_range(points: StaticSystem, x0: NDArray, x1: NDArray, w: NDArray, clo
     Returns
     -------
     within, beyond : float
-        Its place, 0 at ``x0`` and 1 at ``x1``, infinite if there is none; the place of the first one after ``x1``.
+        Place of the first change up to ``x1`` (0 at ``x0``, 1 at ``x1``) and beyond it, infinite if there is none.
     """
     level = points.n0 + points.kn * np.array([x0[:, 2], x1[:, 2]])
     trial, limit = points.kt * (np.array([x0, x1])[..., :2] - w), (points.mu * level)[..., None]
