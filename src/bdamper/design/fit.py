@@ -208,8 +208,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         if wrong:
             out.append("True constants may lie outside of the intervals: compare a fit with richer settings (beside).")
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
-        if self.status != COMPLETE:
-            out.append(f"The fit is {self.status}.")
+        if doubts := self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; "):
+            out.append(f"The fit is incomplete: {doubts}.")
         return " ".join(out)
 
 

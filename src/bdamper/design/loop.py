@@ -98,9 +98,9 @@ class FittedLoop(Plottable):
 
     def bottom_line(self) -> str:
         kt, mu, spread = self.deviation
-        doubt = "" if self.status == COMPLETE else f"The fit is {self.status}. "
+        doubt = self.status.partition(": ")[2]
         return (
-            f"{doubt}Tangential stiffness {amount(self.kt, 'N/m')} (deviation {amount(kt, 'N/m')}), friction coefficient "
+            f"{doubt[:1].upper()}{doubt[1:]}{doubt and '. '}Tangential stiffness {amount(self.kt, 'N/m')} (deviation {amount(kt, 'N/m')}), friction coefficient "
             f"{self.mu:.3g} ({mu:.2g}), spread of the limits {self.spread:.2g} ({spread:.2g}); misfit "
             f"{percent(self.misfit)} beyond the noise."
         )
