@@ -30,8 +30,7 @@ def measured(study, test, noise=0.0, seed=0):
     """A test with the response of a study at its frequencies, found by the equations alone, and noise."""
     f = test.data.frequency
     study = study if test.force is None else vary(study, {"excitation.amplitude": test.force})
-    curve = study.track(test.preload, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
-    swept = _Swept(study.problem.system(test.preload), curve, test.sweep)
+    swept = _Swept(study.problem, test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
     noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
     response = np.array([swept.first(swept.at(at)) for at in f]) * np.exp(noise_of[0] + 1j * noise_of[1])
     response = response if test.data.response.imag.any() else np.abs(response) + 0j
@@ -153,7 +152,7 @@ def test_intervals_beside_a_richer_fit(jenkins, tests):
 
 
 class Linear(Objective):
-    """Residuals A x - b of several tests, linear in the logarithms x of the parameters, whose statistics are closed forms."""
+    """Residuals A x - b of several tests; x are the logarithms of the parameters, so statistics are closed forms."""
 
     def parts(self, x):
         out = []
@@ -339,7 +338,7 @@ class TestMistakes:
         found = fit(jenkins, tests[:2], {"friction_coefficient": (0.1, 0.9)})
         assert found["friction_coefficient"] == pytest.approx(0.4, rel=0.2)
         assert "no response was found at 20 points of 0.5 N (0.5 N, up) (no static state)" in found.status
-        with pytest.raises(bd.BdamperError, match="no response could be computed .*no static state"):
+        with pytest.raises(bd.BdamperError, match=r"no response could be computed .*no static state"):
             fit(jenkins, tests[0], {"friction_coefficient": (0.1, 0.9)})
 
     @pytest.mark.parametrize("factor", [1e3, 1e-6])

@@ -56,7 +56,8 @@ def test_deviations_of_ten_drawn_loops():
     ratios = []
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        kt, mu, spread, slip = 10.0 ** rng.uniform(6.0, 9.0), rng.uniform(0.1, 0.8), rng.uniform(0.0, 0.9), rng.uniform(1.5, 5.0)
+        kt, mu = 10.0 ** rng.uniform(6.0, 9.0), rng.uniform(0.1, 0.8)
+        spread, slip = rng.uniform(0.0, 0.9), rng.uniform(1.5, 5.0)
         n, (nx, ny) = int(rng.integers(200, 1500)), 10.0 ** rng.uniform(-3.0, np.log10(0.03), 2)
         swing = slip * mu * NORMAL / kt
         x, force = loop(spread, swing, n, kt, mu)
@@ -87,6 +88,17 @@ class TestRecords:
         found = bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
         assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.01)
 
+    def test_a_coarse_converter(self):
+        """Steps of 1 % of the swing give equal values next to the turning points, with others between them."""
+        step = 0.03 * REACH
+        jitter = np.random.default_rng(2).uniform(-0.6, 0.6, 800) * step
+        x, force = loop(0.3, 3.0 * REACH, 800)
+        x, force = np.roll(x, 200), np.roll(force, 200)
+        coarse = np.minimum(np.round((x + jitter) / step) * step, 3.0 * REACH)
+        found = bd.fit_loop(coarse, force, normal=NORMAL)
+        assert found.mu == pytest.approx(MU, rel=0.01) and found.kt == pytest.approx(KT, rel=0.03)
+        assert len(found.force) == 800
+
     @pytest.mark.parametrize("signs", [(-1.0, 1.0), (1.0, -1.0)])
     def test_signs(self, signs):
         with pytest.raises(bd.SettingError, match="energy that is supplied; change the sign of the force"):
@@ -101,19 +113,19 @@ class TestRecords:
 
     def test_drift(self):
         drift = np.linspace(0.0, 1.0, len(self.x))
-        with pytest.raises(bd.SettingError, match="displacement: expected a closed period .*remove drift"):
+        with pytest.raises(bd.SettingError, match=r"displacement: expected a closed period .*remove drift"):
             bd.fit_loop(self.x + 3.0 * REACH * drift, self.force, normal=NORMAL)
-        with pytest.raises(bd.SettingError, match="force: expected a closed period .*remove drift"):
+        with pytest.raises(bd.SettingError, match=r"force: expected a closed period .*remove drift"):
             bd.fit_loop(self.x, self.force + MU * NORMAL * drift, normal=NORMAL)
         periods, drift = np.tile(self.x, 6), np.linspace(0.0, 1.0, 6 * len(self.x))
-        with pytest.raises(bd.SettingError, match="displacement: expected a closed period .*no full period"):
+        with pytest.raises(bd.SettingError, match=r"displacement: expected a closed period .*no full period"):
             bd.fit_loop(periods + 3.0 * REACH * drift, np.tile(self.force, 6), normal=NORMAL)
 
     def test_a_part_of_a_period_and_first_loading(self):
-        with pytest.raises(bd.SettingError, match="displacement: expected a closed period"):
+        with pytest.raises(bd.SettingError, match=r"displacement: expected a closed period"):
             bd.fit_loop(self.x[:150], self.force[:150], normal=NORMAL)
         x = 3.0 * REACH * np.sin(np.linspace(0.0, 2.0 * np.pi, 200))
-        with pytest.raises(bd.SettingError, match="force: expected a closed period"):
+        with pytest.raises(bd.SettingError, match=r"force: expected a closed period"):
             bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
         with pytest.raises(bd.SettingError, match="0 turning points and no full period"):
             bd.fit_loop(x[:50], marched(x[:50], 0.3), normal=NORMAL)

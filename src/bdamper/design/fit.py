@@ -1,21 +1,24 @@
-r"""Parameters of a study from measured responses, with intervals that count what the model gets wrong.
+r"""Parameters of a study from measured responses, with intervals that include errors of the model.
 
-Unknown are the logarithms of parameters; the sum of the squared residuals of :mod:`bdamper.design.residuals` is least.
-Natural frequencies, damping and the force gain come from the response without damper, where there is one, and are held
-while contact parameters are found: with loaded responses alone a stiffer contact is a stiffer structure.
+The fit finds the logarithms of the parameters with the least sum of squared residuals of :mod:`bdamper.design.residuals`.
+If a response without damper is given, natural frequency, damping and force gain follow from it alone and are then held:
+in loaded responses a stiffer contact and a stiffer structure have the same effect.  The errors of the held parameters widen
+the intervals of the others.
 
-Two intervals are found for each parameter, and the wider one is given.  That of the profile: the parameter is held at a
-value and the others are found again, until the sum of squares rises by as much as a t distribution allows for 95 %, with
-the residual itself as the measure of the noise where it is larger.  Errors of a model are no noise: more points do not
-average them, and the parameters take up a part of them that the residual does not show.  Where the residual exceeds the
-noise, the profile therefore goes on to where the misfit has doubled: the sum of squares rises by three times its excess
-over what noise explains.  And that of leaving tests out, one after the other,
+The interval of a parameter is its profile: the parameter is held at a value and the others are fitted again, until the sum
+of squares rises by as much as a t distribution allows for 95 %.  The measure of the noise is the residual if it is larger
+than the given noise.  A parameter whose interval is its whole range is not determined by the data.
+
+Errors of a model are no noise: more points do not average them, and the parameters absorb a part that the residual does not
+show.  If the residual exceeds the noise, the profile therefore continues until the misfit has doubled: the sum of squares
+rises by three times its excess over the part that noise explains.  The interval then also covers the changes if one test
+after another is left out,
 
 .. math:: d_t = (J^T J - J_t^T J_t)^{-1} J_t^T r_t,
 
-:math:`J_t` and :math:`r_t` the rows of test t: the standard error of the jackknife, which counts that the model is wrong in
-different ways under different loads.  No residual shows an error that the parameters make up for under all loads alike:
-then the constants of the structure lie outside of both intervals, which :meth:`Fitted.beside` widens by a richer model.
+with the rows :math:`J_t` and :math:`r_t` of test t.  Their jackknife standard error includes that the model is wrong in
+different ways under different loads.  No residual shows an error that the parameters compensate for under all loads alike.
+True constants then lie outside of the interval, and :meth:`Fitted.beside` widens it by means of a richer model.
 """
 
 from __future__ import annotations
@@ -60,8 +63,6 @@ NO_EFFECT = 1e-9
 """Singular value of the derivatives, relative to the largest, below which a combination of parameters has no effect."""
 WRONG = 30.0
 """Misfit of a test, in units of the noise, above which the model does not describe the data."""
-THOUSAND = 1000.0
-"""Factor between the common units of a quantity, such as m, mm and um."""
 UNKNOWN = "not determined by these data"
 SEARCH = 12
 """Evaluations of a profile to either side."""
@@ -83,10 +84,10 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     ----------
     names : tuple of str
     values, low, high : (k,) float
-        Estimates and their intervals within the ranges: for 95 %, or wider where the model is wrong by more than the noise.
+        Estimates and their intervals within the ranges: for 95 %, or wider if the model is wrong by more than the noise.
     deviation, left_out : (k,) float
-        Relative standard deviations: by the covariance, scaled by the misfit where that exceeds 1, and by leaving tests out
-        (NaN with fewer than two tests).
+        Relative standard deviations: from the covariance, scaled by the misfit if it exceeds 1 (inf if the data do not
+        determine the parameter), and from leaving tests out (NaN with fewer than two tests).
     information : (k, n_tests) float
         Share of each test in what is known of each parameter.
     tests : tuple of str
@@ -184,13 +185,14 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     @property
     def wrong(self) -> str:
-        """Whether the model fails to describe the data of a test, with a hint if wrong units are likely; otherwise empty."""
+        """Statement that the model does not describe the worst test, with a hint if units are likely wrong; or empty."""
         worst = int(np.argmax(self.misfits))
         if not self.misfits[worst] > WRONG:
             return ""
         ratio = float(np.nanmedian(np.abs(self.measured / self.model)[self.test == worst]))
-        power = np.rint(np.log(ratio) / np.log(THOUSAND)) if np.isfinite(ratio) else 0.0
-        hint = f"; measured amplitudes are about {THOUSAND**power:g} times those of the model: check the units" if power else ""
+        power = np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0  # of 1000, between m, mm and um
+        factor = f"{1e3**power:g} times those of the model"
+        hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
         return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
 
     def bottom_line(self) -> str:
@@ -342,7 +344,10 @@ def fit(
     Raises
     ------
     SettingError
-        Before work begins: if there are no parameters or ranges of them, or data cannot tell them apart.
+        If parameters or ranges are missing, if the data cannot tell the parameters apart, or if a test does not fit the
+        model, for example by a preload on a model without loads.
+    BdamperError
+        If no response can be computed at any measured point.
     """
     data = [data] if isinstance(data, Test | Measured) else list(data)
     validate.require(data, "data", "one test or more", "none")
@@ -400,7 +405,8 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     for label, part in zip(labels, parts):
         if lost := int(part.lost.sum()):
             why = f" ({part.reason})" if part.reason else ""
-            doubts.append(f"no response was found at {lost} points of {label}{why}, each counted as {LOST:g} times the noise")
+            counted = f"each counted as {LOST:g} times the noise"
+            doubts.append(f"no response was found at {lost} points of {label}{why}, {counted}")
     found = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,

@@ -35,8 +35,6 @@ from bdamper.util.text import amount, percent
 
 FORCES = {"n": 1.0, "kn": 1e3}
 """Units of force in newtons."""
-
-
 REVERSAL = 10.0
 """Reversals of the displacement count from this multiple of its noise, or from ``CLOSE`` of its range."""
 CLOSE = 0.05
@@ -45,11 +43,11 @@ STICKS = 0.01
 """Half the height of a loop, relative to the range of its force, up to which it does not determine the friction."""
 RESOLVED = 1e-4
 """Least noise, relative to the range, for records without noise."""
-STEP = 5e-3
+DIFFERENCE = 5e-3
 """Step of the derivatives: differences smooth the corners of the sliders, which would stop the search."""
-MOST = 40
+ITERATIONS = 40
 """Iterations of a search."""
-WRONG = 0.05
+POOR = 0.05
 """Misfit above which the model does not describe a loop."""
 
 
@@ -100,7 +98,8 @@ class FittedLoop(Plottable):
         kt, mu, spread = self.deviation
         doubt = self.status.partition(": ")[2]
         return (
-            f"{doubt[:1].upper()}{doubt[1:]}{doubt and '. '}Tangential stiffness {amount(self.kt, 'N/m')} (deviation {amount(kt, 'N/m')}), friction coefficient "
+            f"{doubt[:1].upper()}{doubt[1:]}{doubt and '. '}"
+            f"Tangential stiffness {amount(self.kt, 'N/m')} (deviation {amount(kt, 'N/m')}), friction coefficient "
             f"{self.mu:.3g} ({mu:.2g}), spread of the limits {self.spread:.2g} ({spread:.2g}); misfit "
             f"{percent(self.misfit)} beyond the noise."
         )
@@ -112,8 +111,8 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     Parameters
     ----------
     displacement : (n,) float, m
-        Relative displacement in the order of time over one period or more.  Of several periods, those of full amplitude
-        are used; start and stop are left out.
+        Relative displacement in the order of time over one period or more.  If there are several periods, only those with
+        full amplitude are fitted, without start and stop.
     force : (n,) float, N
         Tangential force, positive if it resists a positive displacement.
     normal : float, N
@@ -153,7 +152,7 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     return FittedLoop(
         kt=float(np.exp(p[0])), mu=float(np.exp(p[1])), spread=float(p[2]), deviation=deviation, misfit=misfit, noise=noise,
         sliders=sliders, displacement=x, force=y, model=loop.force(p), notes=notes,
-        status=because(INCOMPLETE, wrong) if misfit > WRONG else COMPLETE,
+        status=because(INCOMPLETE, wrong) if misfit > POOR else COMPLETE,
     )  # fmt: skip
 
 
@@ -164,11 +163,12 @@ def _noise(values: NDArray) -> float:
 
 
 def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
-    """Return 1 where the displacement increases, -1 where it decreases and 0 outside of closed periods.
+    """Return 1 at points of increasing displacement, -1 at points of decreasing displacement and 0 outside of periods.
 
     Turning points are those from which the displacement returns by the distance ``apart``.
     """
-    turns = np.sort(np.concatenate([scipy.signal.find_peaks(way * x, prominence=apart)[0] for way in (1.0, -1.0)]))
+    kinds = {int(i): way for way in (1.0, -1.0) for i in scipy.signal.find_peaks(way * x, prominence=apart)[0]}
+    turns = [i for before, i in itertools.pairwise([-1, *sorted(kinds)]) if kinds[i] != kinds.get(before)]  # no equal peaks
     ends = np.array([0, *turns, len(x)])
     rise = np.diff(x[np.minimum(ends, len(x) - 1)])
     sense = np.sign(rise)
@@ -203,8 +203,8 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
 class _Loop:
     """Branches of sliders and their distances from measured points.
 
-    Parameters p are the logarithms of kt and mu, the spread, and the mean force and both turning points of the displacement,
-    each relative to its measured range.
+    Parameters p are the logarithms of kt and mu, the spread, and the mean force and both turning points of the
+    displacement, each relative to its measured range.
     """
 
     x: NDArray
@@ -251,7 +251,7 @@ class _Loop:
             origin = start - 1.0  # steps of the differences are relative to the parameters, which are about 1
             found = least_squares(
                 lambda q, origin=origin: self.residual(origin + q), start - origin, "3-point", bounds - origin,
-                xtol=1e-8, ftol=1e-10, diff_step=STEP, max_nfev=MOST,
+                xtol=1e-8, ftol=1e-10, diff_step=DIFFERENCE, max_nfev=ITERATIONS,
             )  # fmt: skip
             tries.append((found.cost, origin + found.x, found.fun.reshape(-1, 2), found.jac))
         return min(tries, key=lambda each: each[0])[1:]

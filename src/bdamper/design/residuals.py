@@ -18,12 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.slow_sweep import sweep_of
 from bdamper.continuation.track import track
@@ -184,12 +184,11 @@ def of_test(varied: Variations, test: Test, noise: float) -> Separation:
     residual[:, 0] = LOST
     step = float(np.median(np.diff(np.unique(np.log(f)))))
     band = f.min() * (1.0 - EDGE), f.max() * (1.0 + EDGE)
-    search, reason = attempt(
-        lambda: _Swept(problem.system(test.preload), track(problem, test.preload, band), test.sweep)
-    )  # fmt: skip
-    if search is not None and not len(search.curve):
-        search, reason = None, search.curve.reason
-    for i in range(n) if search is not None else ():
+    search, reason = attempt(lambda: _Swept(problem, test, band))
+    if search is None or not len(search.curve):
+        reason = reason if search is None else search.curve.reason
+        return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
+    for i in range(n):
         found, place = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
         if search.jumps(f[i], NEAR * step):
             found = search.nearest(place, np.array([step, noise]))
@@ -207,7 +206,7 @@ def of_test(varied: Variations, test: Test, noise: float) -> Separation:
 
     def slopes() -> NDArray:
         out = np.zeros((n, 2, len(varied.values)))
-        if search is None or not points:
+        if not points:
             return out
         own = varied.families(test.force, test.preload)
         for j, s in enumerate(across(search.system, points, np.array(scale), own).values()):
@@ -220,16 +219,16 @@ def of_test(varied: Variations, test: Test, noise: float) -> Separation:
             out[~lost, :, j] = np.where(near[:, None], np.pad(distance[:, None], ((0, 0), (0, 1))), vertical)
         return np.nan_to_num(out, posinf=0.0, neginf=0.0)
 
-    return Separation(f, measured, model, residual, slopes, lost, reason)
+    return Separation(f, measured, model, residual, slopes, lost)
 
 
 class _Swept:
     """Solutions near points of a tracking curve: on the branch of a sweep, and nearest to a measured point."""
 
-    def __init__(self, system: Equations, curve: Curve, direction: str) -> None:
-        self.system, self.curve = system, curve
-        self.sense = 1.0 if direction == "up" else -1.0
-        self.sweep = sweep_of(curve, direction)
+    def __init__(self, problem: Problem, test: Test, band: tuple[float, float]) -> None:
+        self.system, self.curve = system, curve = problem.system(test.preload), track(problem, test.preload, band)
+        self.sense = 1.0 if test.sweep == "up" else -1.0
+        self.sweep = sweep_of(curve, test.sweep)
         self.y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
         top = self.y[int(np.argmax(curve.amplitude))] if len(curve) else np.ones(system.n_unknowns + 1)
         self.scale = system.units(top, float(np.pi * np.ptp(curve.frequency)))
@@ -307,7 +306,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     measured = np.array([data.amplitude, data.frequency]).T[order] / [data.amplitude[rest], data.frequency[rest]]
     peaks, reasons = {}, []
     for load in loads:
-        peaks[load], reason = attempt(lambda load=load: highest_peak(problem, load, band))
+        peaks[load], reason = attempt(partial(highest_peak, problem, load, band))
         reasons += [reason] if reason else []
 
     def reference(problem: Problem) -> NDArray:
