@@ -7,10 +7,12 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.slow_sweep import sweep_of
-from bdamper.design.fit import Objective, fit
-from bdamper.design.residuals import _Swept
+from bdamper.design import residuals
+from bdamper.design.fit import UNLOADED, Objective, _profile, _stage, covariance, fit
+from bdamper.design.residuals import Separation, _Swept
 from bdamper.io.measured import Measured
 from bdamper.problem.variation import vary
+from bdamper.util.errors import StaticError
 
 RANGES = {"friction_coefficient": (0.1, 0.9), "contact_stiffness_factor": (0.2, 5.0)}
 TRUE = {"friction_coefficient": 0.4, "contact_stiffness_factor": 1.3}
@@ -28,8 +30,7 @@ def measured(study, test, noise=0.0, seed=0):
     """A test with the response of a study at its frequencies, found by the equations alone, and noise."""
     f = test.data.frequency
     study = study if test.force is None else vary(study, {"excitation.amplitude": test.force})
-    curve = study.track(test.preload, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
-    swept = _Swept(study.problem.system(test.preload), curve, test.sweep)
+    swept = _Swept(study.problem, test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
     noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
     response = np.array([swept.first(swept.at(at)) for at in f]) * np.exp(noise_of[0] + 1j * noise_of[1])
     response = response if test.data.response.imag.any() else np.abs(response) + 0j
@@ -150,6 +151,141 @@ def test_intervals_beside_a_richer_fit(jenkins, tests):
         found.beside(replace(found, names=("damping_factor",)))
 
 
+class Linear(Objective):
+    """Residuals A x - b of several tests; x are the logarithms of the parameters, so statistics are closed forms."""
+
+    def parts(self, x):
+        out = []
+        for A, b in self.held["tests"]:
+            residual = np.column_stack([A @ x - b, np.zeros(len(b))])
+            slopes = np.stack([A, 0.0 * A], axis=1) / np.exp(x)
+            empty = np.ones(len(b))
+            out.append(Separation(empty, empty + 0j, empty + 0j, residual, lambda slopes=slopes: slopes, empty < 0.0))
+        return out
+
+
+def linear(jenkins, tests):
+    ranges = {name: (np.exp(-20.0), np.exp(20.0)) for name in RANGES}
+    data = [Measured(np.zeros(1), np.ones(1), np.ones(1), f"test {i}") for i in range(len(tests))]
+    return Linear(jenkins, data, ranges, 0.02, {"tests": tests})
+
+
+def drawn_tests(rng, n_tests, size, spread=1.0):
+    """Draw tests whose best parameters are near 0."""
+    return [(rng.standard_normal((size, 2)), spread * rng.standard_normal(size)) for _ in range(n_tests)]
+
+
+@pytest.mark.parametrize("spread", [0.5, 5.0])
+def test_deviations_and_intervals_count_a_misfit_beyond_the_noise(jenkins, spread):
+    """Compare the covariance with that of linear regression; residuals below the noise do not reduce it."""
+    tests = drawn_tests(np.random.default_rng(4), 3, 8, spread)
+    A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
+    best, (square,), _, _ = np.linalg.lstsq(A, b, rcond=None)
+    expected = np.sqrt(max(square / (len(b) - 2), 1.0) * np.diag(np.linalg.inv(A.T @ A)))
+    found, C = _stage(linear(jenkins, tests))
+    assert np.log(found.values) == pytest.approx(best, abs=1e-6)
+    assert found.deviation == pytest.approx(expected, rel=1e-6) and np.sqrt(np.diag(C)) == pytest.approx(expected, rel=1e-6)
+    half = np.log(found.high / found.low) / 2.0
+    if spread < 1.0:
+        assert half == pytest.approx(2.0739 * expected, rel=0.06)  # t distribution, 22 degrees of freedom
+    else:
+        assert (half > 2.0 * 2.0739 * expected).all()  # the sum of squares rises by three times its excess
+
+
+def test_tests_left_out_are_those_of_a_jackknife_by_new_fits(jenkins):
+    tests = drawn_tests(np.random.default_rng(5), 4, 6, 3.0)
+    kept = [[test for j, test in enumerate(tests) if j != i] for i in range(4)]
+    ways = [(np.concatenate([A for A, _ in some]), np.concatenate([b for _, b in some])) for some in kept]
+    each = np.array([np.linalg.lstsq(A, b, rcond=None)[0] for A, b in ways])
+    found, _ = _stage(linear(jenkins, tests))
+    assert found.left_out == pytest.approx(np.sqrt(3.0 * each.var(axis=0)), rel=1e-5)
+    assert (np.log(found.high / found.low) / 2.0 >= 3.18 * found.left_out).all()  # t distribution, 3 degrees of freedom
+
+
+def test_a_profile_follows_a_curved_valley(jenkins):
+    """Residuals x0 and 100 (x1 - x0^2): with x1 fitted again the sum of squares is x0^2, otherwise it rises at once."""
+
+    class Valley(Objective):
+        def residual(self, x):
+            return np.array([x[0], 100.0 * (x[1] - x[0] ** 2)])
+
+        def jacobian(self, x):
+            return np.array([[1.0, 0.0], [-200.0 * x[0], 100.0]])
+
+    valley = Valley(jenkins, [], {name: (np.exp(-20.0), np.exp(20.0)) for name in RANGES}, 0.02)
+    for start in (0.5, 2.0, 30.0):
+        assert _profile(valley, np.zeros(2), 0, 4.0, start) == pytest.approx([2.0, 2.0], rel=0.06)
+
+
+def test_covariance_of_a_parameter_without_effect_is_large():
+    J = np.array([[1.0, 0.0], [2.0, 0.0]])
+    assert covariance(J)[0, 0] == pytest.approx(0.2) and covariance(J)[1, 1] > 1e12
+
+
+def test_coverage_of_linear_fits(jenkins):
+    """Of 200 drawn linear fits with the right noise (seed 65) 90 to 99 % of the intervals contain the truth."""
+    rng, inside = np.random.default_rng(65), []
+    for _ in range(200):
+        found, _ = _stage(linear(jenkins, drawn_tests(rng, int(rng.integers(1, 4)), int(rng.integers(8, 17)))))
+        inside.append((found.low <= 1.0) & (found.high >= 1.0))
+    print(np.mean(inside))
+    assert 0.9 <= np.mean(inside) <= 0.99
+
+
+@pytest.mark.slow
+def test_errors_of_held_parameters_move_the_others(jenkins, tests):
+    """Compare with new fits at other values of the held parameters, by differences."""
+    ranges, step = {"friction_coefficient": (0.1, 0.9)}, 1e-3
+    alone, own = _stage(Objective(jenkins, tests[1:2], ranges, 0.02))
+    held = replace(alone, names=tuple(UNLOADED), values=np.ones(3))
+    spread = np.diag([0.02, 0.001, 0.03]) ** 2
+    found, C = _stage(Objective(jenkins, tests[1:2], ranges, 0.02), (held, spread))
+    moves = []
+    for name in UNLOADED:
+        objective = Objective(jenkins, tests[1:2], ranges, 0.02, {name: np.exp(step)})
+        moves.append(objective.least(np.log(alone.values), np.ones(1, bool))[0] / step)
+    moves = np.array(moves) - np.log(alone.values[0]) / step
+    assert C[0, 0] - own[0, 0] == pytest.approx(moves @ spread @ moves, rel=0.05)
+    assert found.deviation[0] > 1.5 * alone.deviation[0]
+    assert np.log(found.high / found.low)[0] > 1.5 * np.log(alone.high / alone.low)[0]
+
+
+def drawn_fit(jenkins, seed):
+    """Fit drawn synthetic tests, every fourth time with a drawn response without load; return the result and the truth."""
+    rng = np.random.default_rng(seed)
+    unloaded = seed % 4 == 0
+    true = {"friction_coefficient": rng.uniform(0.25, 0.7), "contact_stiffness_factor": np.exp(rng.uniform(-0.5, 0.7))}
+    rig = {"damping_factor": rng.uniform(0.7, 1.5), "frequency_factor": rng.uniform(0.98, 1.02)} if unloaded else {}
+    gain = rng.uniform(0.9, 1.1) if unloaded else 1.0
+    truth = vary(jenkins, true | rig | {"excitation.amplitude": gain})
+    noise = np.exp(rng.uniform(*np.log([0.005, 0.05])))
+
+    def run(load, n, phase):
+        top = truth.peak(load).frequency if load else 0.225 * rig["frequency_factor"]
+        band = (top * (1.0 - rng.uniform(0.05, 0.15)), top * (1.0 + rng.uniform(0.05, 0.15)))
+        return measured(truth, blank(load, band, n, phase=phase), noise, int(rng.integers(2**31)))
+
+    loads = np.exp(rng.uniform(*np.log([0.4, 6.0]), int(rng.integers(1, 4))))
+    runs = [run(load, int(rng.integers(8, 16)), bool(rng.integers(2))) for load in loads]
+    free = run(0.0, 12, bool(rng.integers(2))) if unloaded else None
+    ranges = {"friction_coefficient": (0.1, 1.0), "contact_stiffness_factor": (0.3, 4.0)}
+    return fit(jenkins, runs, ranges, free=free, noise=noise), true | rig | {"force_factor": gain}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::bdamper.PlausibilityWarning")
+def test_coverage_of_drawn_fits(jenkins):
+    """The first 40 of the 200 seeds of docs/fit.md."""
+    inside = []
+    for seed in range(40):
+        found, truth = drawn_fit(jenkins, seed)
+        exact = np.array([truth[name] for name in found.names])
+        inside += ((found.low <= exact) & (exact <= found.high)).tolist()
+    print(np.mean(inside), len(inside))
+    print(np.mean(inside))
+    assert 0.9 <= np.mean(inside) <= 0.99
+
+
 class TestMistakes:
     def test_constants_are_not_carried_to_other_settings(self, jenkins, tests, tmp_path):
         found = fit(jenkins, tests[1], {"friction_coefficient": (0.1, 0.9)})
@@ -171,6 +307,48 @@ class TestMistakes:
             fit(jenkins, [], RANGES, free=tests[0])
         with pytest.raises(bd.BdamperError, match="amplitudes above 0, found 0"):
             bd.Test(bd.io.Measurement("rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])), 1.0)
+
+    def test_mistakes_of_the_settings_are_raised(self, tests):
+        """The model carries no load, so its preload is 0; formerly each point counted as lost and friction was "0.5"."""
+        contact = bd.Contact(tangential=0, normal=1, kt=1.0, kn=20.0, mu=0.5)
+        study = bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, harmonics=1)
+        with pytest.raises(bd.SettingError, match=r"preload: expected 0.*found 0.5 N"):
+            fit(study, tests[0], {"friction_coefficient": (0.1, 0.9)})
+
+    def test_a_parameter_without_effect_is_not_determined(self, jenkins, tests):
+        """Friction has no effect without a preload, nor has it alongside a parameter that has one."""
+        plan = blank(0.0, (0.2, 0.25))
+        free = measured(vary(jenkins, {"damping_factor": 1.2}), plan, 0.02)
+        ranges = {"friction_coefficient": (0.1, 0.9), "damping_factor": (0.5, 2.0)}
+        found = fit(jenkins, free, ranges)
+        assert [found.low[0], found.high[0]] == pytest.approx([0.1, 0.9]) and np.isinf(found.deviation[0])
+        assert "riction coefficient not determined by these data (0.1 to 0.9)" in found.bottom_line()
+        assert "friction coefficient not determined by these data" in found.status
+        assert 1.1 < found.low[1] < 1.2 < found.high[1] < 1.3  # damping is known
+
+    def test_failures_of_the_solver_are_counted(self, jenkins, tests, monkeypatch):
+        track = residuals.track
+
+        def fails(problem, preload, band):
+            if preload == LOADS[0]:
+                raise StaticError("no static state")
+            return track(problem, preload, band)
+
+        monkeypatch.setattr(residuals, "track", fails)
+        found = fit(jenkins, tests[:2], {"friction_coefficient": (0.1, 0.9)})
+        assert found["friction_coefficient"] == pytest.approx(0.4, rel=0.2)
+        assert "no response was found at 20 points of 0.5 N (0.5 N, up) (no static state)" in found.status
+        with pytest.raises(bd.BdamperError, match=r"no response could be computed .*no static state"):
+            fit(jenkins, tests[0], {"friction_coefficient": (0.1, 0.9)})
+
+    @pytest.mark.parametrize("factor", [1e3, 1e-6])
+    def test_wrong_units_are_named_first(self, jenkins, tests, factor):
+        data = bd.io.Measurement("rig", tests[1].data.frequency, factor * tests[1].data.response)
+        found = fit(jenkins, bd.Test(data, 2.0), {"friction_coefficient": (0.1, 0.9)})
+        line = found.bottom_line().partition(".  ")[0]
+        assert line.startswith("The model does not describe these data (misfit ")
+        assert f"amplitudes are about {factor:g} times those of the model: check the units" in line
+        assert "the model does not describe these data" in found.status
 
     @pytest.mark.slow
     def test_what_the_free_response_tells_is_not_asked_of_the_others(self, jenkins, tests):

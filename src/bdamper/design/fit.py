@@ -1,21 +1,24 @@
-r"""Parameters of a study from measured responses, with intervals that count what the model gets wrong.
+r"""Parameters of a study from measured responses, with intervals that include errors of the model.
 
-Unknown are the logarithms of parameters; the sum of the squared residuals of :mod:`bdamper.design.residuals` is least.
-Natural frequencies, damping and the force gain come from the response without damper, where there is one, and are held
-while contact parameters are found: with loaded responses alone a stiffer contact is a stiffer structure.
+The fit finds the logarithms of the parameters with the least sum of squared residuals of :mod:`bdamper.design.residuals`.
+If a response without damper is given, natural frequency, damping and force gain follow from it alone and are then held:
+in loaded responses a stiffer contact and a stiffer structure have the same effect.  The errors of the held parameters widen
+the intervals of the others.
 
-Two intervals are found for each parameter, and the wider one is given.  That of the profile: the parameter is held at a
-value and the others are found again, until the sum of squares rises by as much as a t distribution allows for 95 %, with
-the residual itself as the measure of the noise where it is larger.  Errors of a model are no noise: more points do not
-average them, and the parameters take up a part of them that the residual does not show.  Where the residual exceeds the
-noise, the profile therefore goes on to where the misfit has doubled: the sum of squares rises by three times its excess
-over what noise explains.  And that of leaving tests out, one after the other,
+The interval of a parameter is its profile: the parameter is held at a value and the others are fitted again, until the sum
+of squares rises by as much as a t distribution allows for 95 %.  The measure of the noise is the residual if it is larger
+than the given noise.  A parameter whose interval is its whole range is not determined by the data.
+
+Errors of a model are no noise: more points do not average them, and the parameters absorb a part that the residual does not
+show.  If the residual exceeds the noise, the profile therefore continues until the misfit has doubled: the sum of squares
+rises by three times its excess over the part that noise explains.  The interval then also covers the changes if one test
+after another is left out,
 
 .. math:: d_t = (J^T J - J_t^T J_t)^{-1} J_t^T r_t,
 
-:math:`J_t` and :math:`r_t` the rows of test t: the standard error of the jackknife, which counts that the model is wrong in
-different ways under different loads.  No residual shows an error that the parameters make up for under all loads alike:
-then the constants of the structure lie outside of both intervals, which :meth:`Fitted.beside` widens by a richer model.
+with the rows :math:`J_t` and :math:`r_t` of test t.  Their jackknife standard error includes that the model is wrong in
+different ways under different loads.  No residual shows an error that the parameters compensate for under all loads alike.
+True constants then lie outside of the interval, and :meth:`Fitted.beside` widens it by means of a richer model.
 """
 
 from __future__ import annotations
@@ -38,7 +41,7 @@ from bdamper.problem.results import check_result
 from bdamper.problem.variation import setting_names, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -56,6 +59,15 @@ MOST = 60
 """Evaluations of a fit."""
 ALIKE = 1e4
 """Condition of the derivatives by the logarithms of the parameters from which a combination of them counts as not known."""
+NO_EFFECT = 1e-9
+"""Singular value of the derivatives, relative to the largest, below which a combination of parameters has no effect."""
+WRONG = 30.0
+"""Misfit of a test, in units of the noise, above which the model does not describe the data."""
+UNKNOWN = "not determined by these data"
+SEARCH = 12
+"""Evaluations of a profile to either side."""
+NEARLY = 0.05
+"""Relative error of the root of a rise up to which a profile has reached it."""
 UNLOADED = {"damping_factor": (0.05, 20.0), "frequency_factor": (0.8, 1.25), FORCE: (0.2, 5.0)}
 """Parameters that are found from the response without damper, with their ranges."""
 
@@ -72,10 +84,10 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     ----------
     names : tuple of str
     values, low, high : (k,) float
-        Estimates and their intervals within the ranges: for 95 %, or wider where the model is wrong by more than the noise.
+        Estimates and their intervals within the ranges: for 95 %, or wider if the model is wrong by more than the noise.
     deviation, left_out : (k,) float
-        Relative standard deviations: by the covariance, scaled by the misfit where that exceeds 1, and by leaving tests out
-        (NaN with fewer than two tests).
+        Relative standard deviations: from the covariance, scaled by the misfit if it exceeds 1 (inf if the data do not
+        determine the parameter), and from leaving tests out (NaN with fewer than two tests).
     information : (k, n_tests) float
         Share of each test in what is known of each parameter.
     tests : tuple of str
@@ -171,19 +183,35 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         own = {"test": self.test, "place": self.place, "measured": np.abs(self.measured), "model": np.abs(self.model)}
         return {name: Column(v) for name, v in own.items()} | {"residual": Column(self.residual[:, 0])}
 
+    @property
+    def wrong(self) -> str:
+        """Statement that the model does not describe the worst test, with a hint if units are likely wrong; or empty."""
+        worst = int(np.argmax(self.misfits))
+        if not self.misfits[worst] > WRONG:
+            return ""
+        ratio = float(np.nanmedian(np.abs(self.measured / self.model)[self.test == worst]))
+        power = np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0  # of 1000, between m, mm and um
+        factor = f"{1e3**power:g} times those of the model"
+        hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
+        return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
+
     def bottom_line(self) -> str:
-        rows = zip(self.names, self.values, self.low, self.high)
-        found = "; ".join(f"{spaced(name)} {v:.3g} ({a:.3g} to {b:.3g})" for name, v, a, b in rows)
+        rows = zip(self.names, self.values, self.low, self.high, self.deviation)
+        found = "; ".join(
+            f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
+        )
         worst = int(np.argmax(self.misfits))
         out = [f"{found[:1].upper()}{found[1:]}, with intervals for 95 %."]
+        if self.wrong:
+            out.insert(0, f"{self.wrong[:1].upper()}{self.wrong[1:]}.")
         wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
         most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
         out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
         if wrong:
             out.append("True constants may lie outside of the intervals: compare a fit with richer settings (beside).")
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
-        if self.status != COMPLETE:
-            out.append(f"The fit is {self.status}.")
+        if doubts := self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; "):
+            out.append(f"The fit is incomplete: {doubts}.")
         return " ".join(out)
 
 
@@ -265,9 +293,20 @@ class Objective:
         return whole(found.x)
 
 
-def deviations(J: NDArray) -> NDArray:
-    """(k,) standard deviations of parameters for residuals of unit variance, from the derivatives (m, k) of these."""
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(J.T @ J))))
+def covariance(J: NDArray) -> NDArray:
+    """Return the covariance (k, k) of parameters for residuals of unit variance from the derivatives J (m, k).
+
+    Combinations of parameters without effect have a very large variance, where a pseudo-inverse has none.
+    """
+    _, s, ways = np.linalg.svd(np.pad(J, ((0, J.shape[1]), (0, 0))), full_matrices=False)
+    inverse = ways.T / np.maximum(s, max(NO_EFFECT * s[0], NO_EFFECT))
+    return np.asarray(inverse @ inverse.T)
+
+
+def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray:
+    """Return the standard errors (k,) by the jackknife: leave out each group of rows of residuals r (m,) and J (m, k)."""
+    moved = np.array([np.linalg.pinv(J.T @ J - J[s].T @ J[s]) @ (J[s].T @ r[s]) for s in rows])
+    return np.asarray(np.sqrt((1.0 - 1.0 / len(rows)) * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 @asked
@@ -305,7 +344,10 @@ def fit(
     Raises
     ------
     SettingError
-        Before work begins: if there are no parameters or ranges of them, or data cannot tell them apart.
+        If parameters or ranges are missing, if the data cannot tell the parameters apart, or if a test does not fit the
+        model, for example by a preload on a model without loads.
+    BdamperError
+        If no response can be computed at any measured point.
     """
     data = [data] if isinstance(data, Test | Measured) else list(data)
     validate.require(data, "data", "one test or more", "none")
@@ -316,11 +358,10 @@ def fit(
     ranges = {}
     for name, ends in validate.mapping("vary", vary, names, "parameters").items():
         ranges[name] = validate.interval(f"range of {name}", ends, "the unit of the parameter")
-    stages, held = [], {}
+    first = None
     if free is not None:
-        first = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
-        stages.append(_stage(Objective(problem, [free if isinstance(free, Test) else Test(free, 0.0)], first, noise)))
-        held = dict(zip(stages[0].names, stages[0].values.tolist()))
+        unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
+        first = _stage(Objective(problem, [free if isinstance(free, Test) else Test(free, 0.0)], unloaded, noise))
     validate.require(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if "frequency_factor" in ranges and stiff and not any(isinstance(t, Test) and t.preload == 0.0 for t in data):
@@ -328,92 +369,126 @@ def fit(
             f"vary: expected a test without load (free=) beside frequency_factor and {stiff[0]}, found none: a stiffer "
             "contact and a stiffer structure have the same resonances"
         )
-    stages.append(_stage(Objective(problem, data, ranges, noise, held)))
-    return _joined(stages)
+    last = _stage(Objective(problem, data, ranges, noise), first)
+    return last[0] if first is None else _joined(first[0], last[0])
 
 
-def _stage(objective: Objective) -> Fitted:
-    """Fit of one stage with its intervals."""
+def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -> tuple[Fitted, NDArray]:
+    """Fit one stage with the parameters of the stage before held; return the result and its covariance."""
+    if before is not None:
+        objective.held = dict(zip(before[0].names, before[0].values.tolist()))
     problem, names = objective.problem, tuple(objective.ranges)
     start = np.log([1.0 if name == FORCE else setting_value(problem, name) or 1e-300 for name in names])
     low, high = objective.bounds
     x = objective.least(np.clip(start, low, high), np.ones(len(names), bool))
-    r, J, parts = objective.residual(x), objective.jacobian(x), objective.parts(x)
-    k, counted = len(names), int(np.count_nonzero(r))
+    parts = objective.parts(x)
+    labels = tuple(str(each) if isinstance(each, Test) else each.source or "resonances" for each in objective.data)
+    if all(part.lost.all() for part in parts):
+        raise BdamperError(
+            f"fit: no response could be computed at the measured points, first of {labels[0]} "
+            f"({parts[0].reason or 'no solution on the swept branch'}); check preloads, forces and frequencies"
+        )
     sizes = np.cumsum([0, *(part.residual.size for part in parts)])
     rows = [slice(a, b) for a, b in zip(sizes, sizes[1:])]
-    doubts = []
-    scale = max(1.0, float(r @ r) / max(counted - k, 1))
-    deviation = np.sqrt(scale) * deviations(J)
-    quantile = float(scipy.stats.t.ppf(P95, max(counted - k, 1)))
-    excess = max(float(r @ r) - float(scipy.stats.chi2.ppf(P95, max(counted - k, 1))), 0.0)
-    rise = max(scale * quantile**2, TAKEN_UP * excess)
-    half = np.array(2 * [np.sqrt(rise / scale) * deviation])
-    for j in range(k):
-        half[:, j] = _profile(objective, x, j, half[0, j], rise)
-    moved = np.array([np.linalg.pinv(J.T @ J - J[s].T @ J[s]) @ (J[s].T @ r[s]) for s in rows])
-    n, left_out = len(rows), np.full(k, np.nan)
-    if n > 1:
-        left_out = np.sqrt((n - 1.0) / n * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
-        half = np.fmax(half, float(scipy.stats.t.ppf(P95, n - 1)) * left_out)
+    half, C, left = _uncertainty(objective, x, rows, before)
+    J = objective.jacobian(x)
     told = np.array([(J[s] ** 2).sum(axis=0) for s in rows]).T
-    information = told / np.maximum(told.sum(axis=1, keepdims=True), 1e-300)
-    labels = tuple(str(each) if isinstance(each, Test) else each.source or "resonances" for each in objective.data)
+    ends = np.clip([x - half[0], x + half[1]], low, high)
+    unknown = (ends[0] <= low + EDGE) & (ends[1] >= high - EDGE)
     _, singular, ways = np.linalg.svd(J, full_matrices=False)
-    if singular[-1] * ALIKE < singular[0]:
+    doubts = [f"{spaced(name)} {UNKNOWN}" for name, whole in zip(names, unknown) if whole]
+    if singular[-1] * ALIKE < singular[0] and not unknown.any():
         parts_of = " ".join(f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1)
         doubts.append(f"the data do not tell {parts_of}")
-    for j, name in enumerate(names):
-        if min(x[j] - low[j], high[j] - x[j]) < 1e-3 * (high[j] - low[j]):
-            doubts.append(f"{spaced(name)} is at an end of its range")
-    if lost := sum(int(part.lost.sum()) for part in parts):
-        doubts.append(f"at {lost} measured points the model has no response, each counted as {LOST:g} times the noise")
-    ends = np.exp(np.clip([x - half[0], x + half[1]], low, high))
-    return Fitted(
-        names=names, values=np.exp(x), low=ends[0], high=ends[1], deviation=deviation,
-        left_out=left_out, information=information, tests=labels, noise=objective.noise,
+    at_end = (np.minimum(x - low, high - x) < 1e-3 * (high - low)) & ~unknown
+    doubts += [f"{spaced(name)} is at an end of its range" for name, there in zip(names, at_end) if there]
+    for label, part in zip(labels, parts):
+        if lost := int(part.lost.sum()):
+            why = f" ({part.reason})" if part.reason else ""
+            counted = f"each counted as {LOST:g} times the noise"
+            doubts.append(f"no response was found at {lost} points of {label}{why}, {counted}")
+    found = Fitted(
+        names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
+        deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
+        information=told / np.maximum(told.sum(axis=1, keepdims=True), 1e-300), tests=labels, noise=objective.noise,
         place=np.concatenate([part.place for part in parts]), measured=np.concatenate([part.measured for part in parts]),
         model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
-        test=np.repeat(np.arange(n), [len(part.place) for part in parts]),
-        status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE, **problem.recorded(),
+        test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **problem.recorded(),
     )  # fmt: skip
+    return _with_status(found, doubts), C
 
 
-def _profile(objective: Objective, x: NDArray, j: int, half: float, rise: float) -> NDArray:
-    """How far one parameter may go to both sides until the sum of squares has risen so far, the others found again."""
+def _uncertainty(
+    objective: Objective, x: NDArray, rows: Sequence[slice], before: tuple[Fitted, NDArray] | None
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Find the half widths (2, k) of the intervals, the covariance (k, k) and the deviations by leaving tests out (k,)."""
+    r, J = objective.residual(x), objective.jacobian(x)
+    k, n = len(x), len(rows)
+    spare = max(int(np.count_nonzero(r)) - k, 1)
+    scale = max(1.0, float(r @ r) / spare)
+    quantile = float(scipy.stats.t.ppf(P95, spare))
+    excess = max(float(r @ r) - float(scipy.stats.chi2.ppf(P95, spare)), 0.0)
+    rise = max(scale * quantile**2, TAKEN_UP * excess)
+    C = scale * covariance(J)
+    half = np.array([_profile(objective, x, j, rise, np.sqrt(rise / scale * C[j, j])) for j in range(k)]).T
+    left = np.full(k, np.nan)
+    if n > 1:
+        left = left_out(r, J, rows)
+    if n > 1 and excess > 0.0:  # without an excess the noise alone explains how the tests differ
+        half = np.fmax(half, float(scipy.stats.t.ppf(P95, n - 1)) * left)
+    if before is not None:  # errors of the held parameters move the others
+        held, own = before
+        joint = Objective(objective.problem, objective.data, UNLOADED | dict(objective.ranges), objective.noise)
+        K = joint.jacobian(np.append(np.log(held.values), x))[:, : len(held.values)]
+        move = covariance(J) @ J.T @ K
+        carried = move @ own @ move.T
+        C, half = C + carried, np.hypot(half, quantile * np.sqrt(np.diag(carried)))
+    return half, C, left
+
+
+def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float) -> NDArray:
+    """Find how far one parameter moves to both sides until the sum of squares has risen, with the others fitted again."""
     least = float((objective.residual(x) ** 2).sum())
     free = np.arange(len(x)) != j
-    J = objective.jacobian(x)
+    J, (low, high) = objective.jacobian(x), objective.bounds
     others = -np.linalg.lstsq(J[:, free], J[:, j], rcond=None)[0] if free.any() else np.zeros(0)
-    ends, (low, high) = np.full(2, half), objective.bounds
+    ends = np.array([x[j] - low[j], high[j] - x[j]])
     for side, sense in enumerate((-1.0, 1.0)):
-        for _ in range(3):  # once by the quadratic, and again where it has missed
+        limit, reach = ends[side], min(half, ends[side])
+        inner, outer = (0.0, -1.0), None  # distances, and the relative excess of the root of the rise there
+        for _ in range(SEARCH):
             at = x.copy()
-            at[j] += sense * ends[side]
-            at[free] += sense * ends[side] * others
+            at[j] += sense * reach
+            at[free] += sense * reach * others
             at = np.clip(at, low, high)
             at = objective.least(at, free, ROUGH) if free.any() else at
             more = float((objective.residual(at) ** 2).sum()) - least
-            gone = abs(at[j] - x[j])
-            if more <= 0.0 or gone < ends[side] * (1.0 - EDGE) or abs(more / rise - 1.0) < 0.1:
+            gap = min(np.sqrt(max(more, 0.0) / rise) - 1.0, 1.0)
+            if abs(gap) < NEARLY or (gap < 0.0 and reach >= limit):
                 break
-            ends[side] = gone * float(np.clip(np.sqrt(rise / more), 0.2, 5.0))
+            inner, outer = ((reach, gap), outer) if gap < 0.0 else (inner, (reach, gap))
+            if outer is None:
+                reach = min(limit, reach / max(1.0 + gap, 0.2))
+            else:
+                reach = inner[0] + (outer[0] - inner[0]) * inner[1] / (inner[1] - outer[1])
+        ends[side] = reach
     return ends
 
 
-def _joined(stages: Sequence[Fitted]) -> Fitted:
-    """One result of the stages, their parameters and tests one after the other."""
-    last = stages[-1]
-    if len(stages) == 1:
-        return last
-    first = stages[0]
+def _with_status(found: Fitted, doubts: Sequence[str]) -> Fitted:
+    doubts = [each for each in (found.wrong, *doubts) if each]
+    return replace(found, status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE)
+
+
+def _joined(first: Fitted, last: Fitted) -> Fitted:
+    """Join the results of two stages, their parameters and tests one after the other."""
     information = scipy.linalg.block_diag(first.information, last.information)
     arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual")
     whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
-    doubts = [s.status.partition(": ")[2] for s in stages if s.status != COMPLETE]
-    return replace(
+    doubts = [s.status.partition(": ")[2].removeprefix(s.wrong).removeprefix("; ") for s in (first, last)]
+    joined = replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,
         **whole, information=information,
         test=np.append(first.test, last.test + len(first.tests)),
-        status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE,
     )  # fmt: skip
+    return _with_status(joined, doubts)

@@ -18,12 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from functools import partial
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.slow_sweep import sweep_of
 from bdamper.continuation.track import track
@@ -38,8 +38,9 @@ from bdamper.problem.aligned import like
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, ModelError, SettingError
 
+T = TypeVar("T")
 FORCE = "force_factor"
 """The parameter by which all excitations differ from those of the tests."""
 NEAR = 5.0
@@ -150,6 +151,8 @@ class Separation:
         (n, 2, n_parameters) derivatives with respect to the parameters.
     lost : (n,) bool
         No response was found.
+    reason : str
+        Error of the solver, if one ended the search.
     """
 
     place: NDArray
@@ -158,6 +161,17 @@ class Separation:
     residual: NDArray
     slopes: Callable[[], NDArray]
     lost: NDArray
+    reason: str = ""
+
+
+def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
+    """Return the result of a computation, or None and the reason if the solver fails; mistakes of the user are raised."""
+    try:
+        return compute(), ""
+    except (SettingError, ModelError):
+        raise
+    except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return None, str(error)
 
 
 def of_test(varied: Variations, test: Test, noise: float) -> Separation:
@@ -169,12 +183,12 @@ def of_test(varied: Variations, test: Test, noise: float) -> Separation:
     normal, points, scale = np.full((n, 2), np.nan), [], []
     residual[:, 0] = LOST
     step = float(np.median(np.diff(np.unique(np.log(f)))))
-    try:
-        curve = track(problem, test.preload, (f.min() * (1.0 - EDGE), f.max() * (1.0 + EDGE)))
-        search = _Swept(problem.system(test.preload), curve, test.sweep)
-    except (BdamperError, FloatingPointError):
-        curve = None
-    for i in range(n) if curve is not None and len(curve) else ():
+    band = f.min() * (1.0 - EDGE), f.max() * (1.0 + EDGE)
+    search, reason = attempt(lambda: _Swept(problem, test, band))
+    if search is None or not len(search.curve):
+        reason = reason if search is None else search.curve.reason
+        return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
+    for i in range(n):
         found, place = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
         if search.jumps(f[i], NEAR * step):
             found = search.nearest(place, np.array([step, noise]))
@@ -211,10 +225,10 @@ def of_test(varied: Variations, test: Test, noise: float) -> Separation:
 class _Swept:
     """Solutions near points of a tracking curve: on the branch of a sweep, and nearest to a measured point."""
 
-    def __init__(self, system: Equations, curve: Curve, direction: str) -> None:
-        self.system, self.curve = system, curve
-        self.sense = 1.0 if direction == "up" else -1.0
-        self.sweep = sweep_of(curve, direction)
+    def __init__(self, problem: Problem, test: Test, band: tuple[float, float]) -> None:
+        self.system, self.curve = system, curve = problem.system(test.preload), track(problem, test.preload, band)
+        self.sense = 1.0 if test.sweep == "up" else -1.0
+        self.sweep = sweep_of(curve, test.sweep)
         self.y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
         top = self.y[int(np.argmax(curve.amplitude))] if len(curve) else np.ones(system.n_unknowns + 1)
         self.scale = system.units(top, float(np.pi * np.ptp(curve.frequency)))
@@ -290,7 +304,10 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     source, least = data.source or "resonances", float(data.load[rest])
     validate.require(least == 0.0, source, "a row of load 0, the reference", f"{least:g} N as the least load")
     measured = np.array([data.amplitude, data.frequency]).T[order] / [data.amplitude[rest], data.frequency[rest]]
-    peaks = {load: highest_peak(problem, load, band) for load in loads}
+    peaks, reasons = {}, []
+    for load in loads:
+        peaks[load], reason = attempt(partial(highest_peak, problem, load, band))
+        reasons += [reason] if reason else []
 
     def reference(problem: Problem) -> NDArray:
         free = linear_peak(problem, band, 0.0, stuck=False)
@@ -300,10 +317,12 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
         return np.log([peak.amplitude, peak.frequency]) - reference(problem)
 
     rows = [peaks[load] for load in data.load[order]]
-    lost = np.array([not peak.converged for peak in rows])
-    width = [abs(p.tangent[-1] * p.scale[-1]) / p.y[-1] / np.sqrt(max(-p.curvature, 1e-300)) for p in rows]
-    units = np.array([[noise, max(w * np.sqrt(2.0 * noise), EDGE)] for w in width])
-    model = np.array([np.full(2, np.nan) if gone else ratio(peak) for peak, gone in zip(rows, lost)])
+    lost = np.array([peak is None or not peak.converged for peak in rows])
+    units, model = np.full((n, 2), noise), np.full((n, 2), np.nan)
+    for i, p in enumerate(rows):
+        if p is not None and p.converged:
+            width = abs(p.tangent[-1] * p.scale[-1]) / p.y[-1] / np.sqrt(max(-p.curvature, 1e-300))
+            units[i, 1], model[i] = max(width * np.sqrt(2.0 * noise), EDGE), ratio(p)
     residual = np.where(lost[:, None], [LOST, 0.0], np.nan_to_num((model - np.log(measured)) / units))
 
     def slopes() -> NDArray:
@@ -314,14 +333,15 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
             own = (reference(above) - reference(below)) / (2.0 * STEP * value)
             if name == FORCE:
                 own = np.array([1.0 / value, 0.0])
-            for i in np.flatnonzero(~lost):
-                family = {name: varied.families(None, rows[i].parameter)[name]}
-                s = sensitivities(rows[i], family)[name]
-                rate = np.nan_to_num([s.amplitude / rows[i].amplitude, s.frequency / rows[i].frequency]) - own
+            for i, p in enumerate(rows):
+                if p is None or lost[i]:
+                    continue
+                s = sensitivities(p, {name: varied.families(None, p.parameter)[name]})[name]
+                rate = np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency]) - own
                 out[i, :, j] = np.where(np.isfinite(measured[i]), rate / units[i], 0.0)
         return out
 
     size, frequency = np.exp(reference(problem))
     place = frequency * np.where(np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1]))
     found, expected = size * measured[:, 0] + 0j, size * np.exp(model[:, 0]) + 0j
-    return Separation(place, found, expected, residual, slopes, lost)
+    return Separation(place, found, expected, residual, slopes, lost, "; ".join(reasons))
