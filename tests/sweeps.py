@@ -36,7 +36,7 @@ class Drawn:
     band: tuple[float, float]
 
     def study(self, **settings: Any) -> bd.Study:
-        """The study of the package."""
+        """Return the study of the package."""
         contacts = [bd.Contact(**contact) for contact in self.contacts]
         return bd.lumped(
             self.mass, self.damping, self.stiffness, contacts=contacts, forces=dict(enumerate(self.forces)),

@@ -3,6 +3,8 @@
 ``python -m benchmarks reached`` does it for 500 drawn studies.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ TWO_MASSES = np.eye(2), 0.05 * np.eye(2), np.array([[1.0, 0.3], [0.3, 2.0]])
 
 
 def rubbing(kn, band):
-    """The blade that rubs on the ground, docs/lumped.md, with a stiffer contact."""
+    """Return the blade that rubs on the ground (docs/lumped.md) with a stiffer contact."""
     return Drawn(*TWO_MASSES, ({**RUBS, "kn": kn},), np.array([0.1, 0.12]), 1, band)
 
 
@@ -43,3 +45,5 @@ def test_a_branch_joined_to_one_end_is_named_and_a_wider_interval_shows_it():
     assert separate.amplitude > 200.0 * curve.peak.amplitude and curve.frequency[curve.apart].max() == 0.54
     assert highest_in_sweeps([wide], periods=1200, steps=64)[0, 1] > 100.0 * curve.peak.amplitude
     assert np.isin(curve.branch[curve.apart], curve.branch[separate.index]).all()
+    broken = replace(curve, point_kind=("regular", *curve.point_kind[1:]))  # no branch leads through, so every one counts
+    assert not broken.separate and broken.peak.amplitude == separate.amplitude

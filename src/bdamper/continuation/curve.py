@@ -200,7 +200,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         return int(np.argmax(np.where(apart & ~apart.all(), -1.0, self.amplitude)))
 
     def _tops(self, numbers: Iterable[int], kind: str) -> tuple[Fold, ...]:
-        """The largest response of each of these branches."""
+        """Return the largest response of each of these branches."""
         on = (np.flatnonzero(self.branch == number) for number in numbers)
         return tuple(self._turn(int(i[np.argmax(self.amplitude[i])]), kind) for i in on)
 
@@ -232,7 +232,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         return np.isin(self.branch, (*self.closed, *(self.branch[top.index] for top in self.separate)))
 
     def higher(self, amplitude: float) -> str:
-        """Separate branches that are higher than an amplitude (m), in words; empty without one."""
+        """Name the separate branches that are higher than an amplitude (m); empty without one."""
         tops = (top for top in self.separate if top.amplitude > amplitude)
         ends = ((top, self.frequency[self.branch == self.branch[top.index]][0]) for top in tops)
         return "; ".join(
@@ -248,7 +248,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
 
     @property
     def peak(self) -> Fold:
-        """The largest response, also where it is no maximum (``peak_at_end``); not of closed or separate branches."""
+        """The largest response without closed and separate branches, even if it is no maximum (``peak_at_end``)."""
         return self._turn(self._highest(), "highest, no peak" if self.peak_at_end else "peak")
 
     @property
