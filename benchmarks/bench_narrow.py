@@ -66,7 +66,7 @@ def run(number: int) -> dict[str, Any]:
     band = max(low, bottom), min(high, bottom + part * (high - low))
     narrow = study.track(preload, band)
     end = time.process_time()
-    ratio = narrow.peak.amplitude / wide.peak.amplitude if len(narrow) else 0.0
+    ratio = narrow.amplitude.max(initial=0.0) / wide.peak.amplitude
     told = any("outside" in part.why for part in narrow.left_out)
     return {
         "number": number, "scene": text, "wide": [round(f, 3) for f in (low, high)], "band": [float(f) for f in band],

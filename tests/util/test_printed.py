@@ -172,7 +172,7 @@ class TestBottomLine:
 
     def test_of_curves_and_peaks(self, study, curve, peak):
         top = f"{amount(curve.peak.amplitude, 'm')} at {amount(curve.peak.frequency, 'Hz')}"
-        assert str(curve).startswith(f"Resonance of {top} under a preload of 8 kN.")
+        assert str(curve).startswith(f"Resonance of {top} under a preload of 8 kN. Not checked in time.")
         assert "A slow sweep of frequency jumps by up to" in curve.bottom_line()
         end = study.track(2000.0, (360.0, 380.0))
         assert "an end of the curve (360 Hz to 380 Hz) and is not a peak" in end.bottom_line()

@@ -9,6 +9,7 @@ is the plain rule of one fold after another; ``stable``, where it was computed, 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -40,6 +41,8 @@ from bdamper.util.tables import (
 from bdamper.util.text import amount, height, preloaded
 
 HIGHEST = "Highest response"
+NOT_IN_TIME = "Not checked in time."
+"""Of a highest point from which no integration in time has begun."""
 
 
 @brief
@@ -53,9 +56,9 @@ class Fold:
     amplitude : float, m
     index : int
         Of the point in the curve.
-    kind : {"fold", "peak", "highest, no peak", "detached"}
+    kind : {"fold", "peak", "highest, no peak", "detached", "separate"}
         "highest, no peak" is the largest response at an end of the curve, where it is no maximum, "detached" that of a
-        closed branch.
+        closed branch, "separate" that of a branch that enters and leaves at the same end of the interval.
     """
 
     frequency: float
@@ -153,7 +156,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     blades: Annotated[NDArray, Quantity("m", dims=(ROW, "blade", "harmonic"))] | None = None
     _told = (
         "preload", "kind", "status", "peak.kind", "peak.amplitude", "peak.frequency", "at_peak", "unstable",
-        "stability_note", "folds", "left_out", "detached", "error",
+        "stability_note", "folds", "left_out", "detached", "separate", "error",
     )  # fmt: skip
 
     @property
@@ -183,28 +186,69 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         gaps = [(part.low, part.high) for part in self.left_out if part.why == NO_SOLUTION]
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
-    def _jump(self, fold: Fold) -> tuple[float, float]:
+    def _jump(self, fold: Fold, reached: NDArray) -> tuple[float, float]:
         """Distance (m) of the response at a fold from the nearest other one at its frequency, 0 without; and that."""
         away = np.abs(np.arange(len(self) - 1) - fold.index + 0.5) > 1.0
-        joined = away & (np.diff(self.branch) == 0)
+        joined = away & (np.diff(self.branch) == 0) & reached[1:]
         _, met = crossed(self.frequency, self.amplitude, fold.frequency, joined)
         return float(min(np.abs(met - fold.amplitude), default=0.0)), fold.frequency
 
     def _highest(self) -> int:
         if not len(self):
             raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
-        apart = np.isin(self.branch, self.closed)
+        apart = self.apart
         return int(np.argmax(np.where(apart & ~apart.all(), -1.0, self.amplitude)))
+
+    def _tops(self, numbers: Iterable[int], kind: str) -> tuple[Fold, ...]:
+        """Return the largest response of each of these branches."""
+        on = (np.flatnonzero(self.branch == number) for number in numbers)
+        return tuple(self._turn(int(i[np.argmax(self.amplitude[i])]), kind) for i in on)
 
     @property
     def detached(self) -> tuple[Fold, ...]:
         """The largest response of each closed branch, which does not count for the peak."""
-        on = (np.flatnonzero(self.branch == number) for number in self.closed)
-        return tuple(self._turn(int(i[np.argmax(self.amplitude[i])]), "detached") for i in on)
+        return self._tops(self.closed, "detached")
+
+    @property
+    def separate(self) -> tuple[Fold, ...]:
+        """The largest response of each branch that enters and leaves at the same end of the interval.
+
+        It does not count for the peak if another branch leads from end to end: a slow sweep within the interval stays on
+        that one.  A sweep that begins beyond the end may follow the separate branch; a wider interval shows it.
+        """
+        same_end = 1e-6  # relative difference of frequencies
+        through: list[int] = []
+        back: list[int] = []
+        for number in np.unique(self.branch):
+            i, j = np.flatnonzero(self.branch == number)[[0, -1]]
+            if self.point_kind[i] == self.point_kind[j] == "end":
+                same = np.isclose(self.frequency[i], self.frequency[j], rtol=same_end, atol=0.0)
+                (back if same else through).append(int(number))
+        return self._tops(back if through else (), "separate")
+
+    @property
+    def apart(self) -> NDArray:
+        """(n,) bool: points on closed and separate branches, which do not count for the peak."""
+        return np.isin(self.branch, (*self.closed, *(self.branch[top.index] for top in self.separate)))
+
+    def higher(self, amplitude: float) -> str:
+        """Name the separate branches that are higher than an amplitude (m); empty without one."""
+        tops = (top for top in self.separate if top.amplitude > amplitude)
+        ends = ((top, self.frequency[self.branch == self.branch[top.index]][0]) for top in tops)
+        return "; ".join(
+            f"higher on a separate branch that enters and leaves at {amount(end, 'Hz', 4)}: "
+            f"{height(top.amplitude, top.frequency, 4)}, widen the interval" for top, end in ends
+        )  # fmt: skip
+
+    @property
+    def out_of_reach(self) -> NDArray:
+        """(n,) bool: points on closed branches, and on separate ones that are higher than the peak."""
+        above = (self.branch[top.index] for top in self.separate if top.amplitude > self.peak.amplitude)
+        return np.isin(self.branch, (*self.closed, *above))
 
     @property
     def peak(self) -> Fold:
-        """The largest response of branches that do not close, also where it is no maximum (``peak_at_end``)."""
+        """The largest response without closed and separate branches, even if it is no maximum (``peak_at_end``)."""
         return self._turn(self._highest(), "highest, no peak" if self.peak_at_end else "peak")
 
     @property
@@ -267,7 +311,13 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         out = [f"{HIGHEST if self.peak_at_end else what} of {height(top.amplitude, top.frequency)}{load}."]
         if self.peak_at_end:
             out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")
-        size, at = max((self._jump(fold) for fold in self.folds), default=(0.0, 0.0))
+        if higher := self.higher(top.amplitude):
+            out.append(f"The response is {higher}.")
+        if self.kind in ("tracking", "run-up"):
+            checked = self.in_time is not None and np.isfinite(self.in_time[top.index])
+            out.append(f"In time it is {self.labels[top.index]}." if checked else NOT_IN_TIME)
+        reached = ~self.out_of_reach
+        size, at = max((self._jump(fold, reached) for fold in self.folds if reached[fold.index]), default=(0.0, 0.0))
         if size > 0.01 * top.amplitude:  # smaller ones are not seen in a picture
             out.append(f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}.")
         if not self.complete:

@@ -1,10 +1,10 @@
 """The highest point of a response curve: one definition for peaks, optimal curves, margins and curves along a line.
 
-It is the greatest maximum of the response over the branches that are *connected* with an end of the interval: at smooth
-maxima, at corners, at folds, and where the mean position drifts.  An end of the interval is no maximum, it may be a flank
-of the next resonance: it counts only where there is no maximum at all, and is told where it is higher.  Closed branches do
-not count; ``Curve.detached`` names the highest point of each.  A branch within the interval that does not close fills what
-the paths from the ends have left, and counts.
+It is the greatest maximum of the response over the branches that count: at smooth maxima, at corners, at folds, and where
+the mean position drifts.  An end of the interval is no maximum, it may be a flank of the next resonance: it counts only
+where there is no maximum at all, and is told where it is higher.  Closed branches do not count, and if a branch leads from
+end to end of the interval, those that enter and leave at the same end do not (``Curve.apart``); ``Curve.detached`` and
+``Curve.separate`` name the highest point of each.  Any other branch counts, also one whose path broke off.
 
 Points of a curve are converged, but may be coarse.  So the highest ones are refined: smooth maxima by their own equations
 (:func:`bdamper.peaks.newton.find_peak`), others by a corrector at the point itself.
@@ -72,7 +72,7 @@ class Highest:
     exact : bool
         Whether the place is known to the tolerance of the options: not that of a corner that no search has ended at.
     note : str
-        Where an end of the interval is higher than the highest maximum.
+        Where an end of the interval, or a separate branch, is higher than the highest maximum.
     """
 
     peak: Peak
@@ -80,6 +80,11 @@ class Highest:
     index: int
     exact: bool = True
     note: str = ""
+
+    @property
+    def status(self) -> str:
+        """Status of the peak; "incomplete" with the reason at an end of the interval."""
+        return because(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note)))) if self.kind == "end" else self.peak.status
 
 
 def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | None = None) -> Highest:
@@ -100,7 +105,8 @@ def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | 
     """
     search = _Refined(system, curve, options or PeakOptions())
     amplitude, tops = curve.amplitude, _tops(curve.amplitude, curve.point_kind, curve.branch)
-    counted = [i for i in tops if curve.branch[i] not in curve.closed]
+    apart = curve.apart
+    counted = [i for i in tops if not apart[i]]
     if not counted:
         raise BdamperError("the response curve has no point that is connected with an end of the interval")
     within = [i for i in counted if not search.at_end(i)]
@@ -110,10 +116,12 @@ def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | 
         if amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
             break
         best = max(best, search.at(i), key=lambda found: found.peak.amplitude)
-    note, top = "", counted[0]
+    notes, top = [], counted[0]
     if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
-        note = f"higher at an end of the interval: {height(amplitude[top], curve.frequency[top], 4)}"
-    return replace(best, note=note)
+        notes.append(f"higher at an end of the interval: {height(amplitude[top], curve.frequency[top], 4)}")
+    if higher := curve.higher(best.peak.amplitude):
+        notes.append(higher)
+    return replace(best, note="; ".join(notes))
 
 
 def maxima(system: Equations, curve: Curve, share: float = 0.0) -> tuple[Peak, ...]:
@@ -259,7 +267,7 @@ class AtPreload:
             own = NOT_FOUND if self.top is None else INCOMPLETE
             return because(own, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{own}: "))
         if self.top.kind == "end":
-            return because(INCOMPLETE, AT_END)
+            return self.top.status
         return because(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
 
     def record(self) -> dict[str, Any]:
@@ -356,9 +364,9 @@ def highest_peak(
             f"ended as: {found.status}"
         )
     settings = problem.record() | {"frequency": list(frequency)}
-    status = because(INCOMPLETE, AT_END) if found.top.kind == "end" else found.top.peak.status
     return replace(
-        found.top.peak, cost=found.cost, scan=found.status, status=status, settings=settings, model_hash=problem.model.hash
+        found.top.peak, cost=found.cost, scan=found.status, status=found.top.status, settings=settings,
+        model_hash=problem.model.hash,
     )  # fmt: skip
 
 

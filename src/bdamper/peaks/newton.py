@@ -24,6 +24,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.curve import NOT_IN_TIME
 from bdamper.continuation.events import Step
 from bdamper.continuation.follower import Follower
 from bdamper.continuation.path import AtLeastTwo, ContinuationOptions
@@ -142,11 +143,11 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
     def bottom_line(self) -> str:
         if not self.converged:
-            at_end = f": {height(self.amplitude, self.frequency)}" if word(self.status) == INCOMPLETE else ""
-            return f"No peak: {self.status}{at_end}."
+            top = f" The highest response is {height(self.amplitude, self.frequency)}."
+            return f"No peak: {self.status}.{top if word(self.status) == INCOMPLETE else ''}"
         load = f" under {preloaded(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
         open_ = "" if self.scan in ("", "complete") else f" There may be a higher one, the curve ended as: {self.scan}."
-        return f"Resonance of {height(self.amplitude, self.frequency)}{load}.{open_}"
+        return f"Resonance of {height(self.amplitude, self.frequency)}{load}. {NOT_IN_TIME}{open_}"
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
+from bdamper.continuation.curve import NOT_IN_TIME, Curve
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.problem.asked import Asking
 from bdamper.problem.problem import Problem
@@ -283,7 +283,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         per = f" ({shares}){per}" if shares else per
         where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")
         out = [f"Optimum: {where}. Peak {height(o.amplitude, o.frequency)}{gain}."]
-        out += [self._said_of(kept) for kept in self.kept]
+        out += [self._said_of(kept) for kept in self.kept] or [NOT_IN_TIME]
         if least := self.least_in_time:
             last = least in (self._known[0], self._known[-1])
             beyond = ", the last preload on that side: it may be lower beyond" if last else ""

@@ -197,10 +197,10 @@ def growth(march: March, window: int, least: float = 0.1 * RULES.seed) -> tuple[
 
 
 class Levels:
-    """The amplitudes (m) of a tracking curve over frequency, branches that close on themselves aside."""
+    """The amplitudes (m) of a tracking curve over frequency, without closed branches and separate ones above its peak."""
 
     def __init__(self, curve: Curve) -> None:
-        points = np.flatnonzero(~np.isin(curve.branch, curve.closed))
+        points = np.flatnonzero(~curve.out_of_reach)
         self.frequency, self.amplitude, self.branch, self.unknowns = (
             np.asarray(x)[points] for x in (curve.frequency, curve.amplitude, curve.branch, curve.unknowns)
         )
