@@ -29,7 +29,7 @@ def main() -> None:
                 study.track(preload, (250.0, 400.0))
                 curves = [study.track(preload, (250.0, 400.0)) for _ in range(REPEATS)]
                 seconds = statistics.median(c.cost.seconds for c in curves)
-                outside = statistics.median(c.cost.python / c.cost.seconds for c in curves)
+                outside = statistics.median(c.cost.python / c.cost.processor for c in curves)
                 print(
                     f"| {points} | {harmonics} | {preload:g} N | {len(curves[0])} | {seconds:.3f} | {100 * outside:.0f} % |"
                 )

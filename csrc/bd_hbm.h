@@ -27,7 +27,7 @@ typedef struct {
 } bd_hbm_input;
 
 typedef struct {
-    double contact, assembly, algebra; /* seconds of wall-clock time */
+    double contact, assembly, algebra; /* seconds of wall-clock time, which the caller scales to those of the processor */
     double processor;                  /* processor seconds, counted by the caller */
     long n_evaluation, n_jacobian, n_factorisation, n_least_norm;
 } bd_cost;

@@ -245,3 +245,28 @@ def test_two_branches_that_meet_an_end_of_the_interval_apart_by_rounding_are_bot
         point_kind=kinds, branch=branch, shares=curve.shares[:1].repeat(len(both), axis=0),
     )  # fmt: skip
     assert highest_of_curve(system, twice).kind == "end"
+
+
+def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
+    """Two masses with contacts that stick: a curve that ends before it has reached the higher of both resonances."""
+    mass, stiffness = np.diag([1.0, 0.3]), np.array([[2.0, -0.6], [-0.6, 0.6]])
+    held = bd.Contact(tangential=1, kt=0.05, mu=0.5, preload=1e4)
+    study = bd.lumped([1.0, 0.3], 0.02 * stiffness, stiffness, contacts=[held], forces={0: 1.0}, response=1, harmonics=1)
+    f = np.linspace(0.12, 0.4, 200_001)
+    whole = stiffness + np.diag([0.0, held.kt])
+    s = 2j * np.pi * f[:, None, None]
+    det = np.linalg.det(whole + s**2 * mass + s * 0.02 * stiffness)
+    x = np.abs((0.6 + 0.02 * 0.6 * 2j * np.pi * f) / det)  # of the second mass, by Cramer's rule
+    tops = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])) + 1
+    assert len(tops) == 2
+    peak = study.peak(0.0, (0.12, 0.4))
+    assert peak.status == peak.scan == "complete" and peak.amplitude == pytest.approx(x.max(), rel=1e-6)
+    module, options = sys.modules["bdamper.peaks.highest"], bd.ContinuationOptions(budget=60)
+    for name in ("coarse_options", "ContinuationOptions"):
+        monkeypatch.setattr(module, name, lambda: options)
+    part = study.peak(0.0, (0.12, 0.4))
+    assert part.status == part.scan and part.status.startswith("incomplete: ") and part.amplitude < 0.9 * x.max()
+    assert "There may be a higher one, the curve ended as: incomplete: " in part.bottom_line()
+    known = replace(peak, status=part.status, scan=part.scan)  # it remains a solution of the equations
+    assert known.converged and "Resonance of" in known.bottom_line()
+    assert np.isfinite(study.peak_sensitivities(known, ["friction_coefficient"])["friction_coefficient"].amplitude)

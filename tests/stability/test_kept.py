@@ -130,7 +130,7 @@ def test_where_a_march_fails_nothing_is_kept(bent, monkeypatch, calls):
 def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
     study, curve = bent
     visit = room.Walk.visit
-    monkeypatch.setattr(room.Walk, "visit", lambda *given: visit(*given)._replace(stays=False))
+    monkeypatch.setattr(room.Walk, "visit", lambda *given, **asked: visit(*given, **asked)._replace(stays=False))
     found = study.with_(harmonics=5).march(curve)
     assert " in time where the balance has " in found.status and found.status.endswith("use more harmonics")
     said = "At 0 N the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: at "
@@ -173,7 +173,8 @@ def test_nodal_diameters_that_a_model_does_not_carry_are_said(bent, monkeypatch)
     study, curve = bent
     ring = SimpleNamespace(nodal_diameters=(0, 5), n=13, cost=Cost())
     monkeypatch.setattr(room, "ring_of", lambda *_: ring)
-    monkeypatch.setattr(room.Walk, "go", lambda *_: None)
+    for name in ("go", "from_tip"):
+        monkeypatch.setattr(room.Walk, name, lambda *_: None)
     monkeypatch.setattr(room.Walk, "best", lambda _: room.Place(11.0, np.ones(80), True, None))
     monkeypatch.setattr(room.Walk, "others", lambda *_: None)
     monkeypatch.setattr(room.Walk, "open_end", lambda *_: "")

@@ -1,5 +1,8 @@
 """What a result has cost: wall-clock and processor time, counts of the core, old files."""
 
+import os
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -24,6 +27,47 @@ def clocks(monkeypatch):
 def test_waiting_costs_no_processor_time(clocks):
     cost = CostMeter(40.0, processor_start=9.5).read()
     assert (cost.seconds, cost.processor) == (60.0, 0.5)
+
+
+@pytest.fixture
+def crowded():
+    """One processor for this process and three that never rest, so that it waits for three quarters of the time."""
+    if not hasattr(os, "sched_setaffinity"):
+        pytest.skip("no choice of the processor on this system")
+    own = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(own)})
+    others = [subprocess.Popen([sys.executable, "-c", "print(flush=True)\nwhile True: pass"], stdout=subprocess.PIPE)
+              for _ in range(3)]  # fmt: skip
+    for other in others:
+        other.stdout.readline()
+    yield
+    for other in others:
+        other.kill()
+        other.communicate()
+    os.sched_setaffinity(0, own)
+
+
+def test_no_part_counts_time_in_which_the_thread_waits(crowded):
+    """The parts of a call are at most its processor time; on the wall clock they take several times as much."""
+    study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
+    equations = study.problem.system(200.0)
+    y, r = np.full(equations.n_unknowns + 1, 1e-6), np.zeros(equations.n_unknowns)
+    y[-1], n = 1900.0, len(r)
+    J, wall, own = np.zeros((n, n)), time.perf_counter(), time.thread_time()
+    before = equations.core.cost
+    while time.thread_time() - own < 0.3:
+        equations.core.evaluate(y, r, J)
+    wall, own, after = time.perf_counter() - wall, time.thread_time() - own, equations.core.cost
+    parts = after.contact + after.assembly - before.contact - before.assembly
+    assert 0.1 * (after.processor - before.processor) < parts <= (1.0 + 1e-9) * (after.processor - before.processor) <= own
+    assert wall > 2.0 * own, "the fixture leaves the thread to itself"
+
+
+def test_integration_in_time_is_a_part_of_its_own(crowded):
+    study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
+    cost = study.settle(study.track(200.0, (280.0, 320.0)), 300.0, periods=30).cost
+    assert cost.contact == cost.assembly == 0.0 < cost.march <= cost.core < cost.processor < cost.seconds
+    assert cost.python == cost.processor - cost.core and f", march {cost.march:.3f}, Python {cost.python:.3f};" in str(cost)
 
 
 def test_a_meter_sums_systems_and_parts(clocks):

@@ -28,6 +28,7 @@ from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import (
+    AT_END,
     LOOSEST,
     Peak,
     PeakOptions,
@@ -42,7 +43,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import typed
-from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND, because
+from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND, because, word
 from bdamper.util.text import height
 
 NEAR = 3e-3
@@ -53,8 +54,6 @@ the frequency, at an end of the interval."""
 REACH = 0.3
 """Distance, relative to the vibration, within which the maximum of a point is looked for: twice a step of a curve; and that
 of a peak between the peaks of two preloads."""
-AT_END = "highest at an end of the interval, without a maximum in it"
-"""What an ending says where the highest point is no maximum."""
 
 
 @dataclass(frozen=True)
@@ -364,8 +363,9 @@ def highest_peak(
             f"ended as: {found.status}"
         )
     settings = problem.record() | {"frequency": list(frequency)}
+    status = found.top.status if word(found.status) == COMPLETE else found.status
     return replace(
-        found.top.peak, cost=found.cost, scan=found.status, status=found.top.status, settings=settings,
+        found.top.peak, cost=found.cost, scan=found.status, status=status, settings=settings,
         model_hash=problem.model.hash,
     )  # fmt: skip
 

@@ -46,6 +46,8 @@ DIFFERENCE = 1e-5
 """Relative step of the central differences in sensitivities."""
 FAR = "a peak far from its prediction"
 ANOTHER = "a solution on another part of the curve, by the sign of det J"
+AT_END = "highest at an end of the interval, without a maximum in it"
+"""Reason of a highest point that is no maximum."""
 LOOSEST = ContinuationOptions().tolerance
 """Residual at most that counts as rounding, as along curves."""
 
@@ -105,7 +107,8 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     corner : bool
         The curve has a corner at the peak: slopes on both sides differ in sign but do not vanish.
     status : str
-        "complete"; "incomplete: ..." for the end of an interval that holds no maximum, or "not found: ..." with the reason.
+        "complete"; "incomplete: ..." for the end of an interval that holds no maximum, or if ``scan`` is incomplete; "not
+        found: ..." with the reason.
     cost : Cost, optional
     scan : str
         How the curve ended on which it is the highest peak, if there is one: unless "complete", there may be a higher one.
@@ -135,7 +138,8 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
     @property
     def converged(self) -> bool:
-        return self.status == COMPLETE
+        """Whether this is a maximum that solves the equations, even if an incomplete curve may have a higher one."""
+        return self.status == COMPLETE or (word(self.status) == INCOMPLETE and AT_END not in self.status)
 
     def facts(self) -> tuple[Fact, ...]:
         """The peak and how far it is to be trusted; nothing but the reason where none was found."""

@@ -5,7 +5,8 @@ contacts open, or where a fold is near, it often does not: motions beat, and fal
 it.  So a march starts beside the tip, where no lower solution exists at the same frequency, and goes toward it in quarters
 of the half width of the resonance, each step from the motion before.  After each step the motion *stays* if the mean of its
 last periods is nearer to this branch than to the next lower solution and does not drift.  Where it falls the last step is
-halved twice, and around the highest place the steps are halved down to :attr:`Rules.fine`.
+halved twice, and around the highest place the steps are halved down to :attr:`Rules.fine`.  If all places remain lower than
+the tip, one march starts from the solution there; its motion is the answer if it stays higher.
 
 **All blades.**  An amplitude is that of the highest blade.  Blades of a tuned wheel need not vibrate alike, and a symmetric
 motion would part from rounding alone: waves of every nodal diameter are added at the first place and once more at the
@@ -30,7 +31,7 @@ from bdamper.continuation.curve import Curve, crossed
 from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
-from bdamper.stability.march import March, to_come
+from bdamper.stability.march import March, second_half, to_come
 from bdamper.stability.time_integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -262,34 +263,54 @@ class Walk:
     levels : Levels
     steps : int
         Of a period.
+
+    Attributes
+    ----------
+    fall : float, Hz
+        Where the motion of the last place falls; NaN if it does not.
+    below : float, m
+        Highest mean of the places before a higher motion was started at the tip, 0 without any; NaN without this motion.
     """
 
     def __init__(self, ring: Ring, levels: Levels, steps: int) -> None:
         self.ring, self.levels, self.steps = ring, levels, steps
         self.places: list[Place] = []
         self.answers: dict[str, float] = {}
-        self.fall = float("nan")
+        self.fall = self.below = float("nan")
         self.astray = ""
         self.periods = 0
 
-    def visit(self, frequency: float, start: NDArray | Motion, own: float, finer: int = 1, long: bool = False) -> Place:
-        """March at one frequency until a motion near the level ``own`` (m) stays or has fallen."""
+    def visit(
+        self, frequency: float, start: NDArray | Motion, own: float, finer: int = 1, long: bool = False, limit: float = 0.0
+    ) -> Place:
+        """March at a frequency until a motion near the level ``own`` (m) stays or has fallen, below ``limit`` if given."""
         march = March(self.ring, TWO_PI * frequency, start, finer * self.steps)
         lower = self.levels.lower(frequency, own)
-        place = stay(march, own, max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own), not lower, long or finer > 1)
+        limit = limit or max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own)
+        place = stay(march, own, limit, not lower, long or finer > 1)
         self.periods += len(march.harmonics)
         return place
 
+    def solution(self, frequency: float) -> Motion:
+        """Return the solution of the highest level next to a frequency, with disturbances."""
+        motion = self.ring.start(self.levels.start(frequency), TWO_PI * frequency, self.steps)
+        return self.ring.seeded(motion, RULES.seed, 0)
+
     def go(self, start: float, step: float) -> None:
-        """From the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
-        own, tip, ends = self.levels.at(start)[0], self.levels.frequency[self.levels.top], self.levels.frequency
-        motion = self.ring.start(self.levels.start(start), TWO_PI * start, self.steps)
-        here = self.visit(start, self.ring.seeded(motion, RULES.seed, 0), own)
-        if not here.stays:
-            at, has = f"at {start:.6g} Hz, beside the peak,", f"where the balance has {amount(own, 'm')}"
-            falls = f"{at} a blade comes to {amount(here.mean, 'm')} in time {has}: use more harmonics"
-            gains = f"{at} the march grows to {amount(here.mean, 'm')} {has}, an error of its steps and no motion"
-            self.astray = falls if here.mean <= RULES.grown * own else f"{gains}: use more steps_per_period"
+        """March from the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
+        own = self.levels.at(start)[0]
+        here = self.visit(start, self.solution(start), own)
+        if here.stays:
+            self.on(here, step)
+            return
+        self.fall, at, has = start, f"at {start:.6g} Hz, beside the peak,", f"where the balance has {amount(own, 'm')}"
+        falls = f"{at} a blade comes to {amount(here.mean, 'm')} in time {has}: use more harmonics"
+        gains = f"{at} the march grows to {amount(here.mean, 'm')} {has}, an error of its steps and no motion"
+        self.astray = falls if here.mean <= RULES.grown * own else f"{gains}: use more steps_per_period"
+
+    def on(self, here: Place, step: float) -> None:
+        """Follow a motion that stays in steps (Hz) until it falls, or is past the tip and low."""
+        tip, ends = self.levels.frequency[self.levels.top], self.levels.frequency
         while here.stays:
             self.places.append(here)
             beyond = (here.frequency - tip) * np.sign(step) > 0.0
@@ -299,13 +320,34 @@ class Walk:
                 return
             here = self.follow(here, following)
         self.fall = here.frequency
-        for _ in range(2 * bool(self.places)):
+        for _ in range(2):
             last = self.places[-1]
             here = self.follow(last, 0.5 * (last.frequency + self.fall))
             if here.stays:
                 self.places.append(here)
             else:
                 self.fall = here.frequency
+
+    def from_tip(self, step: float) -> None:
+        """Start from the solution at the tip if no place is as high, and go on (step in Hz) if its motion stays higher.
+
+        A motion that falls on the way to the tip does not show that none stays there.
+        """
+        frequency, own = (float(x[self.levels.top]) for x in (self.levels.frequency, self.levels.amplitude))
+        highest = max((p.mean for p in self.places), default=0.0)
+        if highest >= (1.0 - RULES.settled) * own:
+            return
+        limit = (1.0 + RULES.drift) * highest
+        march = March(self.ring, TWO_PI * frequency, self.solution(frequency), self.steps)
+        march.run(RULES.stretched(march.memory).brief)
+        self.periods += len(march.harmonics)
+        if second_half(march.amplitude).mean() <= limit:
+            return
+        here = self.visit(frequency, march.motion, own, limit=limit)
+        if here.stays:
+            self.below, self.fall, self.astray = highest, float("nan"), ""
+            self.on(here, step)
+            self.refine()
 
     def refine(self) -> None:
         """Add places around the highest one, between it and its neighbours, from its motion with disturbances."""
@@ -461,6 +503,7 @@ def kept(
         try:
             walk.go(start, -step / 4.0)
             walk.refine()
+            walk.from_tip(-step / 4.0)
             best = walk.best()
             if best is not None:
                 walk.others(best, starts)
@@ -491,9 +534,12 @@ def _found(none: Marched, walk: Walk, best: Place | None, part: str, interrupted
         around = np.append(around, answers)
     carried, all_ = len(walk.ring.nodal_diameters), walk.ring.n // 2 + 1
     short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
+    other = f"comes to {amount(walk.below, 'm')}" if walk.below else "falls"
+    tip = f"started at the peak of the balance; along the curve the motion {other}" if best.mean > walk.below else ""
+    said = "; ".join(filter(None, (tip, short)))
     found = replace(
         none, mean=best.mean, lowest=float(around.min()), highest=float(around.max()), frequency=best.frequency,
-        status=INTERRUPTED if interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, short),
+        status=INTERRUPTED if interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, said),
     )  # fmt: skip
     return found if best.march is None else replace(found, **of_blades(best.march, len(best.amplitude)))
 

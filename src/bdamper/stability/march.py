@@ -19,8 +19,8 @@ After every 16 periods :func:`judged` looks whether one of these holds:
 * **Settled.**  The mean of 16 periods has changed by less than 1 % within 80 periods, and no faster in their second half
   than in the first.  It agrees if the mean of these 80 is within the tolerance, and nine periods of ten within twice that;
   what the slowest mode may still add must not change the answer.
-* **Wanders.**  Farther than that in the last 80 periods, by more than what the slowest mode leaves of the distance in the
-  80 before: it does not agree.
+* **Wanders.**  Farther than that in the last 80 periods, and both the largest distance and the range are larger than the
+  slowest mode leaves of those in the 80 before: it does not agree.
 
 The march itself is that of ``bdamper.stability.time_integration.Ring``, the only place that knows its kernel.  Friction and
 closed contacts give no more energy than their springs hold, so the energy of a motion is at most what it began with and
@@ -241,11 +241,11 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     spread = f"{100.0 * recent.min():+.2g} to {100.0 * recent.max():+.2g} %"
     settled = abs(drift) < BOUNDS.drift and not grows
     if settled and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
-        reach = f", {spread}" if np.ptp(recent) > BOUNDS.drift else ""
-        text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{reach}"
+        shown = f", {spread}" if np.ptp(recent) > BOUNDS.drift else ""
+        text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
         return AGREES if stays and within else DIFFERS, text
-    decayed = min(1.0, 1.1 * np.exp(-span / memory)) * np.abs(earlier).max()
-    if n >= 2 * span and not stays and np.abs(recent).max() > decayed:
+    sizes, before = (np.array([np.abs(x).max(), np.ptp(x)]) for x in (recent, earlier))
+    if n >= 2 * span and not stays and (sizes > min(1.0, 1.1 * np.exp(-span / memory)) * before).all():
         return DIFFERS, f"wanders, {spread} within {span} periods"
     return UNDECIDED, (
         f"{100.0 * last:+.2g} %, changed by {100.0 * drift:+.2g} % within {span} periods; a transient takes "

@@ -317,7 +317,7 @@ class Ring:
             If the contact forces of a step are not found, not even when it is halved six times.
         """
         count = n_steps * periods if steps is None else steps
-        started = time.perf_counter()
+        started = time.thread_time()
         given = (*motion[:3], np.zeros_like(motion.q) if motion.a is None else motion.a)
         q, v, w, a = (np.array(x[None], float, order="C") for x in given)  # the core takes several states
         harmonics = np.zeros((1, count // n_steps, len(self.rows), self.system.n_harmonics + 1), complex)
@@ -330,7 +330,7 @@ class Ring:
         self.effort = self.effort + effort
         cost = self.cost
         self.cost = replace(
-            cost, contact=cost.contact + time.perf_counter() - started, evaluations=cost.evaluations + count + 1
+            cost, march=cost.march + time.thread_time() - started, evaluations=cost.evaluations + count + 1
         )
         if status:
             raise MarchFailed(

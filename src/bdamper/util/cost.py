@@ -30,9 +30,10 @@ class Cost:
     seconds : float
         Wall-clock time in all.
     processor : float
-        Processor seconds of the thread that did the work.  0 in files of versions that did not count them.
-    contact, assembly, algebra : float
-        Wall-clock seconds in the C core: contact forces, modal sums and products, linear algebra.
+        Processor seconds of the threads that did the work.  0 in files of versions that did not count them.
+    contact, assembly, algebra, march : float
+        Parts of these in the C core: contact forces, modal sums and products, linear algebra, integration in time.
+        Wall-clock seconds, with the integration in ``contact``, in files of versions up to 0.7.
     evaluations, jacobians, factorisations : int
     iterations, failed_steps : int
     least_norm : int
@@ -56,16 +57,17 @@ class Cost:
     failed_steps: int = 0
     least_norm: int = 0
     work: float = 0.0
+    march: float = 0.0
 
     @property
     def core(self) -> float:
-        """Seconds inside the C core."""
-        return self.contact + self.assembly + self.algebra
+        """Processor seconds inside the C core."""
+        return self.contact + self.assembly + self.algebra + self.march
 
     @property
     def python(self) -> float:
-        """Seconds outside the C core."""
-        return max(0.0, self.seconds - self.core)
+        """Processor seconds outside the C core."""
+        return max(0.0, self.processor - self.core)
 
     def __add__(self, other: Cost) -> Cost:
         """What both have taken, one after the other."""
@@ -75,7 +77,7 @@ class Cost:
         processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
         return (
             f"{self.seconds:.3f} s{processor}: contact {self.contact:.3f}, "
-            f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, Python {self.python:.3f}; "
+            f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, march {self.march:.3f}, Python {self.python:.3f}; "
             f"{self.evaluations} evaluations, {self.iterations} iterations, {self.failed_steps} failed steps"
         )
 
