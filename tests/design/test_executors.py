@@ -90,7 +90,7 @@ def test_an_error_of_the_question_itself_is_not_that_of_the_executor():
     def wrong(study, preload):
         raise RuntimeError("of the question")
 
-    with ThreadPoolExecutor(1) as pool, pytest.raises(RuntimeError, match="^of the question$"):
+    with ThreadPoolExecutor(1) as pool, pytest.raises(RuntimeError, match=r"^of the question$"):
         bd.sweep(pressed(), {"preload": [1.0]}, wrong, executor=pool)
 
 

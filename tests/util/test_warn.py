@@ -65,7 +65,8 @@ def test_a_reader_leaves_the_warnings_of_others(tmp_path):
 
     (tmp_path / "file").write_text("")
     said = [f"warning {k}" for k in range(50)]
-    assert heard_beside(lambda: read(tmp_path / "file"), pause, lambda: [warnings.warn(t, stacklevel=1) for t in said]) == said
+    heard = heard_beside(lambda: read(tmp_path / "file"), pause, lambda: [warnings.warn(t, stacklevel=1) for t in said])
+    assert heard == said
 
 
 def test_all_diameters_are_made_without_warnings_and_leave_those_of_others(monkeypatch):

@@ -121,7 +121,7 @@ class Answers:
         Thread(target=self._work, daemon=True).start()
 
     def ask(self, question: Question | None) -> None:
-        """Take a question in place of any that waits or is being answered; None ends the thread and all its work."""
+        """Replace the question that waits or is being answered; None ends the thread and all its work."""
         with self.changed:
             self.wanted = question
             self.stop.set()

@@ -82,7 +82,7 @@ def explore(study: Study, *, source: str = "# study: the one that is explored") 
     hosts: set[str] = set()
 
     class Loopback(access.NullAuth):  # type: ignore[misc, name-defined]
-        """Refuses requests under another name than that of this machine: any page may have its own name point here."""
+        """Refuse requests for another host, since any page can resolve its name to the loopback interface."""
 
         login_url = path
 
@@ -100,8 +100,10 @@ def explore(study: Study, *, source: str = "# study: the one that is explored") 
         asyncio.set_event_loop(asyncio.new_event_loop())
         try:
             app = application.Application(handlers.FunctionHandler(make))
-            often = {"check_unused_sessions_milliseconds": 1000}  # work ends soon after its window is closed
-            found = server.Server({path: app}, address="127.0.0.1", port=0, use_index=False, auth_provider=Loopback(), **often)
+            found = server.Server(
+                {path: app}, address="127.0.0.1", port=0, use_index=False, auth_provider=Loopback(),
+                check_unused_sessions_milliseconds=1000,  # work ends soon after its window is closed
+            )  # fmt: skip
             hosts.update(f"{name}:{found.port}" for name in ("localhost", "127.0.0.1"))
             found.start()
         except OSError as error:

@@ -90,7 +90,7 @@ class Page:
         self.point: int | None = None
         self.answers = Answers(study, self._deliver)
         document.on_session_destroyed(lambda _: self.answers.ask(None))
-        document.on_event("document_ready", lambda _: self.ask())  # a request that shows no page computes nothing
+        document.on_event("document_ready", lambda _: self.ask())  # and not for a request without a window
         document.title = "bdamper explorer"
         document.template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
         model = study.model

@@ -64,13 +64,13 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
 
 
 MOST_JOBS = 8
-"""Jobs that a process keeps for its tasks, as several sweeps may share a pool; an older one is read again when it is due."""
+"""Jobs that a process keeps, since several sweeps may share a pool; it reads older ones again if it needs them."""
 _jobs: dict[str, Job] = {}
-"""Jobs that this process works at, by the digests of their pickles: its own, and those of tasks that it has run."""
+"""Jobs of this process and of the tasks that it has run, by the digests of their pickles."""
 
 
 def _keep_job(key: str, job: Job) -> Job:
-    """Keep a job, and leave out the oldest ones beyond :data:`MOST_JOBS`."""
+    """Keep a job, and remove the oldest ones beyond :data:`MOST_JOBS`."""
     _jobs[key] = job
     for former in list(_jobs)[:-MOST_JOBS]:
         _jobs.pop(former, None)

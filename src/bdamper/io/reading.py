@@ -61,7 +61,7 @@ def reader(
             if not source.is_file():
                 raise FileNotFoundError(f"there is no file '{source}'")
             try:
-                with np.errstate(all="ignore"):  # of this thread alone, where warnings.catch_warnings is of all
+                with np.errstate(all="ignore"):  # on this thread; catch_warnings changes all
                     return function(source, *args, **keywords)
             except SystemExit as error:
                 raise mismatch(str(source), expected, "the library ended the program") from error

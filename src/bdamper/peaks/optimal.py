@@ -91,8 +91,7 @@ def optimal_curve(
     Raises
     ------
     BdamperError
-        If nothing was found in the interval at any of the preloads, the file is of another search, or the executor takes
-        no task.
+        If nothing was found at any of the preloads, the file is of another search, or the executor takes no task.
     KeyboardInterrupt
         If the search was interrupted before it found anything.
     """

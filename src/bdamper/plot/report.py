@@ -25,7 +25,7 @@ from bdamper.problem.asked import Asking, problem_of
 from bdamper.problem.problem import Problem
 from bdamper.problem.results import check_result
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, needed
+from bdamper.util.errors import needed
 from bdamper.util.hdf5 import FilePath, check_folder, writing
 from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.status import COMPLETE, word

@@ -494,8 +494,8 @@ class Problem:
         if not least <= np.abs(forces[1]).max() <= vibration <= most:
             at = self.settings.excitation
             raise SettingError(
-                f"excitation: expected a finite force that works on the modes of harmonic 1, with modal forces from {least:g} "
-                f"to {most:g}, found {at.amplitude:g} N at '{at.location}', {at.direction}"
+                f"excitation: expected a force that works on the modes of harmonic 1, with modal forces from {least:g} to "
+                f"{most:g}, found {at.amplitude:g} N at '{at.location}', {at.direction}"
             )
         state = self.equilibrium(preload)
         load, constant = self.damper_load[0], self.fixed_load[0]

@@ -473,7 +473,7 @@ def every_diameter(problem: Problem) -> Problem:
 
     def carried(harmonics: set[int]) -> Problem | None:
         try:
-            with quiet():  # about what would stand in for residual modes
+            with quiet():  # about methods that replace residual modes
                 wide = problem.with_(harmonics=tuple(sorted(harmonics)), evaluation=evaluation)
                 _ = wide.bases
                 return wide if wide.contact.note == problem.contact.note else None

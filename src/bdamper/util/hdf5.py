@@ -165,7 +165,7 @@ def writing(path: object) -> Iterator[None]:
 def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
     """A new HDF5 file, which replaces an existing one in a single step once all of it is written.
 
-    The file is made in memory: HDF5 cannot close a file on a full disk, and then ends the process with it.
+    The file is made in memory.  HDF5 cannot close a file on a full disk, and may end the process then.
 
     Raises
     ------

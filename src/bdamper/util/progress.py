@@ -19,15 +19,15 @@ _passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
 
 
 class ExecutorEnded(KeyboardInterrupt):
-    """An executor takes no more tasks, which ends the work as an interruption does."""
+    """An executor takes no more tasks: this ends the work in the same way as Ctrl-C."""
 
 
 @contextmanager
-def on_executor(*lost: type[Exception]) -> Iterator[None]:
-    """Turn errors of an executor that has ended, and others that tell it, into :class:`ExecutorEnded`."""
+def on_executor(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
+    """Turn errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
     try:
         yield
-    except (BrokenExecutor, CancelledError, *lost) as error:
+    except (BrokenExecutor, CancelledError, refusal) as error:
         raise ExecutorEnded(shortened(error) or "its tasks were cancelled") from error
 
 

@@ -118,7 +118,7 @@ class ResultsFile:
         os.fsync(self.file)
 
     def append(self, record: dict[str, Any]) -> None:
-        """Add one finished part, on disk when this returns; without room there it waits for the next one, with a warning."""
+        """Add a finished part and force it to disk; if the disk is full, warn, and write it with the next part."""
         self.records[record["index"]] = record
         try:
             self._write(record)
@@ -126,7 +126,7 @@ class ResultsFile:
             say(f"{self.path}: expected room for results, found {shortened(error)}; finished results wait in memory")
 
     def close(self) -> None:
-        """Write what waits for room, if there is room now, and close the file."""
+        """Write parts that wait for room on the disk, if there is some, and close the file."""
         with suppress(OSError):
             self._write()
         os.close(self.file)

@@ -31,7 +31,7 @@ _quiet: ContextVar[bool] = ContextVar("_quiet", default=False)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """A context without the warnings of this package, on this thread alone; ``warnings.catch_warnings`` is of all threads."""
+    """Suppress warnings of this package on this thread; ``warnings.catch_warnings`` acts on all threads."""
     before = _quiet.set(True)
     try:
         yield
@@ -40,7 +40,7 @@ def quiet() -> Iterator[None]:
 
 
 def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
-    """Warn at the line of the user, unless the context is :func:`quiet`."""
+    """Warn at the line of the user, unless :func:`quiet` suppresses it."""
     if _quiet.get():
         return
     level, frame = 1, inspect.currentframe()
