@@ -400,7 +400,7 @@ def served():
                 found += part
                 if head:
                     break
-        return int(found.split(b" ")[1]), found.decode()
+        return int(found.split(b" ")[1]), found.decode(errors="replace")
 
     yield explorer, int(port), path, get
     explorer.close()
