@@ -1,5 +1,6 @@
 """Executors that end, and several sweeps at once."""
 
+import tempfile
 import threading
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
@@ -92,6 +93,27 @@ def test_an_error_of_the_question_itself_is_not_that_of_the_executor():
 
     with ThreadPoolExecutor(1) as pool, pytest.raises(RuntimeError, match=r"^of the question$"):
         bd.sweep(pressed(), {"preload": [1.0]}, wrong, executor=pool)
+
+
+def of_a_pool_that_has_ended(study, preload):
+    with ThreadPoolExecutor(1) as pool:
+        pass
+    return {"value": bd.sweep(study, {"preload": [preload]}, question, executor=pool).array("value")[0]}
+
+
+def test_an_executor_that_ends_within_a_question_fails_its_point_alone():
+    with ThreadPoolExecutor(1) as pool:
+        for executor in (None, pool):
+            result = bd.sweep(pressed(), {"preload": [1.0, 2.0]}, of_a_pool_that_has_ended, executor=executor)
+            assert result.status == (f"failed: {REASONS['shut down']}",) * 2
+
+
+def test_without_room_for_a_temporary_folder_tasks_carry_the_job(monkeypatch, tmp_path):
+    with ProcessPoolExecutor(1) as pool:
+        pool.submit(int).result()  # begins the worker before the sweep
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+        result = bd.sweep(pressed(), {"preload": [1.0, 2.0, 3.0]}, question, executor=pool)
+    assert result.complete and result.array("value").tolist() == [2.0, 4.0, 6.0]
 
 
 # ---- several sweeps at once ----

@@ -17,7 +17,7 @@ import platform
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
@@ -28,7 +28,7 @@ import numpy as np
 from bdamper.util import status, validate
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
-from bdamper.util.progress import LongWork, counter, on_executor
+from bdamper.util.progress import ExecutorEnded, LongWork, counter, on_executor
 from bdamper.util.results_file import ResultsFile, as_line
 
 Record = dict[str, Any]
@@ -55,8 +55,8 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
         with LongWork() as work:  # a worker does not know that the point is part of longer work
             values = dict(ask())
         if work.interrupted:
-            raise KeyboardInterrupt
-    except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
+            raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
+    except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:
         ending = status.because(status.FAILED, error)
     spent = watch.read()
     cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent
@@ -189,10 +189,12 @@ def run_points(
         _keep_job(key, job)  # threads of this process use the job itself
     except (pickle.PicklingError, AttributeError, TypeError):
         packed, key = job, ""  # enough for threads; a pool of processes raises an error that says why it cannot
-    with tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True) as folder:
-        path = Path(folder) / "job.pickle"
-        if isinstance(packed, bytes):
-            with suppress(OSError):  # without room for the file tasks carry the job
+    with ExitStack() as stack:
+        path = Path()
+        with suppress(OSError):  # without room for the file tasks carry the job
+            folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
+            path = Path(stack.enter_context(folder)) / "job.pickle"
+            if isinstance(packed, bytes):
                 path.write_bytes(packed)
         tasks = _Tasks(executor, key, str(path), packed, points)
         try:
