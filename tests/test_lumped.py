@@ -157,6 +157,16 @@ def test_energy_and_history_of_a_cubic_spring():
     ("change", "message"),
     [
         ({"mass": [1.0, 0.0]}, "mass: expected a positive definite matrix"),
+        (
+            {"mass": [1.0, 1e-10]},  # which is one
+            "mass: expected a positive definite matrix with eigenvalues above 1e-09 of its largest entry, 1 kg, found an "
+            "eigenvalue of 1e-10 kg",
+        ),
+        (
+            {"mass": [2.0, -1.0]},
+            "mass: expected a positive definite matrix with eigenvalues above 1e-09 of its largest entry, 2 kg, found an "
+            "eigenvalue of -1 kg",
+        ),
         ({"stiffness": [[1.0, 2.0], [2.0, 1.0]]}, "stiffness: expected a positive semidefinite matrix, found a mode of -1"),
         ({"stiffness": [[1.0, 2.0], [0.0, 1.0]]}, "stiffness: expected a symmetric matrix, found a difference of 2"),
         ({"stiffness": np.eye(3)}, "stiffness: expected finite numbers, a diagonal or a matrix (2, 2) as the mass"),
@@ -230,3 +240,40 @@ def test_names_of_the_user_are_kept():
         omega = 2.0 * np.pi * top.frequency
         x = np.linalg.solve(stiffness * (1.0 + 0.02j * omega) - omega**2 * np.diag([1.0, 2.0]), force)
         assert top.amplitude == pytest.approx(abs(x[1]), rel=1e-9)
+
+
+def pressed(force, load=1.0):
+    """Two masses with a contact that a preload closes."""
+    contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
+    ways = {"contacts": [contact], "forces": {0: force}, "loads": {1: load}, "harmonics": 1}
+    return bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
+
+
+@pytest.mark.filterwarnings("ignore:preload")
+class TestSizesOfNumbers:
+    """Forces whose squares are no numbers are refused, whatever is asked; all others are answered."""
+
+    BAND = (0.1, 0.3)
+    ASKS = (
+        lambda study, preload: study.track(preload, TestSizesOfNumbers.BAND),
+        lambda study, preload: study.peak(preload, TestSizesOfNumbers.BAND),
+        lambda study, preload: study.optimal_curve((preload, 2.0 * preload), 2, frequency=TestSizesOfNumbers.BAND),
+    )
+
+    @pytest.mark.parametrize("ask", ASKS)
+    @pytest.mark.parametrize("force", [1e-300, 1e-200, 1e-160, 1e160, 1e300])
+    def test_forces(self, ask, force):
+        found = re.escape(f"from 1e-100 to 1e+100, found {force:g} N at 'x0'")
+        with pytest.raises(bd.SettingError, match=f"^excitation: expected .* {found}"):
+            ask(pressed(force), 1.0)
+
+    @pytest.mark.parametrize("ask", ASKS)
+    def test_loads(self, ask):
+        with pytest.raises(bd.SettingError, match=r"^loads: expected static forces on the modes up to 1e\+100, found "):
+            ask(pressed(0.1), 1e300)
+
+    @pytest.mark.parametrize("factor", [1e-90, 1e90])
+    def test_loads_and_forces_multiplied_by_a_number_multiply_the_response(self, factor):
+        one, peak = pressed(0.1).peak(1.0, self.BAND), pressed(0.1 * factor).peak(factor, self.BAND)
+        assert peak.amplitude / factor == pytest.approx(one.amplitude, rel=1e-6)
+        assert peak.frequency == pytest.approx(one.frequency, rel=1e-6)

@@ -119,8 +119,8 @@ def lumped(
     Parameters
     ----------
     mass, damping, stiffness : number, (n,) or (n, n) float, kg, N s/m, N/m
-        Diagonals or symmetric matrices over n degrees of freedom; the mass positive definite, the stiffness positive
-        semidefinite.
+        Diagonals or symmetric matrices over n degrees of freedom; the mass positive definite, with eigenvalues above 1e-9
+        of its largest entry, the stiffness positive semidefinite.
         Damping that the modes of mass and stiffness do not make diagonal is carried exactly, by modes of mass and damping
         with springs between them, if every motion has a stiffness.
     contacts : sequence of Contact
@@ -210,8 +210,9 @@ class _Modes:
         M = _matrix("mass", mass)
         self.n = len(M)
         C, K = _matrix("damping", damping, self.n), _matrix("stiffness", stiffness, self.n)
-        if np.linalg.eigvalsh(M)[0] <= ROUNDING * np.abs(M).max():
-            raise SettingError("mass: expected a positive definite matrix, found one that is not")
+        least, largest = float(np.linalg.eigvalsh(M)[0]), float(np.abs(M).max())
+        enough = f"a positive definite matrix with eigenvalues above {ROUNDING:g} of its largest entry, {largest:.3g} kg"
+        validate.require(least > ROUNDING * largest, "mass", enough, f"an eigenvalue of {least:.3g} kg")
         omega2, self.shapes = scipy.linalg.eigh(K, M)
         self.springs: list[tuple[NDArray, float]] = []
         size = float(np.abs(omega2).max())

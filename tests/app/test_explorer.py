@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import socket
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -28,6 +29,7 @@ from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, tiles
 from bdamper.plot.motion import contact_status
 from bdamper.problem.variation import vary
+from bdamper.util.progress import end_if_asked
 from bdamper.util.text import height
 
 SHORT = 60.0  # longest wait for an answer, s
@@ -256,6 +258,34 @@ def test_what_is_kept_is_of_the_question_that_is_asked(harmonics):
     answers.ask(None)
 
 
+@pytest.mark.parametrize("harmonics", [1, 3])
+def test_the_end_of_the_thread_ends_all_its_work(monkeypatch, harmonics):
+    """The first step, too, which a newer question does not end."""
+    begun, track = Event(), bd.Study.track
+
+    def endless(study, *given, **keywords):
+        if study.settings.harmonic_numbers[-1] != harmonics:
+            return track(study, *given, **keywords)
+        begun.set()
+        while True:
+            end_if_asked()
+            time.sleep(0.01)
+
+    monkeypatch.setattr(bd.Study, "track", endless)
+    before = set(threading.enumerate())
+    answers = Answers(small(), lambda _: None)
+    (own,) = set(threading.enumerate()) - before
+    answers.ask(asked())
+    assert begun.wait(SHORT)
+    if harmonics == 1:
+        answers.ask(asked(damping_ratio=0.05))
+        own.join(0.2)
+        assert own.is_alive()
+    answers.ask(None)
+    own.join(SHORT)
+    assert not own.is_alive() and answers.closed
+
+
 def test_a_newer_question_ends_an_optimal_curve_in_its_threads(monkeypatch):
     study = pressed()
     queue, ended, at_preload = SimpleQueue(), [], optimal.at_preload
@@ -328,6 +358,123 @@ def test_a_provisional_curve_that_ends_early_is_told_without_its_reasons():
     page.show(replace(answer, full=True))
     assert html.escape(answer.curve.reason[:20]) in page.text.text and page.glyphs["curve"].line_dash == []
     page.answers.ask(None)
+
+
+HOSTILE = "<svg onload=document[`harm`]=1>"
+
+
+def renamed(study, mark):
+    """A lumped study with a mark in front of all names of bodies, interfaces and places."""
+    model, old = study.model, study.settings
+    bodies = {
+        mark + n: replace(b, name=mark + n, ports=tuple((mark + face, side) for face, side in b.ports))
+        for n, b in model.bodies.items()
+    }
+    for body in bodies.values():
+        for d, basis in body.bases.items():
+            body.bases[d] = replace(basis, locations={mark + n: rows for n, rows in basis.locations.items()})
+    faces = {
+        mark + n: replace(f, name=mark + n, body_a=mark + f.body_a, body_b=mark + f.body_b)
+        for n, f in model.interfaces.items()
+    }
+    places = {mark + n: replace(p, name=mark + n, body=mark + p.body) for n, p in model.locations.items()}
+    model = replace(model, bodies=bodies, interfaces=faces, locations=places)
+    return bd.Study(
+        model, replace(study.excitation, location=mark + study.excitation.location), friction_coefficient=0.5, harmonics=1,
+        contact_stiffness={mark + n: k for n, k in old.contact_stiffness.items()},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def served():
+    """The page of a study whose names are lines of HTML, and what a request for it by any host is answered."""
+    pytest.importorskip("bokeh.server", reason="bokeh is not installed: the extra bdamper[app]")
+    explorer = bd.explore(renamed(pressed(), HOSTILE))
+    port, path = explorer.address.rsplit(":", 1)[1].split("/")
+
+    def get(host=f"localhost:{port}", path=path, head=""):
+        with socket.create_connection(("127.0.0.1", int(port)), SHORT) as link:
+            link.sendall(f"GET /{path} HTTP/1.1\r\nHost: {host}\r\n{head or 'Connection: close'}\r\n\r\n".encode())
+            found = b""
+            while part := link.recv(65536):
+                found += part
+                if head:
+                    break
+        return int(found.split(b" ")[1]), found.decode(errors="replace")
+
+    yield explorer, int(port), path, get
+    explorer.close()
+
+
+def test_names_of_a_model_are_text_on_the_page(served):
+    explorer, _, _, get = served
+    status, page = get()
+    assert status == 200 and HOSTILE not in page
+    assert html.escape(HOSTILE) in page, "the name of the body"
+    page = Page(type(explorer.pages[-1].document)(), explorer.pages[-1].study, "")
+    page.show(page.answers.curve(page.question(), None))
+    assert HOSTILE in page.loop.value, "the name of the interface"
+    for told in (page.text, *page.notes.values()):
+        assert "<svg" not in told.text
+    assert html.escape(HOSTILE) in page.notes["contacts"].text
+    page.answers.ask(None)
+
+
+def test_only_requests_to_this_machine_are_answered(served):
+    explorer, port, path, get = served
+    upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+    upgrade += "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
+    for host in (f"localhost:{port}", f"127.0.0.1:{port}", f"LOCALHOST:{port}"):
+        assert get(host)[0] == 200
+        assert get(host, f"{path}/ws", f"Origin: http://{host.lower()}\r\n{upgrade}")[0] == 101
+    known = len(explorer.pages)
+    for host in ("elsewhere.example", f"elsewhere.example:{port}", "localhost", f"localhost:{port + 1}"):
+        for way in (path, f"{path}/metadata", f"{path}/autoload.js?bokeh-autoload-element=1"):
+            assert get(host, way)[0] == 403
+        assert get(host, f"{path}/ws", f"Origin: http://localhost:{port}\r\n{upgrade}")[0] == 403
+    assert len(explorer.pages) == known
+
+
+def seen(page):
+    """Do what a browser does once it shows the page."""
+    event = pytest.importorskip("bokeh.events").DocumentReady()
+    page.document.add_next_tick_callback(lambda: page.document.callbacks.trigger_event(event))
+
+
+def test_a_request_without_a_window_computes_nothing_and_a_window_computes_once(served):
+    explorer, _, _, get = served
+    for _ in range(3):
+        assert get()[0] == 200
+    time.sleep(0.5)
+    assert len(explorer.pages) == 3 and not any(page.answers.kept for page in explorer.pages)
+    found, page = SimpleQueue(), explorer.pages[-1]
+    page.answers.deliver = found.put
+    seen(page)
+    assert until_done(found)[0].curve.preload == page.value("preload")
+    assert not any(page.answers.kept for page in explorer.pages[:-1])
+
+
+@pytest.mark.slow
+def test_the_work_of_a_session_ends_with_it(served, monkeypatch):
+    client = pytest.importorskip("bokeh.client")
+    explorer, port, path, _ = served
+    begun = Event()
+
+    def endless(study, *given, **keywords):
+        begun.set()
+        while True:
+            end_if_asked()
+            time.sleep(0.01)
+
+    monkeypatch.setattr(bd.Study, "track", endless)
+    window = client.pull_session(url=f"http://localhost:{port}/{path}")
+    page = explorer.pages[-1]
+    seen(page)
+    assert begun.wait(SHORT)
+    before = threading.active_count()
+    window.close()
+    until(lambda: page.answers.closed)
+    until(lambda: threading.active_count() < before)
 
 
 @pytest.fixture(scope="module")
@@ -683,6 +830,18 @@ def test_a_drag_moves_the_preload(browser, explorer, size):
     chosen = [answer.curve.frequency[answer.point], 1e6 * answer.curve.amplitude[answer.point]]
     until(lambda: window.data("point") == pytest.approx(chosen))
     assert answer.point != answer.curve.peak.index
+
+
+def test_names_of_a_model_are_text_in_a_browser(browser, served):
+    window = Window(browser, served[0])
+    window.shown()
+    window.wait("return get('answer').text.includes('Peak')")
+    window.click("Python")
+    window.wait("return get('code').text")
+    assert HOSTILE in browser.find_element("css selector", ".model").text
+    assert window.run("return document.harm === undefined"), "a name is executed"
+    assert HOSTILE in window.run("return get('loop').value")
+    assert not [line for line in window.errors() if line["level"] == "SEVERE"]
 
 
 def test_only_the_address_with_its_token_is_served(explorer):

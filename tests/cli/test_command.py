@@ -124,3 +124,12 @@ def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
     told = capsys.readouterr().err.splitlines()  # no terminal: a line at each tenth of the way, never back
     tenths = [int(line.removeprefix("tracking: ").removesuffix(" %")) for line in told]
     assert tenths == sorted(set(tenths)) and tenths[-1] == 100 and all(x % 10 == 0 for x in tenths)
+
+
+@pytest.mark.parametrize("kind", ["csv", "h5", "png"])
+def test_an_answer_is_printed_before_a_file_that_cannot_be_written(kind, tmp_path, capsys):
+    path = tmp_path / f"out.{kind}"
+    path.mkdir()  # in place of the file
+    assert main(["track", "--demo", "--harmonics", "1", "--quiet", *QUICK["track"], f"--{kind}", str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert out.startswith("Resonance of ") and err.splitlines()[-1].startswith(f"bdamper: {path}: expected a file that")

@@ -116,17 +116,23 @@ class Answers:
     ) -> None:
         self.study, self.deliver, self.most, self.preloads = study, deliver, most, preloads
         self.kept: OrderedDict[Hashable, Any] = OrderedDict()
-        self.changed, self.stop = Condition(), Event()
+        self.changed, self.stop, self.ended = Condition(), Event(), Event()
         self.wanted: Question | None = None
-        self.closed = False
         Thread(target=self._work, daemon=True).start()
 
     def ask(self, question: Question | None) -> None:
-        """Take a question in place of any that waits or is being answered; None ends the thread."""
+        """Replace the question that waits or is being answered; None ends the thread and all its work."""
         with self.changed:
-            self.wanted, self.closed = question, self.closed or question is None
+            self.wanted = question
             self.stop.set()
+            if question is None:
+                self.ended.set()
             self.changed.notify()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the thread has ended, or is about to."""
+        return self.ended.is_set()
 
     def _work(self) -> None:
         while True:
@@ -147,7 +153,7 @@ class Answers:
         for ask, harmonics in ((self.curve, 1), *((ask, None) for ask in (*asks, self.march))):
             if harmonics and self._key(ask, question, None) in self.kept:
                 continue
-            with LongWork() as work, ended_by(Event() if harmonics else self.stop):
+            with LongWork() as work, ended_by(self.ended if harmonics else self.stop):
                 self.deliver(ask(question, harmonics))
             if work.interrupted or self.stop.is_set():
                 return

@@ -68,14 +68,29 @@ def explore(study: Study, *, source: str = "# study: the one that is explored") 
         If Bokeh is not installed (the extra ``bdamper[app]``).
     """
     validate.instance("study", study, Study)
-    server, application, handlers = (
-        needed(f"bokeh.{name}", "explore", "app")
-        for name in ("server.server", "application", "application.handlers.function")
-    )
+    server, application, handlers, access, web = (
+        needed(name, "explore", "app")
+        for name in (
+            "bokeh.server.server", "bokeh.application", "bokeh.application.handlers.function", "bokeh.server.auth_provider",
+            "tornado.web",
+        )
+    )  # fmt: skip
     from bdamper.app.page import Page  # which draws: matplotlib is loaded no earlier
 
     path, started = f"/{secrets.token_urlsafe(24)}", SimpleQueue[Any]()
     pages: list[Page] = []
+    hosts: set[str] = set()
+
+    class Loopback(access.NullAuth):  # type: ignore[misc, name-defined]
+        """Refuse requests for another host, since any page can resolve its name to the loopback interface."""
+
+        login_url = path
+
+        async def get_user_async(self, request: Any) -> str:
+            if request.request.host.lower() not in hosts:
+                raise web.HTTPError(403)
+            request.application.websocket_origins.update(hosts)
+            return "user"
 
     def make(document: Any) -> None:
         pages[:] = [page for page in pages if not page.answers.closed]
@@ -85,7 +100,11 @@ def explore(study: Study, *, source: str = "# study: the one that is explored") 
         asyncio.set_event_loop(asyncio.new_event_loop())
         try:
             app = application.Application(handlers.FunctionHandler(make))
-            found = server.Server({path: app}, address="127.0.0.1", port=0, use_index=False)
+            found = server.Server(
+                {path: app}, address="127.0.0.1", port=0, use_index=False, auth_provider=Loopback(),
+                check_unused_sessions_milliseconds=1000,  # work ends soon after its window is closed
+            )  # fmt: skip
+            hosts.update(f"{name}:{found.port}" for name in ("localhost", "127.0.0.1"))
             found.start()
         except OSError as error:
             started.put(error)

@@ -90,6 +90,7 @@ class Page:
         self.point: int | None = None
         self.answers = Answers(study, self._deliver)
         document.on_session_destroyed(lambda _: self.answers.ask(None))
+        document.on_event("document_ready", lambda _: self.ask())  # and not for a request without a window
         document.title = "bdamper explorer"
         document.template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
         model = study.model
@@ -99,7 +100,6 @@ class Page:
         self._controls()
         self._views()
         self._lay_out()
-        self.ask()
 
     def _deliver(self, answer: Answer | str | None) -> None:
         if not self.answers.closed:  # as when the window was closed meanwhile
@@ -481,7 +481,7 @@ class Page:
         mean = answer.contacts.share[:, 0].mean(axis=0)
         keys = zip(STATES, STATUS_COLOURS, mean)
         share = " ".join(f'<b style="color:{colour}">■</b> {name} {percent(x)}' for name, colour, x in keys)
-        self.notes["contacts"].text = f"{share} of the cycle; {where} loses {amount(lost, 'J')}"
+        self.notes["contacts"].text = f"{share} of the cycle; {html.escape(where)} loses {amount(lost, 'J')}"
         names, parts, at = [], [], 0.0
         model = answer.study.problem.coupling.model
         for name in self.loop.options[1:]:

@@ -27,13 +27,10 @@ def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 
 def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """The optimal curve, also as a report, and whether it has an optimum."""
+    """The optimal curve, and whether it has an optimum."""
     settings = {"mode": given.mode, "check": "time" if given.check else False, "progress": not given.quiet}
     curve = study.optimal_curve(given.preloads, given.n, **settings)
     answered = bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
-    if given.html and answered:
-        curve.report(given.html, study)
-        print(f"wrote {given.html}", file=sys.stderr)
     return curve, answered
 
 
@@ -144,6 +141,7 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
 
 def answer(given: argparse.Namespace) -> int:
     """Compute, print and write; returns 1 if there is nothing to report."""
+    result: Any
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
         result, answered = model, True
@@ -154,12 +152,16 @@ def answer(given: argparse.Namespace) -> int:
         if given.command == "explore":
             return explore(study, given)
         result, answered = QUESTIONS[given.command][0](study, given)
-        if given.csv:
-            result.to_csv(given.csv)
-        if given.h5:
-            result.save(given.h5)
     more = given.command != "info" and given.details
     print(result.details() if more else str(result).replace("details() has", "--details has"))
+    files = vars(given)  # written last, since a disk can be full
+    if path := files.get("csv"):
+        result.to_csv(path)
+    if path := files.get("h5"):
+        result.save(path)
+    if answered and (path := files.get("html")):
+        result.report(path, study)
+        print(f"wrote {path}", file=sys.stderr)
     if given.png:
         from bdamper.plot import save_figure
 

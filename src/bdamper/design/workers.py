@@ -16,8 +16,8 @@ import pickle
 import platform
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import suppress
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
@@ -28,7 +28,7 @@ import numpy as np
 from bdamper.util import status, validate
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
-from bdamper.util.progress import LongWork, counter
+from bdamper.util.progress import ExecutorEnded, LongWork, counter, on_executor
 from bdamper.util.results_file import ResultsFile, as_line
 
 Record = dict[str, Any]
@@ -55,16 +55,26 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
         with LongWork() as work:  # a worker does not know that the point is part of longer work
             values = dict(ask())
         if work.interrupted:
-            raise KeyboardInterrupt
-    except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
+            raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
+    except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:
         ending = status.because(status.FAILED, error)
     spent = watch.read()
     cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent
     return {"status": ending, "values": values, "seconds": spent.seconds, "cost": asdict(cost)}
 
 
+MOST_JOBS = 8
+"""Jobs that a process keeps, since several sweeps may share a pool; it reads older ones again if it needs them."""
 _jobs: dict[str, Job] = {}
-"""The job that this process works at, by the digest of its pickle."""
+"""Jobs of this process and of the tasks that it has run, by the digests of their pickles."""
+
+
+def _keep_job(key: str, job: Job) -> Job:
+    """Keep a job, and remove the oldest ones beyond :data:`MOST_JOBS`."""
+    _jobs[key] = job
+    for former in list(_jobs)[:-MOST_JOBS]:
+        _jobs.pop(former, None)
+    return job
 
 
 def _unpacked(key: str, path: str, packed: bytes | None) -> Job | None:
@@ -78,8 +88,7 @@ def _unpacked(key: str, path: str, packed: bytes | None) -> Job | None:
                 return None
             if hashlib.sha256(packed).hexdigest() != key:
                 return None
-        _jobs.clear()
-        job = _jobs[key] = pickle.loads(packed)
+        job = _keep_job(key, pickle.loads(packed))
     return job
 
 
@@ -114,7 +123,8 @@ class _Tasks:
 
     def submit(self, i: int, carries: bool) -> None:
         """Submit a point, with the job or with its digest alone."""
-        future = self.executor.submit(work, self.key, self.path, self.packed if carries else None, self.points[i])
+        with on_executor(RuntimeError):  # as one that was shut down raises it
+            future = self.executor.submit(work, self.key, self.path, self.packed if carries else None, self.points[i])
         self.running[future] = i
         if carries:
             self.carriers.add(future)
@@ -123,7 +133,8 @@ class _Tasks:
     def record(self, future: Task) -> Record | None:
         """Record of a finished task, None if it was handed back."""
         self.carriers.discard(future)
-        worker, record = future.result()
+        with on_executor():
+            worker, record = future.result()
         if record is None:
             self.without.add(worker)
             self.handed_back.append(self.running[future])
@@ -164,8 +175,8 @@ def run_points(
 
     Raises
     ------
-    KeyboardInterrupt, concurrent.futures.BrokenExecutor
-        And other errors, after all that was finished by then has been kept.
+    KeyboardInterrupt
+        On Ctrl-C, or if the executor has ended; as other errors, after all that was finished by then has been kept.
     """
     if executor is None or not todo:
         for i in todo:
@@ -175,14 +186,15 @@ def run_points(
     try:
         packed = pickle.dumps(job)
         key = hashlib.sha256(packed).hexdigest()
-        _jobs.clear()
-        _jobs[key] = job  # threads of this process use the job itself
+        _keep_job(key, job)  # threads of this process use the job itself
     except (pickle.PicklingError, AttributeError, TypeError):
         packed, key = job, ""  # enough for threads; a pool of processes raises an error that says why it cannot
-    with tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True) as folder:
-        path = Path(folder) / "job.pickle"
-        if isinstance(packed, bytes):
-            with suppress(OSError):  # without room for the file tasks carry the job
+    with ExitStack() as stack:
+        path = Path()
+        with suppress(OSError):  # without room for the file tasks carry the job
+            folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
+            path = Path(stack.enter_context(folder)) / "job.pickle"
+            if isinstance(packed, bytes):
                 path.write_bytes(packed)
         tasks = _Tasks(executor, key, str(path), packed, points)
         try:
@@ -201,7 +213,8 @@ def run_points(
         finally:
             for future in tasks.running:
                 future.cancel()
-            _jobs.pop(key, None)
+            if _jobs.get(key) is job:
+                del _jobs[key]
 
 
 def check_executor(executor: Any) -> None:
@@ -240,17 +253,14 @@ def run_stored(
     """
     records: dict[int | str, Record] = {} if store is None else dict(store.records)
     todo = [i for i, name in enumerate(names) if name not in records]
-    not_run = NOT_RUN
-    try:
-        with LongWork(), counter(progress, len(points), len(points) - len(todo), what, unit) as advance:
+    with LongWork() as work, counter(progress, len(points), len(points) - len(todo), what, unit) as advance:
 
-            def keep(i: int, record: Record) -> None:
-                records[names[i]] = {"index": names[i], **record}
-                if store is not None and names[i] not in store.records:
-                    store.append(records[names[i]])
-                advance()
+        def keep(i: int, record: Record) -> None:
+            records[names[i]] = {"index": names[i], **record}
+            if store is not None and names[i] not in store.records:
+                store.append(records[names[i]])
+            advance()
 
-            run_points(job, points, todo, executor, keep)
-    except BrokenExecutor as error:
-        not_run = NOT_RUN | {"status": status.because(status.NOT_RUN, error)}
+        run_points(job, points, todo, executor, keep)
+    not_run = NOT_RUN | {"status": status.because(status.NOT_RUN, work.reason)}
     return [json.loads(as_line(records.get(name, not_run))) for name in names]

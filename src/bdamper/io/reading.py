@@ -8,7 +8,6 @@ a file go through :func:`bdamper.model.checks.require` or, where there are lines
 from __future__ import annotations
 
 import struct
-import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -62,8 +61,7 @@ def reader(
             if not source.is_file():
                 raise FileNotFoundError(f"there is no file '{source}'")
             try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
+                with np.errstate(all="ignore"):  # on this thread; catch_warnings changes all
                     return function(source, *args, **keywords)
             except SystemExit as error:
                 raise mismatch(str(source), expected, "the library ended the program") from error

@@ -29,21 +29,17 @@ _QUADRATIC = {118: (10, (0, 2, 4, 9)), 113: (15, (0, 2, 4, 9, 11, 13)), 116: (20
 def _sets(source: Path, wanted: tuple[int, ...]) -> list[dict[str, Any]]:
     """Data sets of the given kinds, by pyuff."""
     pyuff = needed("pyuff", "reading a universal file", "unv")
-    import contextlib
-    import io
-
-    with contextlib.redirect_stdout(io.StringIO()):  # the library prints
-        file = pyuff.UFF(str(source))
-        kinds = [int(k) for k in np.atleast_1d(file.get_set_types()) if np.isfinite(k)]
-        out = []
-        for k, kind in enumerate(kinds):
-            if kind in wanted:
-                try:
-                    data = file.read_sets(k)
-                except Exception as error:
-                    raise mismatch(f"{source}: data set {k + 1} of type {kind}", "a readable data set", error) from error
-                if isinstance(data, dict):
-                    out.append(data)
+    file = pyuff.UFF(str(source))
+    kinds = [int(k) for k in np.atleast_1d(file.get_set_types()) if np.isfinite(k)]
+    out = []
+    for k, kind in enumerate(kinds):
+        if kind in wanted:
+            try:
+                data = file.read_sets(k)
+            except Exception as error:
+                raise mismatch(f"{source}: data set {k + 1} of type {kind}", "a readable data set", error) from error
+            if isinstance(data, dict):
+                out.append(data)
     return out
 
 

@@ -36,7 +36,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
-from bdamper.util.progress import LongWork, stages
+from bdamper.util.progress import LongWork, on_executor, stages
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.rootfind import find_root
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
@@ -86,12 +86,12 @@ def optimal_curve(
     Returns
     -------
     OptimalCurve
-        After Ctrl-C with what was known by then.
+        After Ctrl-C, or the end of the executor, with what was known by then.
 
     Raises
     ------
     BdamperError
-        If nothing was found in the interval at any of the preloads, or the file is of another search.
+        If nothing was found at any of the preloads, the file is of another search, or the executor takes no task.
     KeyboardInterrupt
         If the search was interrupted before it found anything.
     """
@@ -112,6 +112,7 @@ def optimal_curve(
         optimum = _least_so_far(curves)
     if not any(there.top for there in known.values()):
         if curves.interrupted:
+            validate.require(not curves.work.reason, "executor", "one that takes tasks", curves.work.reason)
             raise KeyboardInterrupt
         ends = ", ".join(dict.fromkeys(there.status for there in known.values()))
         raise BdamperError(
@@ -196,14 +197,17 @@ class Curves:
                 elif p not in self.known:
                     threads = isinstance(self.executor, ThreadPoolExecutor)
                     job = at_preload, self.problem, p, self.frequency, self.options, budget, stop if threads else None
-                    running[p] = self.executor.submit(*((copy_context().run, *job) if threads else job))
+                    with on_executor(RuntimeError):  # as one that was shut down raises it
+                        running[p] = self.executor.submit(*((copy_context().run, *job) if threads else job))
             for i, p in enumerate(preloads):
                 if row and len(out) >= row and all(there.rattles for there in out[-row:]):
                     break
                 if self.report is not None:
                     self.report(f"{p:.4g} N", len(self.known), len(self.known) + len(preloads) - i)
                 if p in running:
-                    self._keep(running.pop(p).result())
+                    with on_executor():
+                        there = running.pop(p).result()
+                    self._keep(there)
                 out.append(self.known[p])
         except BaseException:
             for p, future in running.items():
@@ -306,7 +310,7 @@ def _least_so_far(curves: Curves) -> OptimumPoint:
     """The least value known at any preload when the search was interrupted."""
     edge = rattling_below(curves.known)
     found = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
-    status = because(INTERRUPTED, "by the user")
+    status = because(INTERRUPTED, curves.work.reason or "by the user")
     if not found:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
     _, p, peak = min(found, key=lambda item: item[0])

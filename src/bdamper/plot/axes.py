@@ -28,6 +28,7 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from bdamper.util import validate
+from bdamper.util.hdf5 import writing
 from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.text import FITTING, PREFIXES, fitting
 
@@ -188,7 +189,7 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
     """Write a figure, or that of some axes, to a file, and close it; ``options`` as matplotlib's ``savefig`` takes them."""
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
-    with plt.rc_context(PAPER):
+    with writing(path), plt.rc_context(PAPER):
         figure.savefig(path, **options)
     plt.close(figure)
 

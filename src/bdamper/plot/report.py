@@ -25,8 +25,8 @@ from bdamper.problem.asked import Asking, problem_of
 from bdamper.problem.problem import Problem
 from bdamper.problem.results import check_result
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, needed
-from bdamper.util.hdf5 import FilePath, check_folder
+from bdamper.util.errors import needed
+from bdamper.util.hdf5 import FilePath, check_folder, writing
 from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.status import COMPLETE, word
 from bdamper.util.text import amount, cut, percent, spaced
@@ -99,10 +99,8 @@ def write_report(
             f"best = study.optimal_curve(({curve.preload[0]:.12g}, {curve.preload[-1]:.12g}), {len(curve)}{band}{check})",
         ),
     )  # fmt: skip
-    try:
+    with writing(path):
         Path(path).write_bytes(text.encode())
-    except OSError as error:
-        raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
 
 
 def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:

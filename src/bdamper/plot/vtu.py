@@ -14,6 +14,7 @@ from bdamper.problem.asked import asked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError, needed
+from bdamper.util.hdf5 import writing
 
 
 def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, what: str) -> tuple[str, int]:
@@ -63,7 +64,8 @@ def export_modes(
         fields[f"{name}, real"] = np.ascontiguousarray(shape.real)
         if np.iscomplexobj(shape):
             fields[f"{name}, imaginary"] = np.ascontiguousarray(shape.imag)
-    meshio.Mesh(mesh.points, [("quad", mesh.quads)], point_data=fields).write(path)
+    with writing(path):
+        meshio.Mesh(mesh.points, [("quad", mesh.quads)], point_data=fields).write(path)
     return Path(path)
 
 
@@ -103,6 +105,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
             "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
         }
         quads = problem.model.meshes[body].quads
-        meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
+        with writing(path):
+            meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
         out.append(path)
     return out

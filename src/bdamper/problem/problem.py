@@ -49,6 +49,8 @@ from bdamper.util.errors import ModelError, SettingError, StaticError
 from bdamper.util.warn import say
 
 T = TypeVar("T")
+FORCES = (1e-100, 1e100)
+"""Modal forces between which the squares of responses are numbers, neither 0 nor infinite."""
 
 
 def made_once(make: Callable[[Any], T]) -> cached_property[T]:
@@ -488,11 +490,12 @@ class Problem:
     def _sector(self, preload: float) -> Sector:
         forces = {harmonic: self.modal_force(harmonic) for harmonic in self.settings.excited}
         vibration = max(float(np.abs(e).max()) for e in forces.values())
-        if not np.finfo(float).tiny <= np.abs(forces[1]).max() <= vibration < np.inf:
+        least, most = FORCES
+        if not least <= np.abs(forces[1]).max() <= vibration <= most:
             at = self.settings.excitation
             raise SettingError(
-                f"excitation: expected a finite force that works on the modes of harmonic 1, found {at.amplitude:g} N at "
-                f"'{at.location}', {at.direction}"
+                f"excitation: expected a force that works on the modes of harmonic 1, with modal forces from {least:g} to "
+                f"{most:g}, found {at.amplitude:g} N at '{at.location}', {at.direction}"
             )
         state = self.equilibrium(preload)
         load, constant = self.damper_load[0], self.fixed_load[0]
@@ -522,6 +525,7 @@ class Problem:
             )
         pressed = np.einsum("pdm,pd->m", self.static_basis.G.real, state.force)
         static = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
+        validate.require(static <= most, "loads", f"static forces on the modes up to {most:g}", f"{static:.3g}")
         scale = (static or 1.0, vibration or static or 1.0)
         springs = self.point_stiffness * self.coupling.spring_points[:, None]
         return Sector(bases, points, force, self.response_rows, self.settings.evaluation, scale, springs, self.bases)

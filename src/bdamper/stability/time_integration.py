@@ -21,7 +21,6 @@ there.  The nodal diameters are those of the study's harmonics, or all that the 
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from math import gcd
@@ -41,7 +40,7 @@ from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.warn import BdamperWarning
+from bdamper.util.warn import quiet
 
 STEPS = 256
 """Steps a period.  Twice as many change the mean amplitude of motions that beat by up to 1 %; with half of them beats are
@@ -474,8 +473,7 @@ def every_diameter(problem: Problem) -> Problem:
 
     def carried(harmonics: set[int]) -> Problem | None:
         try:
-            with warnings.catch_warnings():  # of what would stand in for residual modes
-                warnings.simplefilter("ignore", BdamperWarning)
+            with quiet():  # about methods that replace residual modes
                 wide = problem.with_(harmonics=tuple(sorted(harmonics)), evaluation=evaluation)
                 _ = wide.bases
                 return wide if wide.contact.note == problem.contact.note else None

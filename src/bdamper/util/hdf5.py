@@ -145,24 +145,44 @@ def check_folder(path: FilePath) -> None:
         raise BdamperError(f"{path}: expected a file that can be written, found a folder")
 
 
+def check_regular(path: FilePath) -> None:
+    """Refuse a path that :func:`check_folder` refuses, and a device or a pipe."""
+    check_folder(path)
+    if Path(path).exists() and not Path(path).is_file():
+        raise BdamperError(f"{path}: expected a regular file, found a device or a pipe")
+
+
+@contextmanager
+def writing(path: object) -> Iterator[None]:
+    """Turn an error of the system while a file is written into a BdamperError that names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise BdamperError(f"{path}: expected a file that can be written, found {shortened(error)}") from error
+
+
 @contextmanager
 def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
     """A new HDF5 file, which replaces an existing one in a single step once all of it is written.
+
+    The file is made in memory.  HDF5 cannot close a file on a full disk, and may end the process then.
 
     Raises
     ------
     BdamperError
         If no file can be written there.
     """
-    check_folder(path)
+    check_regular(path)
     target = Path(path)
+    with h5py.File(target.name, "w", driver="core", backing_store=False, block_size=1 << 20, **options) as file:
+        yield file
+        file.flush()
+        content = file.id.get_file_image()
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
-        with h5py.File(temporary, "x", **options) as file:
-            yield file
-        os.replace(temporary, target)
-    except OSError as error:
-        raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
+        with writing(path):
+            temporary.write_bytes(content)
+            os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
 

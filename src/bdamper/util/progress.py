@@ -4,15 +4,31 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError
 from contextlib import contextmanager
 from contextvars import ContextVar
 from threading import Event
 from typing import Any, TypeVar
 
+from bdamper.util.errors import shortened
+
 T = TypeVar("T")
 
 _stop: ContextVar[tuple[Event, ...]] = ContextVar("_stop", default=())
 _passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
+
+
+class ExecutorEnded(KeyboardInterrupt):
+    """An executor takes no more tasks: this ends the work in the same way as Ctrl-C."""
+
+
+@contextmanager
+def on_executor(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
+    """Turn errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
+    try:
+        yield
+    except (BrokenExecutor, CancelledError, refusal) as error:
+        raise ExecutorEnded(shortened(error) or "its tasks were cancelled") from error
 
 
 class LongWork:
@@ -25,18 +41,21 @@ class LongWork:
     ----------
     interrupted : bool
         Whether the work was ended.
+    reason : str
+        Why the executor has ended, if it has; empty after Ctrl-C.
     """
 
     def __init__(self) -> None:
-        self.interrupted = False
+        self.interrupted, self.reason = False, ""
 
     def __enter__(self) -> LongWork:
         self.outer = _passed_on.set(True)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> bool:
         _passed_on.reset(self.outer)
         self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
+        self.reason = str(error) if isinstance(error, ExecutorEnded) else ""
         return self.interrupted and not passes_interrupts_on()
 
 

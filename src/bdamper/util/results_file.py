@@ -10,13 +10,15 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from bdamper.util.errors import BdamperError
-from bdamper.util.hdf5 import check_folder, plain
+from bdamper.util.errors import BdamperError, shortened
+from bdamper.util.hdf5 import check_regular, plain, writing
 from bdamper.util.text import cut
 from bdamper.util.versions import HERE, Versions
+from bdamper.util.warn import say
 
 
 class ResultsFile:
@@ -46,14 +48,16 @@ class ResultsFile:
         self.header = dict(header)
         self.expected, self.work = f"a results file of a {work}", work
         self.records: dict[int | str, dict[str, Any]] = {}
-        check_folder(self.path)
-        self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
-        try:
-            self._lock()
-            self._read()
-        except BaseException:
-            os.close(self.file)
-            raise
+        self.waiting = b""
+        check_regular(self.path)
+        with writing(self.path):
+            self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+            try:
+                self._lock()
+                self._read()
+            except BaseException:
+                os.close(self.file)
+                raise
 
     def _lock(self) -> None:
         try:
@@ -62,7 +66,7 @@ class ResultsFile:
             return
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
+        except BlockingIOError as error:
             raise self._refused("a results file of its own", "one that another run uses") from error
 
     def _refused(self, expected: str, found: str) -> BdamperError:
@@ -107,18 +111,24 @@ class ResultsFile:
                 values = f"{cut(json.dumps(found.get(name)), 100)}, here {cut(json.dumps(expected), 100)}"
                 raise self._refused(f"results of this {self.work}", f"those of another one: {name} is {values}")
 
-    def _write(self, record: Mapping[str, Any]) -> None:
-        line = as_line(record)
-        while line:
-            line = line[os.write(self.file, line) :]
-
-    def append(self, record: dict[str, Any]) -> None:
-        """Add one finished part, on disk when this returns."""
-        self._write(record)
-        self.records[record["index"]] = record
+    def _write(self, *records: Mapping[str, Any]) -> None:
+        self.waiting += b"".join(map(as_line, records))
+        while self.waiting:
+            self.waiting = self.waiting[os.write(self.file, self.waiting) :]
         os.fsync(self.file)
 
+    def append(self, record: dict[str, Any]) -> None:
+        """Add a finished part and force it to disk; if the disk is full, warn, and write it with the next part."""
+        self.records[record["index"]] = record
+        try:
+            self._write(record)
+        except OSError as error:
+            say(f"{self.path}: expected room for results, found {shortened(error)}; finished results wait in memory")
+
     def close(self) -> None:
+        """Write parts that wait for room on the disk, if there is some, and close the file."""
+        with suppress(OSError):
+            self._write()
         os.close(self.file)
 
 

@@ -27,8 +27,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.errors import BdamperError, needed
-from bdamper.util.hdf5 import FilePath, check_folder, plain
+from bdamper.util.errors import needed
+from bdamper.util.hdf5 import FilePath, check_folder, plain, writing
 from bdamper.util.marks import declarations
 from bdamper.util.status import COMPLETE, INTERRUPTED
 from bdamper.util.text import PREFIXES, fitting, spaced
@@ -203,14 +203,11 @@ class Tabular:
         check_folder(path)
         table = self._flat()
         head = [f"{name} ({column.unit})" if column.unit else name for name, column in table.items()]
-        try:
-            with Path(path).open("w", newline="", encoding="utf-8") as file:
-                file.writelines(f"# {name}: {value}\n" for name, value in self._attributes().items())
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(head)
-                writer.writerows(zip(*(np.asarray(column.values).tolist() for column in table.values())))
-        except OSError as error:
-            raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
+        with writing(path), Path(path).open("w", newline="", encoding="utf-8") as file:
+            file.writelines(f"# {name}: {value}\n" for name, value in self._attributes().items())
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(head)
+            writer.writerows(zip(*(np.asarray(column.values).tolist() for column in table.values())))
 
     def to_pandas(self) -> Any:
         """A pandas.DataFrame, one row for each point; ``attrs["units"]`` has the units.

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import inspect
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 from bdamper.util.errors import shortened
 
@@ -23,8 +26,23 @@ def implausible(item: str, plausible: str, found: str) -> None:
     say(f"{item}: plausible {plausible}, found {shortened(found)}", PlausibilityWarning)
 
 
+_quiet: ContextVar[bool] = ContextVar("_quiet", default=False)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Suppress warnings of this package on this thread; ``warnings.catch_warnings`` acts on all threads."""
+    before = _quiet.set(True)
+    try:
+        yield
+    finally:
+        _quiet.reset(before)
+
+
 def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
-    """Warn at the line of the user."""
+    """Warn at the line of the user, unless :func:`quiet` suppresses it."""
+    if _quiet.get():
+        return
     level, frame = 1, inspect.currentframe()
     while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] in _OURS:
         level, frame = level + 1, frame.f_back

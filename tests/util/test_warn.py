@@ -1,0 +1,102 @@
+"""Work that is quiet on one thread leaves the warnings and the output of others alone."""
+
+import sys
+import threading
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.io.reading import reader
+from bdamper.io.universal_file import read_unv
+from bdamper.problem.problem import Problem
+from bdamper.stability.time_integration import every_diameter
+from bdamper.util.warn import quiet, say
+
+LONG = 30.0  # s
+
+
+class Pause:
+    """Holds a thread inside of something until another one lets it go on."""
+
+    def __init__(self):
+        self.inside, self.go = threading.Event(), threading.Event()
+
+    def __call__(self):
+        self.inside.set()
+        assert self.go.wait(LONG)
+
+
+def heard_beside(work, pause, speak):
+    """The warnings that are heard of what is said while some work is held inside on another thread."""
+    with warnings.catch_warnings(record=True) as heard, ThreadPoolExecutor(1) as pool:
+        warnings.simplefilter("always")
+        done = pool.submit(work)
+        assert pause.inside.wait(LONG)
+        try:
+            speak()
+        finally:
+            pause.go.set()
+        done.result(LONG)
+    return [str(warning.message) for warning in heard]
+
+
+def test_quiet_is_of_one_thread():
+    pause = Pause()
+
+    def work():
+        with quiet():
+            say("inside")
+            pause()
+        say("after")
+
+    assert heard_beside(work, pause, lambda: say("beside")) == ["beside", "after"]
+
+
+def test_a_reader_leaves_the_warnings_of_others(tmp_path):
+    pause = Pause()
+
+    @reader("a file of this test")
+    def read(path):
+        pause()
+        return np.float64(1e300) * np.float64(1e300)  # of damaged numbers, without a warning
+
+    (tmp_path / "file").write_text("")
+    said = [f"warning {k}" for k in range(50)]
+    heard = heard_beside(lambda: read(tmp_path / "file"), pause, lambda: [warnings.warn(t, stacklevel=1) for t in said])
+    assert heard == said
+
+
+def test_all_diameters_are_made_without_warnings_and_leave_those_of_others(monkeypatch):
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2)
+    pause, with_ = Pause(), Problem.with_
+
+    def slow(problem, **changes):
+        pause()
+        say("of a problem that nobody asked for")
+        return with_(problem, **changes)
+
+    monkeypatch.setattr(Problem, "with_", slow)
+    said = [f"warning {k}" for k in range(50)]
+    assert heard_beside(lambda: every_diameter(study.problem), pause, lambda: [say(text) for text in said]) == said
+
+
+def test_a_universal_file_leaves_the_output_of_others(tmp_path, monkeypatch, capsys):
+    pause = Pause()
+
+    class File:
+        def __init__(self, name):
+            pause()
+
+        def get_set_types(self):
+            return [2411]
+
+        def read_sets(self, k):
+            return {"type": 2411, "node_nums": [1, 2], "x": [0.0, 1.0], "y": [0.0, 0.0], "z": [0.0, 0.0]}
+
+    monkeypatch.setitem(sys.modules, "pyuff", SimpleNamespace(UFF=File))
+    (tmp_path / "a.unv").write_text("")
+    heard_beside(lambda: read_unv(tmp_path / "a.unv"), pause, lambda: print("beside"))
+    assert capsys.readouterr().out == "beside\n"
