@@ -389,7 +389,7 @@ class _Archive:
                 continue
             if 0 in nodes or count != known:  # nodes between corners left out
                 nodes = nodes[: N_CORNER[known]]
-            self.elements.append(nodes)
+            self.elements.append(_without_repeats(nodes))
             self.owners.append((name, words[0]))
 
     def _component(self, words: list[str]) -> None:
@@ -413,6 +413,14 @@ class _Archive:
             last = abs(number)
         if kind.startswith("NODE") and total:
             self.sets[name] = np.concatenate(members)
+
+
+def _without_repeats(nodes: list[int]) -> list[int]:
+    """Nodes of a wedge or tetrahedron that is written as a hexahedron with repeated nodes; others as they are."""
+    places = {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8]))) if len(nodes) in (8, 20) else None
+    own = [nodes[k] for k in places or ()]
+    out = own + [n for n in dict.fromkeys(nodes[8:]) if n not in own]
+    return out if len(out) in N_CORNER and set(own) == set(nodes[:8]) else nodes
 
 
 def _node_axes(angles: NDArray) -> NDArray:
@@ -482,7 +490,7 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
             require(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
             element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
-                elements.append(element)
+                elements.append(np.array(_without_repeats(element.tolist())))
     body = FEBody(numbers, table[:, 1:4], **by_kind(elements), source=str(file.source))
     return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
 

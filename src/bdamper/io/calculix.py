@@ -303,9 +303,12 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
         stiffness, mass = _condensed(stiffness, mass, internal, body)
         dofs = dofs[~internal]
+    # Wedges of CalculiX have two integration points.
+    kinds = body.element_kinds or tuple(ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements)
+    own = {"element_kinds": tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)}
     files = (modes,) if isinstance(modes, str | os.PathLike) else modes
-    found, source = [own for path in files for own in read_frd(path).modes], f"{base} (.sti, .mas, .dof), {mesh}"
-    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=source)
+    found, source = [mode for path in files for mode in read_frd(path).modes], f"{base} (.sti, .mas, .dof), {mesh}"
+    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=source, **own)
 
 
 # -----------------------------------------------------------------------------------------------------------
