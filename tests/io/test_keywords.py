@@ -208,3 +208,96 @@ def test_nodes_of_universal_files_in_other_axes_are_refused(kind, old, tmp_path)
     expected = r"a\.unv: expected positions and displacements of nodes in the axes of the file, found .* \[7\]"
     with pytest.raises(ModelError, match=expected):
         read_body(written(7))
+
+
+# ---- Nastran ----
+
+BULK = """BEGIN BULK
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+GRID,3,,0.,1.,0.
+GRID,4,,0.,0.,1.
+CTETRA,1,1,1,2,3,4
+PSOLID,1,1
+MAT1,1,2.1+11,,0.3,7850.
+"""
+BDF_REFUSED = """RBE2,5,1,123,2,3
+RBE3,5,,4,123,1.,123,1,2
+RBAR,5,1,2,123456
+RROD,5,1,2,1
+RBE1,5,1,123456,,,,UM,2,1
+RSPLINE,5,,1,2,123,3
+MPC,3,1,1,1.,2,1,-1.
+MPCADD,2,3
+GRDSET,,7
+SPOINT,99
+CYJOIN,1,T1,1,2
+BCTSET,1,1,2
+BGSET,1,1,2
+SEBULK,1,COPY
+GENEL,5,,1,1
+FOOBAR,1,2"""
+BDF_HARMLESS = """EIGRL,1,,,6
+SPC1,1,123,1
+ASET1,123,2,THRU,4
+FORCE,2,2,0,1.,1.,0.,0.
+PARAM,COUPMASS,1
+TEMP,4,1,20."""
+
+
+@pytest.fixture
+def bulk_data(tmp_path):
+    try:
+        from pyNastran.bdf.bdf import BDF  # noqa: F401
+    except (ImportError, AttributeError) as error:
+        pytest.skip(f"pyNastran is not installed or does not work with this NumPy (make nastran): {error}")
+
+    def read(cards, before=""):
+        (tmp_path / "a.bdf").write_text(f"{before}{BULK}{cards}\nENDDATA\n")
+        return read_body(tmp_path / "a.bdf")
+
+    return read
+
+
+@pytest.mark.parametrize("card", BDF_REFUSED.splitlines())
+@pytest.mark.parametrize("before", ["", "SOL 103\nCEND\nTITLE=A\n"])
+def test_cards_that_could_change_the_mesh_are_refused(card, before, bulk_data):
+    name = card.split(",")[0]
+    with pytest.raises(ModelError, match=rf"a\.bdf: {name}: expected a mesh of .*, found {name},.* which could") as caught:
+        bulk_data(card, before)
+    assert "\n" not in str(caught.value)
+
+
+def test_harmless_cards_leave_the_mesh_as_it_is_and_masses_are_noted(bulk_data):
+    plain, more, mass = bulk_data(""), bulk_data(BDF_HARMLESS), bulk_data("CONM2,7,1,,2.5")
+    np.testing.assert_array_equal(more.nodes, plain.nodes)
+    assert str(more) == str(plain)
+    assert str(mass) == f"{plain}\n  cards CONM2 (1) are not read: they must be in the matrices"
+
+
+def test_matrices_that_are_not_used_are_named(bulk_data):
+    names = ("KAAX", "MAAX", "K4AAX", "PAX")
+    cards = [f"DMIG,{name},{rest}" for name in names for rest in ("0,6,2,0", "1,1,,1,1,2.")]
+    body = bulk_data("\n".join(cards))
+    assert body.stiffness.toarray().tolist() == [[2.0]]
+    assert "matrices K4AAX, PAX (DMIG) are not used" in body.notes
+    alone = bulk_data("\n".join(cards[2:4]))
+    assert alone.stiffness is None and "matrices MAAX (DMIG) are not used" in alone.notes
+
+
+def test_matrices_that_lack_the_rows_of_constraints_are_refused(bulk_data, tmp_path):
+    """KNN has no rows of dependent components: six for each grid point are wanted."""
+    from pyNastran.op4.op4 import OP4
+
+    from bdamper.io import read_nastran
+
+    bulk_data("")
+    whole = np.diag(np.arange(1.0, 25.0))
+    OP4(debug=False).write_op4(str(tmp_path / "g.op4"), {"KGG": (6, whole), "MGG": (6, whole)}, is_binary=False)
+    with pytest.raises(ModelError, match=r"a matrix 'KNN', found the matrices \['KGG', 'MGG'\]"):
+        read_nastran(tmp_path / "a.bdf", tmp_path / "g.op4")
+    assert read_nastran(tmp_path / "a.bdf", tmp_path / "g.op4", names=("KGG", "MGG")).stiffness.shape == (24, 24)
+    part = whole[:21, :21]
+    OP4(debug=False).write_op4(str(tmp_path / "n.op4"), {"KNN": (6, part), "MNN": (6, part)}, is_binary=False)
+    with pytest.raises(ModelError, match="expected 24 rows: six for each of 4 grid points, found 21"):
+        read_nastran(tmp_path / "a.bdf", tmp_path / "n.op4")

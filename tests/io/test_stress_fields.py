@@ -177,7 +177,7 @@ def by_linear_fits(nodes, elements, moved):
     """Stress of elements that carry one strain: of the linear field nearest to their displacements, meant over elements."""
     total, count = np.zeros((len(nodes), 6)), np.zeros((len(nodes), 1))
     for e in elements:
-        total[e] += hooke(np.linalg.lstsq(np.column_stack([np.ones(len(e)), nodes[e]]), moved[e])[0][1:].T)
+        total[e] += hooke(np.linalg.lstsq(np.column_stack([np.ones(len(e)), nodes[e]]), moved[e], rcond=None)[0][1:].T)
         count[e] += 1.0
     return total / count
 
