@@ -20,7 +20,7 @@ import numpy as np
 
 from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, mismatch
-from bdamper.util.hdf5 import FilePath
+from bdamper.util.hdf5 import MOST_BYTES, FilePath
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -33,7 +33,7 @@ BODIES: dict[str, Callable[[FilePath], Any]] = {}
 _CAUSES: tuple[type[Exception], ...] = (OSError, EOFError, MemoryError, RecursionError, ValueError, LookupError, TypeError)
 _CAUSES += (ArithmeticError, NotImplementedError, struct.error, zlib.error)
 
-LARGEST_COUNT = 200_000_000
+LARGEST_COUNT = MOST_BYTES // 8
 """Nodes, entries and so on beyond which a count in a file is taken for damage."""
 
 MOST_EXPANDED = 1100
