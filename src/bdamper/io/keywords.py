@@ -18,7 +18,7 @@ def _table(text: str) -> frozenset[str]:
 
 
 def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
-    """Refuse a keyword that stands in no table of this module.
+    """Refuse a keyword that is in no table of this module.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ INP_HARMLESS = _table(
 
 
 def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> bool:
-    """Whether a keyword of a deck adds stiffness or mass; those that could change the mesh unread are refused.
+    """Return whether a keyword of a deck adds stiffness or mass; refuse it if it could change the mesh.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> 
         As in the tables.
     parameters : mapping
     item : str
-        What messages call the line.
+        Name of the line in messages.
 
     Raises
     ------

@@ -102,7 +102,7 @@ def read_bdf(path: Path) -> FEBody:
 
 
 def _with_included(source: Path, included: Included, depth: int = 0) -> str:
-    """Text of a file with those that it includes in their places."""
+    """Read a file, with the files that it includes in their places."""
     lines, text = [], source.read_text(encoding="latin-1")
     for number, line in enumerate(text.splitlines(), 1):
         named = re.match(r"\s*INCLUDE\b\s*(.*)", line, re.IGNORECASE)

@@ -138,7 +138,7 @@ class Included:
         self._count = 0
 
     def path(self, name: str, source: Path, depth: int, item: str) -> Path:
-        """Place of a file that ``source`` includes.
+        """Find a file that ``source`` includes.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Included:
         depth : int
             Number of files that include each other down to ``source``.
         item : str
-            What messages call the line.
+            Name of the line in messages.
 
         Raises
         ------

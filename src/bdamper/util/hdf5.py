@@ -206,7 +206,7 @@ def _check_bytes(file: h5py.File, size: int) -> None:
     if arrays > max(MOST_BYTES, 4 * size):
         raise ValueError(f"arrays of {arrays} bytes in {size} bytes")
     if size - stored > MOST_TEXT:
-        raise ValueError(f"{size - stored} bytes beside the arrays, more than {MOST_TEXT}")
+        raise ValueError(f"{size - stored} bytes of texts and attributes, more than {MOST_TEXT}")
 
 
 def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:

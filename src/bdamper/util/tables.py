@@ -82,11 +82,11 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Beside:
+class EachRow:
     """Marks an array with an entry for each row of the table that is no column."""
 
 
-PerRow = Annotated[NDArray, Beside()]
+PerRow = Annotated[NDArray, EachRow()]
 Cycles = Annotated[float, Quantity("Hz")]
 Metre = Annotated[float, Quantity("m")]
 Newton = Annotated[float, Quantity("N")]
@@ -165,11 +165,11 @@ class Tabular:
         """Raise ValueError where two fields differ in the size of a dimension that both have."""
         cls: Any = type(self)
         names, found = {f.name for f in fields(cls)}, dict[str, tuple[int, str]]()
-        beside = {name for name, own in declarations(cls).items() if own.mark(Beside)}
+        per_row = {name for name, own in declarations(cls).items() if own.mark(EachRow)}
         marked = {name: mark for name, mark in quantities(cls).items() if name in names}
-        marked |= dict.fromkeys(beside, Quantity(dims=(ROW,)))
+        marked |= dict.fromkeys(per_row, Quantity(dims=(ROW,)))
         shapes = {name: np.shape(value) for name in marked if (value := getattr(self, name)) is not None}
-        shapes |= {name: shape[:1] for name, shape in shapes.items() if name in beside}
+        shapes |= {name: shape[:1] for name, shape in shapes.items() if name in per_row}
         flat = [name for name, shape in shapes.items() if shape and not marked[name].dims]
         if grid := self._grid() if flat else {}:
             n = int(np.prod([len(values) for values in grid.values()]))
