@@ -146,7 +146,7 @@ def write_nastran(body, elements):
     Path("sector.bdf").write_text(bulk_text(numbers, body.nodes, numbers[elements]))
     rows = (6 * np.arange(len(numbers))[:, None] + np.arange(3)).ravel()
     pick = sp.csr_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows)))
-    full = {name: (6, (pick @ m @ pick.T).toarray()) for name, m in (("KGG", body.stiffness), ("MGG", body.mass))}
+    full = {name: (6, (pick @ m @ pick.T).toarray()) for name, m in (("KNN", body.stiffness), ("MNN", body.mass))}
     op4.OP4(debug=False).write_op4("sector.op4", full, is_binary=False)
 
 

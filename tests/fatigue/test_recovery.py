@@ -151,6 +151,19 @@ def test_a_gauge_reads_the_tensor_along_its_direction(model):
             study.stress_at(peak, *given)
 
 
+def test_a_gauge_is_near_a_point_or_refused(model):
+    """Nearest points up to a twentieth of the largest coordinate are taken, farther ones are not."""
+    study, points = study_of(model), model.stress["blade"].points
+    peak, largest = study.peak(PRELOAD), np.abs(points).max()
+    first = int(points[:, 2].argmax())
+    outward = np.array([0.0, 0.0, largest])
+    near, far = (points[first] + share * outward for share in (0.049, 0.051))
+    own = study.stress_at(peak, f"blade {first + 1}", "axial")
+    np.testing.assert_array_equal(study.stress_at(peak, near, "axial"), own)
+    with pytest.raises(bd.SettingError, match=rf"gauge: .* found 'blade {first + 1}' as the nearest"):
+        study.stress_at(peak, far, "axial")
+
+
 def test_the_wave_the_other_way_round_is_the_conjugate(model):
     there, back = (_Rows.make(study_of(model, engine_order=e).problem, model.stress["blade"], 1) for e in (5, 60))
     rng = np.random.default_rng(0)

@@ -101,7 +101,7 @@ def test_stress_of_wedges_of_first_order_is_that_of_calculix_at_its_points(tmp_p
     words = [line.split() for line in (tmp_path / "job.dat").read_text().splitlines()]
     table = np.array([[float(w) for w in line[2:]] for line in words if len(line) == 8 and line[0].isdigit()])
     theirs = table.reshape(len(elements), 2, 6).mean(axis=1)[:, [0, 1, 2, 3, 5, 4]]
-    rows, _ = element_rows([Solids("C3D6", elements, 2.1e5, 0.3)], nodes, np.arange(len(nodes)))
+    rows, _ = element_rows([Solids("C3D6R", elements, 2.1e5, 0.3)], nodes, np.arange(len(nodes)))
     ours = (rows @ moved.ravel()).reshape(len(elements), 6, 6).mean(axis=1)  # over the nodes of each element
     assert von_mises_size(ours - theirs).max() < 5e-4 * von_mises_size(theirs).max()
 

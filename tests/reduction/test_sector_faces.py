@@ -67,6 +67,20 @@ def test_faces_that_match_are_tied_node_by_node(sector):
     assert find_faces(body.nodes, surface, N + 1, 1e-9) is None
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_part_of_a_face_is_not_found_as_a_sector_face(side):
+    """A rotation carries the corners of a face onto four nodes that are no face there, but the rim of four triangles."""
+    square = np.array([[0.0, r, z] for r, z in ((1.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0))])
+    middle = square.mean(axis=0)
+    whole, split = square @ turn(side * np.pi / N).T, np.vstack([square, middle]) @ turn(-side * np.pi / N).T
+    nodes = np.vstack([whole, split])
+    fan = np.array([[4 + k, 4 + (k + 1) % 4, 8] for k in range(4)])
+    assert find_faces(nodes, Facets((fan, np.arange(4)[None])), N, 1e-9) is None
+    assert find_faces(nodes, Facets((fan, np.arange(4)[None])), None, 1e-9) is None
+    both = find_faces(nodes, Facets((fan, np.arange(4)[None], np.arange(4, 8)[None])), N, 1e-9)
+    assert both is not None and both.n_sectors == N and sorted(both.nodes) == list(range(8))
+
+
 @pytest.mark.parametrize("dependent", [True, False])
 def test_rigid_motions_cost_no_force_where_meshes_differ(sector, dependent):
     """The nodes between corners of one face are moved along its edges: the tie keeps linear fields."""

@@ -7,9 +7,11 @@ import pkgutil
 import shutil
 import subprocess
 import sys
+import tracemalloc
 from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import ClassVar
 
 import h5py
 import matplotlib.pyplot as plt
@@ -121,6 +123,60 @@ class TestReading:
             bd.load(path)
 
 
+def rewritten(path, name, change):
+    """Change one array or text in a file."""
+    with h5py.File(path, "r+") as file:
+        value = file[name][()]
+        del file[name]
+        file[name] = change(value) if isinstance(value, np.ndarray) else json.dumps(change(json.loads(value)))
+
+
+class TestDamaged:
+    """Fields of another length, and what would fill the memory, are refused before anything is made of them."""
+
+    COLUMNS: ClassVar = {
+        "curve": ("frequency", "harmonics", "residual", "shares", "backward", "branch", "point_kind", "stable", "unknowns"),
+        "wheel_curve": ("frequency", "harmonics", "blades"),
+        "optimal_curve": ("preload", "amplitude", "frequency", "status", "kind", "goes_on"),
+        "hysteresis": ("interface", "energy", "points", "area", "displacement", "force", "gap"),
+        "dissipation": ("frequency", "energy", "damping", "interface"),
+        "uncertain_curve": ("preload", "amplitude", "frequency"),
+        "margin_curve": ("margin", "response", "amplitude", "mean", "factor", "frequency"),
+        "margins": ("names", "amplitude", "factor"),
+        "contact_map": ("closing", "area", "friction", "frame", "status"),
+        "stress": ("points", "names", "counted", "spread", "coefficients"),
+        "campbell": ("speed", "nodal_diameter", "free", "stuck"),
+        "sweep": ("points", "values", "status", "seconds", "shape"),
+        "wheel_sample": ("wheels", "preload", "amplitude", "frequency", "status"),
+    }
+
+    @pytest.mark.parametrize(("name", "field"), [(name, field) for name, own in COLUMNS.items() for field in own])
+    def test_a_column_of_another_length_is_refused(self, tmp_path, name, field, files_0_6):
+        path = tmp_path / "result.h5"
+        bd.load(files_0_6 / f"{name}.h5").save(path)
+        rewritten(path, field, lambda value: [*value, *value] if field == "shape" else value[:-1])
+        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*") as caught:
+            bd.load(path)
+        assert "\n" not in str(caught.value)
+
+    def test_what_would_fill_the_memory_is_not_read(self, tmp_path, curve, monkeypatch):
+        curve.save(tmp_path / "zeros.h5")
+        with h5py.File(tmp_path / "zeros.h5", "r+") as file:
+            del file["residual"]
+            file.create_dataset("residual", (625_000_000,), "f8", chunks=(1_000_000,), compression="gzip")
+        monkeypatch.setattr("bdamper.util.hdf5.MOST_TEXT", 1_000_000)
+        for name, text in (("long.h5", "x" * 8_000_000), ("fixed.h5", np.bytes_(b"x" * 8_000_000))):
+            with h5py.File(tmp_path / name, "w", libver="latest") as file:
+                file.attrs["format"] = text
+        text = r"80\d+ bytes of texts and attributes"
+        for name, found in (("zeros", "arrays of 50000"), ("long", text), ("fixed", text)):
+            tracemalloc.start()
+            with pytest.raises(bd.BdamperError, match=rf"{name}\.h5: expected a file written by bdamper, found .*{found}"):
+                bd.load(tmp_path / f"{name}.h5")
+            assert tracemalloc.get_traced_memory()[1] < 4_000_000
+            tracemalloc.stop()
+
+
 class TestWriting:
     @pytest.mark.parametrize("name", [name for name in EXPECTED_0_6 if name not in GONE])
     def test_what_is_written_is_read(self, tmp_path, name, files_0_6):
@@ -141,9 +197,9 @@ class TestWriting:
 
     def test_long_texts(self, tmp_path, curve):
         """An attribute of HDF5 has room for 64 KiB only."""
-        kinds = ("regular",) * 20_000
-        replace(curve, point_kind=kinds).save(tmp_path / "curve.h5")
-        assert bd.load(tmp_path / "curve.h5").point_kind == kinds
+        notes = ("regular",) * 20_000
+        replace(curve, notes=notes).save(tmp_path / "curve.h5")
+        assert bd.load(tmp_path / "curve.h5").notes == notes
 
     def test_what_derives_from_a_result_is_saved_as_that(self, tmp_path, curve):
         class Special(Curve):

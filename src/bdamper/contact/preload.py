@@ -36,7 +36,7 @@ from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import Storable, enter_former
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Kinds, Metres, Pascals, Places, Quantity, SquareMetres, Tabular
+from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
 from bdamper.util.text import amount
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
@@ -134,7 +134,7 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     slider: NDArray
     force: Annotated[NDArray, Quantity("N", parts=("t1", "t2", "n"))]
     closing: Metres
-    status: NDArray
+    status: PerRow
     residual: float
     steps: int
     iterations: int
@@ -144,9 +144,9 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     interface: Annotated[tuple[str, ...], Quantity()] = ()
     memory: NDArray | None = None
     points: Places | None = None
-    frame: NDArray | None = None
+    frame: PerRow | None = None
     area: SquareMetres | None = None
-    friction: NDArray | None = None
+    friction: PerRow | None = None
     _told = ("contact_area",)
 
     @property

@@ -32,6 +32,7 @@ from bdamper.util.tables import (
     Kinds,
     Metres,
     Numbers,
+    PerRow,
     Quantity,
     Radians,
     RadiansPerSecond,
@@ -133,11 +134,11 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     kind: str
     frequency: Hertz
     harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
-    unknowns: NDArray
+    unknowns: PerRow
     residual: Numbers
     shares: Shares
     backward: Numbers
-    rank_deficiency: NDArray
+    rank_deficiency: PerRow
     branch: Numbers
     point_kind: Kinds
     preload: float

@@ -154,6 +154,12 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     def __len__(self) -> int:
         return len(self.points)
 
+    def check_rows(self) -> None:
+        """Raise ValueError unless there are settings, answers, status and time of each point of the grid."""
+        counts = [int(np.prod(self.shape)), *map(len, (self.points, self.values, self.status, self.seconds))]
+        if len(set(counts)) > 1:
+            raise ValueError(f"grid, points, values, status and seconds of {counts} points")
+
     @property
     def complete(self) -> bool:
         """Whether there is an answer at every point; what it leaves open stands in ``warnings``."""

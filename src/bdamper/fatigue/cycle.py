@@ -33,7 +33,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Numbers, Pascals, Quantity, Tabular
+from bdamper.util.tables import Numbers, Pascals, PerRow, Quantity, Tabular
 from bdamper.util.text import amount
 
 
@@ -57,7 +57,7 @@ class AtPoints:
     points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
     names: Annotated[tuple[str, ...], Quantity(name="name")]
     counted: Numbers
-    spread: NDArray
+    spread: PerRow
     frequency: float
     preload: float
     speed: float
@@ -82,7 +82,7 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
     model_hash : str
     """
 
-    coefficients: NDArray
+    coefficients: PerRow
 
     def over_cycle(self, theta: NDArray) -> NDArray:
         """(n, 6, n_theta) stress (Pa) at angles of the excitation (rad)."""

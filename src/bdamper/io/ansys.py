@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
+from bdamper.io.keywords import CDB_HARMLESS, CDB_READ, refuse
 from bdamper.io.matrices import triangle_to_full
 from bdamper.io.reading import Lines, check_count, parsing, reader
 from bdamper.model.checks import check_all, require
@@ -331,7 +332,7 @@ class _Archive:
     def body(self) -> FEBody:
         for line in self.lines:
             words = [w.strip() for w in line.split(",")]
-            key = words[0].upper()
+            key = words[0].split(" ")[0].upper()
             if key == "NBLOCK":
                 self._nodes()
             elif key == "EBLOCK":
@@ -342,12 +343,22 @@ class _Archive:
                 self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
             elif key == "MPDATA" and len(words) >= 7 and words[3].upper() in ("EX", "NUXY", "PRXY") and words[4].isdigit():
                 self.elastic.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
+            else:
+                self._skip(key, line)
         require(bool(self.numbers), self.source, "a block of nodes (NBLOCK)", "none")
         numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
         solids = by_kind(self.elements, map(self._kind, self.owners, self.elements))
         notes = [f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()]
         return FEBody(numbers, nodes, **solids, node_sets=self.sets, node_axes=axes, source=self.source, notes=tuple(notes))
+
+    def _skip(self, key: str, line: str) -> None:
+        """Refuse a command that could change the mesh; comments, assignments and numbers of other blocks are none."""
+        assigned = "$" not in line and re.match(r"\s*\w+\s*=", line)
+        end = key in ("N", "EN") and re.search(r"\s-1[\s,]*$", line)  # of a block
+        known = end or assigned or key in (*CDB_HARMLESS, *CDB_READ[-1:])
+        if re.match(r"[*/]?[A-Z_]", key) and (not known or ("$" in line and not key.startswith("/"))):
+            refuse(line.strip()[:40], self.lines.item, CDB_READ)
 
     def _kind(self, owner: tuple[str, int], nodes: list[int]) -> ElementKind:
         name, material = owner
@@ -389,7 +400,7 @@ class _Archive:
                 continue
             if 0 in nodes or count != known:  # nodes between corners left out
                 nodes = nodes[: N_CORNER[known]]
-            self.elements.append(nodes)
+            self.elements.append(_without_repeats(nodes))
             self.owners.append((name, words[0]))
 
     def _component(self, words: list[str]) -> None:
@@ -413,6 +424,14 @@ class _Archive:
             last = abs(number)
         if kind.startswith("NODE") and total:
             self.sets[name] = np.concatenate(members)
+
+
+def _without_repeats(nodes: list[int]) -> list[int]:
+    """Nodes of a wedge or tetrahedron that is written as a hexahedron with repeated nodes; others as they are."""
+    places = {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8]))) if len(nodes) in (8, 20) else None
+    own = [nodes[k] for k in places or ()]
+    out = own + [n for n in dict.fromkeys(nodes[8:]) if n not in own]
+    return out if len(out) in N_CORNER and set(own) == set(nodes[:8]) else nodes
 
 
 def _node_axes(angles: NDArray) -> NDArray:
@@ -482,7 +501,7 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
             require(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
             element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
-                elements.append(element)
+                elements.append(np.array(_without_repeats(element.tolist())))
     body = FEBody(numbers, table[:, 1:4], **by_kind(elements), source=str(file.source))
     return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
 

@@ -21,21 +21,25 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
+from bdamper.io.keywords import adds_to_matrices
 from bdamper.io.matrices import as_integers, read_dofs, triangle_to_full
-from bdamper.io.reading import LARGEST_COUNT, Lines, data_lines, parsing, read_body, reader
+from bdamper.io.reading import LARGEST_COUNT, Included, Lines, data_lines, parsing, read_body, reader
 from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import FACES, N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
-_IGNORED_STRUCTURE = ("*EQUATION", "*MPC", "*TIE", "*RIGID BODY", "*TRANSFORM", "*SPRING", "*DISTRIBUTING COUPLING")
-
 _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 
 
 # -----------------------------------------------------------------------------------------------------------
 # Input file
+
+
+def _plain(text: str) -> str:
+    """A keyword or the name of a parameter, in capitals without blanks, which do not count."""
+    return "".join(text.upper().split())
 
 
 class _Deck:
@@ -55,34 +59,35 @@ class _Deck:
         self.surfaces: dict[str, list[tuple[str, str]]] = {}
         self.node_surfaces: dict[str, list[str]] = {}
         self.notes: list[str] = []
+        self.included = Included()
 
     def read(self, source: Path, depth: int = 0) -> None:
         """One file, with those that it includes."""
-        require(depth <= 5, str(source), "at most five files included in each other", "more")
-        for keyword, parameters, lines in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
-            item = f"{source}: {keyword}" + (f" in line {lines[0][0] - 1}" if lines else "")
-            if keyword == "*INCLUDE":
-                included = source.parent / parameters.get("INPUT", "")
-                require(included.is_file(), item, "an existing file", f"'{included.name}'")
-                self.read(included, depth + 1)
+        for at, keyword, parameters, lines in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
+            item = f"{source}: {keyword} in line {at}"
+            if adds_to_matrices(keyword, parameters, item):
+                self.notes.append(f"{keyword} of the deck is not read: its stiffness or mass must be in the matrices")
+            elif keyword == "*INCLUDE":
+                self.read(self.included.path(parameters.get("INPUT", ""), source, depth, item), depth + 1)
             else:
                 self._block(keyword, parameters, lines, item)
 
     @staticmethod
-    def _blocks(deck: str) -> Iterator[tuple[str, dict[str, str], list[tuple[int, str]]]]:
-        keyword, parameters, lines = "", {}, []  # type: ignore[var-annotated]
+    def _blocks(deck: str) -> Iterator[tuple[int, str, dict[str, str], list[tuple[int, str]]]]:
+        """Line, keyword and parameters, in capitals without blanks, and data lines of each block."""
+        block = None
         for number, text in data_lines(deck, "**"):
             if text.startswith("*"):
-                if keyword:
-                    yield keyword, parameters, lines
-                keyword, *words = (w.strip() for w in text.split(","))
-                keyword, lines = keyword.upper(), []
-                pairs = (word.partition("=")[::2] for word in words)
-                parameters = {key.strip().upper(): value.strip().strip('"') for key, value in pairs}
-            else:
-                lines.append((number, text))
-        if keyword:
-            yield keyword, parameters, lines
+                if block:
+                    yield block
+                keyword, *words = text.split(",")
+                pairs = (word.partition("=")[::2] for word in words if word.strip())
+                parameters = {_plain(key): value.strip().strip('"') for key, value in pairs}
+                block = number, _plain(keyword), parameters, list[tuple[int, str]]()
+            elif block:
+                block[-1].append((number, text))
+        if block:
+            yield block
 
     def _block(self, keyword: str, parameters: dict[str, str], lines: list[tuple[int, str]], item: str) -> None:
         if keyword == "*NODE":
@@ -93,8 +98,9 @@ class _Deck:
             sets = self.node_sets if keyword == "*NSET" else self.element_sets
             self._set(sets, parameters.get(keyword[1:], ""), "GENERATE" in parameters, lines, item)
         elif keyword == "*SURFACE":
-            name = parameters.get("NAME", "").upper()
-            if parameters.get("TYPE", "ELEMENT").upper() == "NODE":
+            name, kind = parameters.get("NAME", "").upper(), parameters.get("TYPE", "ELEMENT").upper()
+            require(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
+            if kind == "NODE":
                 self.node_surfaces[name] = [text.split(",")[0].strip() for _, text in lines]
             else:
                 pairs = [tuple(w.strip() for w in text.split(",")[:2]) for _, text in lines]
@@ -107,10 +113,8 @@ class _Deck:
             with parsing(self._line(lines[0][0]), "Young's modulus, Poisson's ratio", lines[0][1]):
                 young, poisson = (float(word) for word in lines[0][1].split(",")[:2])  # at the lowest temperature
                 self.elastic[self.material] = young, poisson
-        elif keyword == "*SOLID SECTION":
+        elif keyword == "*SOLIDSECTION":
             self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
-        elif keyword in _IGNORED_STRUCTURE and "CYCLIC SYMMETRY" not in parameters:
-            self.notes.append(f"{keyword} of the deck is not read: what it does must be in the matrices")
 
     def _integers(self, lines: list[tuple[int, str]]) -> list[int]:
         """The whole numbers of some lines."""
@@ -303,9 +307,12 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
         stiffness, mass = _condensed(stiffness, mass, internal, body)
         dofs = dofs[~internal]
+    # Wedges of CalculiX have two integration points.
+    kinds = body.element_kinds or tuple(ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements)
+    own = {"element_kinds": tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)}
     files = (modes,) if isinstance(modes, str | os.PathLike) else modes
-    found, source = [own for path in files for own in read_frd(path).modes], f"{base} (.sti, .mas, .dof), {mesh}"
-    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=source)
+    found, source = [mode for path in files for mode in read_frd(path).modes], f"{base} (.sti, .mas, .dof), {mesh}"
+    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=source, **own)
 
 
 # -----------------------------------------------------------------------------------------------------------

@@ -17,9 +17,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.reading import LARGEST_COUNT, MOST_EXPANDED, check_count
+from bdamper.io.reading import LARGEST_COUNT, check_count
 from bdamper.model.checks import require
 from bdamper.util.errors import mismatch
+from bdamper.util.hdf5 import MOST_BYTES
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _ARRAY, _COMPRESSED = 14, 15
@@ -42,11 +43,14 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
     if struct.unpack_from(order + "H", data, 124)[0] != 0x0100:
         raise mismatch(str(source), "a MATLAB file of version 5 to 7.2 (save -v7)", "another version")
     out: dict[str, NDArray | sp.spmatrix] = {}
+    room = MOST_BYTES
     for kind, content in _elements(data[128:], order, str(source)):
         if kind == _COMPRESSED:
             stream = zlib.decompressobj()
-            limit = MOST_EXPANDED * len(content) + 64
-            inner = stream.decompress(content, limit)
+            head = stream.decompress(content, 8)  # type and length
+            length = int.from_bytes(head[4:], "little" if order == "<" else "big")
+            room -= check_count(length, f"{source}: compressed variable", "bytes, with those before it,", 0, room)
+            inner = head + stream.decompress(stream.unconsumed_tail, length + 1)
             for part, array in _elements(inner, order, str(source)):
                 if part == _ARRAY:
                     _array(array, order, str(source), out)

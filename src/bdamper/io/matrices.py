@@ -20,7 +20,7 @@ from bdamper.io.reading import BODIES, LARGEST_COUNT, check_count, data_lines, r
 from bdamper.model.checks import check_all, require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
-from bdamper.util.hdf5 import FilePath
+from bdamper.util.hdf5 import MOST_BYTES, FilePath
 
 COMMENTS = ("#", "*", "%")
 """How lines start that are no numbers."""
@@ -50,6 +50,7 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
 
 def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
     with np.load(source, allow_pickle=False) as archive:
+        _check_bytes(sum(member.file_size for member in archive.zip.infolist()), source)
         names = list(archive)
         if name is None and {"format", "shape", "data"} <= set(names):
             shape = archive["shape"]
@@ -57,6 +58,16 @@ def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
                 check_count(count, f"{source}: shape", "a count")
             return sp.load_npz(source)
         return archive[_chosen(names, name, source)]
+
+
+def _from_npy(source: Path, name: str | None) -> NDArray:
+    _check_bytes(source.stat().st_size, source)
+    return np.asarray(np.load(source, allow_pickle=False))
+
+
+def _check_bytes(count: int, source: Path) -> None:
+    """Refuse arrays that would take too much memory before they are read."""
+    check_count(count, f"{source}: arrays", "a size, bytes,", 1, MOST_BYTES)
 
 
 def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
@@ -85,7 +96,7 @@ def _is_market(source: Path) -> bool:
 
 _MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
     ".npz": _from_npz,
-    ".npy": lambda source, name: np.load(source, allow_pickle=False),
+    ".npy": _from_npy,
     ".mat": _from_mat,
     ".mtx": _from_text,
     ".mm": _from_text,

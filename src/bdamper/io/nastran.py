@@ -1,15 +1,15 @@
 """Nastran by pyNastran (extra ``bdamper[nastran]``): bulk data, matrices of OP4 files or DMIG cards, modes of OP2 files.
 
-OP4 matrices of the g-set have six rows for each grid point, in ascending order of their numbers; rows that are empty
-(rotations of solid elements, fixed components written out) are dropped.
+OP4 matrices KNN and MNN have six rows for each grid point without multipoint constraints, in ascending order of the numbers
+of grid points.  Empty rows (rotations of solid elements, fixed components written out) are dropped.  Multipoint constraints
+and rigid elements are refused: they tie grid points, and matrices of the g-set (KGG, MGG) do not contain them.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -20,8 +20,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.fe_body import ElementKind, FEBody, Modes, by_kind
+from bdamper.io.keywords import BDF_HARMLESS, BDF_IN_MATRICES, BDF_READ, refuse
 from bdamper.io.matrices import square_matrix, triangle_to_full
-from bdamper.io.reading import check_count, reader
+from bdamper.io.reading import Included, check_count, reader
 from bdamper.model.checks import check_all, require
 from bdamper.util.errors import mismatch, needed
 from bdamper.util.hdf5 import FilePath
@@ -70,22 +71,21 @@ def read_bdf(path: Path) -> FEBody:
     FileNotFoundError, ModelError
     """
     bdf = needed("pyNastran.bdf.bdf", *_EXTRA).BDF
-    model = bdf(debug=None)
-    text = path.read_text(encoding="latin-1")
-    if re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE):
-        model.read_bdf(str(path), xref=False, encoding="latin-1")
-    else:  # bulk data alone, with or without the lines around them
-        cards = re.split(r"^\s*BEGIN\s+BULK.*$", text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
-        model.read_bdf(StringIO(cards), punch=True, xref=False)
+    model, text = bdf(debug=None), _with_included(path, Included())
+    whole = re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE)
+    # bulk data alone may come with the lines around them or without
+    begin = r"^\s*BEGIN\s+BULK.*$"
+    cards = text if whole else re.split(begin, text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
+    model.read_bdf(StringIO(cards), punch=not whole, xref=False)
+    _check_cards(model.card_count, text, path)
     require(bool(model.nodes), str(path), "grid points (GRID)", "none")
     labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
     numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
     check_all(np.isfinite(nodes), nodes, "finite positions", f"{path}: GRID")
-    elements, kinds, skipped = [], [], Counter[str]()
+    elements, kinds = [], []
     for element in model.elements.values():
         corners = _SOLIDS.get(element.type)
         if corners is None:
-            skipped[element.type] += 1
             continue
         own = [n for n in element.nodes if n not in (None, 0)]
         if len(own) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
@@ -94,10 +94,34 @@ def read_bdf(path: Path) -> FEBody:
         kinds.append(_kind(model, element.pid, len(own)))
     axes = _displacement_axes(model, numbers, nodes)
     sets = {f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids}
-    notes = tuple(f"{count} elements {name} are no solids and are not read" for name, count in skipped.items())
+    others = {name: count for name, count in model.card_count.items() if name in BDF_IN_MATRICES}
+    notes = tuple(f"cards {name} ({count}) are not read: they must be in the matrices" for name, count in others.items())
     solids = by_kind(elements, kinds)
     body = FEBody(numbers, nodes, **solids, node_sets=sets, node_axes=axes, source=str(path), notes=notes)
     return _with_dmig(body, model, str(path))
+
+
+def _with_included(source: Path, included: Included, depth: int = 0) -> str:
+    """Read a file, with the files that it includes in their places."""
+    lines, text = [], source.read_text(encoding="latin-1")
+    for number, line in enumerate(text.splitlines(), 1):
+        named = re.match(r"\s*INCLUDE\b\s*(.*)", line, re.IGNORECASE)
+        if named is None:
+            lines.append(line)
+            continue
+        item, name = f"{source}: INCLUDE in line {number}", re.fullmatch(r"'([^']+)'|\"([^\"]+)\"|(\S+)", named[1].strip())
+        require(name, item, "the name of a file in one line", f"'{named[1].strip()[:60]}'")
+        assert name is not None
+        lines.append(_with_included(included.path(name[name.lastindex or 0], source, depth, item), included, depth + 1))
+    return "\n".join(lines)
+
+
+def _check_cards(names: Iterable[str], text: str, source: Path) -> None:
+    """Refuse cards that could make, move or tie grid points, elements or sets."""
+    for name in names:
+        if name not in BDF_READ | BDF_HARMLESS | BDF_IN_MATRICES:
+            at = re.search(rf"^\s*{re.escape(name)}\b.*", text, re.MULTILINE | re.IGNORECASE)
+            refuse(at[0].strip()[:40] if at else name, f"{source}: {name}", sorted(BDF_READ))
 
 
 def _kind(model: Any, pid: int, n_nodes: int) -> ElementKind:
@@ -129,10 +153,12 @@ def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int
 
 
 def _with_dmig(body: FEBody, model: Any, source: str) -> FEBody:
-    """Stiffness and mass of DMIG cards, if both are there."""
-    names = {name.upper(): name for name in model.dmig}
-    pair = [next((names[n] for n in names if n in wanted), None) for wanted in (("KAAX", "K2GG"), ("MAAX", "M2GG"))]
-    if None in pair:
+    """Stiffness and mass of DMIG cards, if both are there; others are named in a note."""
+    pair = next((pair for pair in (("KAAX", "MAAX"), ("K2GG", "M2GG")) if set(pair) <= set(model.dmig)), ())
+    unused = sorted(set(model.dmig) - set(pair))
+    if unused:
+        body = replace(body, notes=(*body.notes, f"matrices {', '.join(unused)} (DMIG) are not used"))
+    if not pair:
         return body
     tables = []
     for name in pair:
@@ -164,7 +190,7 @@ def read_nastran(
     bulk: FilePath,
     stiffness: FilePath | None = None,
     mass: FilePath | None = None,
-    names: tuple[str, str] = ("KGG", "MGG"),
+    names: tuple[str, str] = ("KNN", "MNN"),
     modes: tuple[Modes, ...] = (),
 ) -> FEBody:
     """A body from bulk data and matrices.
@@ -174,9 +200,10 @@ def read_nastran(
     bulk : path-like
         Bulk data; its DMIG matrices are used if no files of matrices are given.
     stiffness, mass : path-like, optional
-        OP4 files of the g-set; both matrices may be in one.
+        OP4 files with six rows for each grid point; both matrices may be in one.
     names : (str, str)
-        Of the matrices in these files.
+        Of the matrices in these files.  KNN and MNN come after multipoint constraints, which the number of their rows
+        shows; KGG and MGG come before them.
     modes : tuple of Modes
         See :func:`read_op2`.
 

@@ -12,14 +12,14 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
 from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, mismatch
-from bdamper.util.hdf5 import FilePath
+from bdamper.util.hdf5 import MOST_BYTES, FilePath
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -32,11 +32,14 @@ BODIES: dict[str, Callable[[FilePath], Any]] = {}
 _CAUSES: tuple[type[Exception], ...] = (OSError, EOFError, MemoryError, RecursionError, ValueError, LookupError, TypeError)
 _CAUSES += (ArithmeticError, NotImplementedError, struct.error, zlib.error)
 
-LARGEST_COUNT = 200_000_000
+LARGEST_COUNT = MOST_BYTES // 8
 """Nodes, entries and so on beyond which a count in a file is taken for damage."""
 
 MOST_EXPANDED = 1100
 """Deflate cannot compress by more than a factor of 1032: what claims to be larger is damage."""
+
+MOST_INCLUDED, DEEPEST = 100, 5
+"""Files that may be included in one file, in all and in each other."""
 
 
 def reader(
@@ -124,6 +127,39 @@ def data_lines(text: str, comments: str | tuple[str, ...]) -> list[tuple[int, st
     """Lines of a text, with their numbers, that are neither empty nor comments."""
     lines = [(k, line.strip()) for k, line in enumerate(text.split("\n"), 1)]
     return [(k, line) for k, line in lines if line and not line.startswith(comments)]
+
+
+class Included:
+    """Files that a file includes: a bounded number, from its own folder or below."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def path(self, name: str, source: Path, depth: int, item: str) -> Path:
+        """Find a file that ``source`` includes.
+
+        Parameters
+        ----------
+        name : str
+        source : Path
+        depth : int
+            Number of files that include each other down to ``source``.
+        item : str
+            Name of the line in messages.
+
+        Raises
+        ------
+        ModelError
+        """
+        self._count += 1
+        limits = f"at most {MOST_INCLUDED} included files, {DEEPEST} in each other"
+        require(self._count <= MOST_INCLUDED and depth < DEEPEST, item, limits, "more")
+        relative = PureWindowsPath(name)  # takes both kinds of slashes
+        below = not relative.anchor and ".." not in relative.parts
+        require(below, item, "a file in the folder of this one or below", f"'{name[:60]}'")
+        path = source.parent / relative.as_posix()
+        require(path.is_file(), item, "an existing file", f"'{name[:60]}'")
+        return path
 
 
 class Lines:

@@ -60,8 +60,12 @@ def read_unv(path: Path, nodal_diameters: Mapping[int, int] | int = 0) -> FEBody
     numbers: list[NDArray] = []
     positions: list[NDArray] = []
     found = []
-    for data in _sets(path, (15, 55, 2411, 2414)):
-        if data["type"] in (15, 2411):
+    systems, used = set[int](), set[int]()
+    for data in _sets(path, (15, 18, 55, 2411, 2414, 2420)):
+        if data["type"] in (18, 2420):
+            systems |= _turned(data)
+        elif data["type"] in (15, 2411):
+            used |= {int(k) for key in ("def_cs", "disp_cs") for k in np.atleast_1d(data[key])}
             numbers.append(np.asarray(data["node_nums"], float))
             positions.append(np.column_stack([np.asarray(data[k], float) for k in "xyz"]))
         else:
@@ -72,9 +76,20 @@ def read_unv(path: Path, nodal_diameters: Mapping[int, int] | int = 0) -> FEBody
             if d >= 0:
                 found.append((d, *mode[1:]))
     require(bool(numbers), str(path), "nodes (data set 15 or 2411)", "none")
+    expected = "positions and displacements of nodes in the axes of the file"
+    require(not systems & used, str(path), expected, f"nodes in the coordinate systems {sorted(systems & used)}")
     labels = np.concatenate(numbers).astype(np.int64)
     modes = modes_by_diameter(found, str(path))
     return FEBody(labels, np.concatenate(positions), **by_kind(_elements(path)), modes=modes, source=str(path))
+
+
+def _turned(data: dict[str, Any]) -> set[int]:
+    """Labels of coordinate systems (data sets 18 and 2420) that are not the axes of the file."""
+    if data["type"] == 18:
+        return set(map(int, np.atleast_1d(data["cs_num"])))
+    plain = np.vstack([np.eye(3), np.zeros(3)])
+    systems = zip(data["CS_sys_labels"], data["CS_types"], data["CS_matrices"])
+    return {int(label) for label, kind, matrix in systems if kind != 0 or not np.array_equal(matrix, plain)}
 
 
 def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, NDArray] | None:

@@ -15,7 +15,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Recorded, Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, Quantity, Shares, Tabular
+from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, PerRow, Quantity, Shares, Tabular
 from bdamper.util.text import amount, height
 
 
@@ -54,7 +54,7 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     frequency: Hertz
     damping_ratio: Annotated[NDArray, Quantity("", "Modal damping ratio")]
     harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
-    unknowns: NDArray
+    unknowns: PerRow
     correlation: Numbers
     shares: Shares
     residual: Numbers

@@ -21,7 +21,7 @@ from bdamper.util.kept import Marched
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, word
-from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, Quantity, Resonance, Shares, Tabular
+from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
 from bdamper.util.text import amount, height, percent, shares_of, span
 from bdamper.util.warn import say
 
@@ -143,14 +143,14 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     frequency: Hertz
     shares: Shares
     residual: Numbers
-    unknowns: NDArray
+    unknowns: PerRow
     status: Annotated[tuple[str, ...], Quantity()]
     free: Limit
     stuck: Limit
     optimum: OptimumPoint
     cost: Cost
     lower_bound: Metres
-    goes_on: NDArray
+    goes_on: PerRow
     kind: Kinds
     convergence: Convergence | None = None
     curves: tuple[Curve, ...] = ()

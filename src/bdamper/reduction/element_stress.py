@@ -59,6 +59,7 @@ class Solids:
     ----------
     kind : str
         As CalculiX and Abaqus call it: "C3D4", "C3D6", "C3D8", "C3D8I", "C3D8R", "C3D10", "C3D15", "C3D20", "C3D20R".
+        "C3D6R" is the wedge of CalculiX, which has two integration points; "C3D6" has six.
     nodes : (n, 4 | 6 | 8 | 10 | 15 | 20) int
         Corners first, in the common order; nodes between them in any order.
     youngs_modulus : float, Pa
@@ -110,7 +111,7 @@ def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
     element = first = _FIRST[N_CORNER[n_nodes]]
     if len(first.doflocs) == 6:
         across = get_quadrature(ElementTriP1(), 2)[0]
-        if n_nodes == 6:
+        if kind == "C3D6R":
             across = across.mean(axis=1, keepdims=True)
         line = get_quadrature(ElementLineP1(), 3 if n_nodes == 6 else 5)[0][0]
         points = np.array([[*xy, z] for z in line for xy in across.T]).T
@@ -208,7 +209,8 @@ def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> t
     Returns
     -------
     rows : (6 m, 3 n_nodes) sparse, Pa/m
-        Components xx, yy, zz, xy, yz, xz of ``m`` pairs of a node and an element.
+        Components xx, yy, zz, xy, yz, xz of ``m`` pairs of a node and an element.  A collapsed element, in which a node
+        stands several times, makes one pair with it: the mean over these places.
     owner : (m,) int
         The node of each pair, as its place in ``wanted``.
 
@@ -237,8 +239,10 @@ def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> t
         columns = np.broadcast_to(dof, blocks.shape)
         lines = np.repeat(np.arange(6 * len(e)), dof.shape[2])
         shape = (6 * len(e), 3 * len(nodes))
-        parts.append(sp.csr_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape))
-        owners.append(place[own[e, L]])
+        rows = sp.csr_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape)
+        pairs, pair = np.unique(e * len(nodes) + place[own[e, L]], return_inverse=True)
+        parts.append(node_average(pair, len(pairs)) @ rows)
+        owners.append(pairs % len(nodes))
     return sp.vstack(parts, format="csr"), np.concatenate(owners)
 
 
@@ -263,7 +267,7 @@ def von_mises_size(stress: NDArray) -> NDArray:
 
 
 def node_average(owner: NDArray, n: int) -> sp.csr_matrix:
-    """(6 n, 6 m) sparse: mean over the pairs of each node."""
+    """(6 n, 6 m) sparse: mean of the six components over the pairs of each node."""
     share = 1.0 / np.bincount(owner, minlength=n)[owner]
     mean = sp.csr_matrix((share, (owner, np.arange(len(owner)))), shape=(n, len(owner)))
     return sp.kron(mean, sp.identity(6), format="csr")

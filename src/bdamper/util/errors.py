@@ -26,7 +26,7 @@ class StaticError(BdamperError):
 
 def mismatch(item: str, expected: str, found: object) -> ModelError:
     """An error of one line: the item, what was expected of it and what was found instead."""
-    return ModelError(f"{item}: expected {expected}, found {shortened(found)}")
+    return ModelError(f"{item}: expected {' '.join(expected.split())}, found {shortened(found)}")  # arrays may wrap
 
 
 def shortened(found: object) -> str:

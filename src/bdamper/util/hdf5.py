@@ -28,6 +28,11 @@ from bdamper.util.versions import HERE, Versions
 
 FilePath = str | os.PathLike[str]
 
+MOST_BYTES = 1_600_000_000
+"""Size of arrays in a file beyond which its head is taken for damaged, unless the file itself is as large."""
+MOST_TEXT = 2**28
+"""The same, bytes, of everything in a file of HDF5 except for its arrays: texts, attributes, names."""
+
 _READERS: dict[str, Callable[[FilePath], Any]] = {}
 """What reads the file of each format, by the attribute ``format``."""
 
@@ -120,6 +125,9 @@ class Storable:
             file.attrs["format"], file.attrs["version"] = self._format
             _put(file, self)
 
+    def check_rows(self) -> None:
+        """Raise ValueError where fields that belong together differ in length, as in a damaged file."""
+
 
 @dataclass(frozen=True)
 class Recorded:
@@ -196,12 +204,29 @@ def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperErro
         raise FileNotFoundError(f"there is no file '{path}'")
     try:
         with h5py.File(path, "r") as file:
+            _check_bytes(file, Path(path).stat().st_size)
             yield file
     except BdamperError:
         raise
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
         found = shortened(error) or type(error).__name__
         raise kind(f"{path}: expected {expected}, found something else ({found})") from error
+
+
+def _check_bytes(file: h5py.File, size: int) -> None:
+    """Refuse a file that would take too much memory before it is read: compressed zeros, a text of gigabytes."""
+    found: list[tuple[int, int]] = []
+
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            found.append((item.nbytes, item.id.get_storage_size()))
+
+    file.visititems(add)
+    arrays, stored = (sum(column) for column in zip(*found)) if found else (0, 0)
+    if arrays > max(MOST_BYTES, 4 * size):
+        raise ValueError(f"arrays of {arrays} bytes in {size} bytes")
+    if size - stored > MOST_TEXT:
+        raise ValueError(f"{size - stored} bytes of texts and attributes, more than {MOST_TEXT}")
 
 
 def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
@@ -278,7 +303,9 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
         elif item is not None:
             text = h5py.check_string_dtype(item.dtype) is not None
             found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
-    return cls(**found)
+    made = cls(**found)
+    made.check_rows()
+    return made
 
 
 def typed(hint: object, value: object) -> Any:

@@ -81,6 +81,12 @@ class Quantity:
     parts: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class EachRow:
+    """Marks an array with an entry for each row of the table that is no column."""
+
+
+PerRow = Annotated[NDArray, EachRow()]
 Cycles = Annotated[float, Quantity("Hz")]
 Metre = Annotated[float, Quantity("m")]
 Newton = Annotated[float, Quantity("N")]
@@ -154,6 +160,29 @@ class Tabular:
         across = {name: Column(values.ravel(), out[name].unit if name in out else "") for name, values in places}
         flat = {name: c if c.dims else c._replace(values=c.values.ravel()) for name, c in out.items()}
         return across | flat | across
+
+    def check_rows(self) -> None:
+        """Raise ValueError where two fields differ in the size of a dimension that both have."""
+        cls: Any = type(self)
+        names, found = {f.name for f in fields(cls)}, dict[str, tuple[int, str]]()
+        per_row = {name for name, own in declarations(cls).items() if own.mark(EachRow)}
+        marked = {name: mark for name, mark in quantities(cls).items() if name in names}
+        marked |= dict.fromkeys(per_row, Quantity(dims=(ROW,)))
+        shapes = {name: np.shape(value) for name in marked if (value := getattr(self, name)) is not None}
+        shapes |= {name: shape[:1] for name, shape in shapes.items() if name in per_row}
+        flat = [name for name, shape in shapes.items() if shape and not marked[name].dims]
+        if grid := self._grid() if flat else {}:
+            n = int(np.prod([len(values) for values in grid.values()]))
+            shapes |= {name: (int(np.prod(shapes[name])),) for name in flat if name not in grid}
+            shapes |= {name: (n,) for name in flat if name in grid}
+        for name, shape in shapes.items():
+            dims = marked[name].dims or (ROW, *marked[name].parts[:1])[: len(shape)]
+            if len(dims) < len(shape):
+                raise ValueError(f"'{name}' has the shape {shape}")
+            for dim, size in zip(dims[::-1], shape[::-1]):  # of a single solution, the first dimension is missing
+                other, first = found.setdefault(dim or self._dimension(), (size, name))
+                if size != other:
+                    raise ValueError(f"'{name}' has {size} values, '{first}' has {other}")
 
     def _dimension(self) -> str:
         """What the rows of the table are."""
