@@ -159,11 +159,11 @@ class Study(Comparable):
         stored = [f"{name} {len(modes)} of {bases[name].n_modes}" for name, modes in coupling.modes.items()]
 
         def force(e: Excitation) -> str:
-            return f"{e.amplitude:g} N at {e.location} {plain(e.direction)}, order {e.engine_order or s.engine_order}"
+            return f"{e.amplitude:g} N {e.shown}, order {e.engine_order or s.engine_order}"
 
         return (
             Fact("model", f"{sectors}{', '.join(s.model.bodies)} ({s.model.hash})"),
-            Fact("excitation", float(at.amplitude), f"N at {at.location} {plain(at.direction)}"),
+            Fact("excitation", float(at.amplitude), f"N {at.shown}"),
             Fact("beside it", "; ".join(map(force, at.beside))),
             Fact("engine order", int(s.engine_order)),
             Fact("response", f"{seen.location} {plain(seen.direction)}"),

@@ -17,14 +17,11 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from bdamper.design.fit import deviations
-from bdamper.io.measured import LENGTHS, read_columns
+from bdamper.io.measured import FORCES, LENGTHS, read_columns
 from bdamper.util import validate
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.text import amount, percent
-
-FORCES = {"n": 1.0, "kn": 1e3}
-"""Units of force in newtons."""
 
 
 @brief
@@ -153,7 +150,5 @@ def read_loop(path: str | Path) -> tuple[NDArray, NDArray]:
     BdamperError
         If a column is missing, a unit is not known, or a value is not a finite number; the message names the line.
     """
-    units = {"displacement": {unit: size for unit, size in LENGTHS.items() if unit}, "force": FORCES}
-    found = read_columns(path, tuple(units))
-    factors = [known[validate.choice(f"{path}: unit of {name}", found[name][1], known)] for name, known in units.items()]
-    return factors[0] * found["displacement"][0], factors[1] * found["force"][0]
+    found = read_columns(path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES})
+    return found["displacement"][0], found["force"][0]
