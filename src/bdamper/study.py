@@ -43,7 +43,7 @@ from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import at_speed, results
 from bdamper.problem.asked import asked
-from bdamper.problem.plausible import check_question, check_settings
+from bdamper.problem.plausible import check_question, check_settings, check_unloaded
 from bdamper.problem.problem import Problem
 from bdamper.problem.settings import Settings, settings_of
 from bdamper.speed import campbell, crossings, run_up
@@ -321,6 +321,7 @@ class Study(Comparable):
         check = check if check is False else validate.choice("check", check, ("time", "neighbours"))
         values = optimal.preload_values(preload, n)
         frequency = peak_interval(problem, frequency, mode) if problem.carries_load else frequency
+        check_unloaded(problem)
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
         margin = validate.choice("quantity", quantity, ("amplitude", "margin")) == "margin"

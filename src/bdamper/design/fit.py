@@ -271,6 +271,7 @@ def deviations(J: NDArray) -> NDArray:
 
 
 @asked
+@validate.spelt
 @one_thread
 def fit(
     problem: Problem,

@@ -90,6 +90,7 @@ def sliding_force(displacement: NDArray, kt: float, limits: NDArray) -> NDArray:
     return out
 
 
+@validate.spelt
 def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: int = 20) -> FittedLoop:
     """Contact stiffness, friction coefficient and its spread from one period of a measured loop.
 

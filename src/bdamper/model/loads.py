@@ -119,6 +119,7 @@ class Response:
         validate.checked(self, "response ")
 
 
+@validate.spelt
 def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[int, complex]:
     """Aerodynamic damping of every nodal diameter from what the motion of one blade does to its neighbours.
 

@@ -8,6 +8,8 @@ import warnings
 from bdamper.util.errors import shortened
 
 _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
+_BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.problem.asked", "bdamper.util.validate")
+"""Modules of decorators and of copies of dataclasses."""
 
 
 class BdamperWarning(UserWarning):
@@ -21,6 +23,15 @@ class PlausibilityWarning(BdamperWarning):
 def implausible(item: str, plausible: str, found: str) -> None:
     """Warn in one line: the item, the plausible range, and what was found."""
     say(f"{item}: plausible {plausible}, found {shortened(found)}", PlausibilityWarning)
+
+
+def asked_by_user() -> bool:
+    """Whether the function that asks this was called from outside of the package, decorators aside."""
+    own = inspect.currentframe()
+    frame = own and own.f_back and own.f_back.f_back
+    while frame is not None and (module := str(frame.f_globals.get("__name__"))).startswith(_BETWEEN):
+        frame = frame.f_back
+    return frame is not None and (not module.startswith("bdamper.") or module.startswith(("bdamper.cli", "bdamper.app")))
 
 
 def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:

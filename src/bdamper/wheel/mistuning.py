@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bdamper.io.measured import HEADER, HERTZ, check_unit
-from bdamper.util import validate
+from bdamper.util import plausible, validate
 from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.hdf5 import FilePath, Storable
 from bdamper.util.plotting import Plottable
@@ -29,6 +29,7 @@ _BLADES, _DAMPERS = 1, 2
 """Last number of the seeds of blades and of dampers, whose draws are independent."""
 
 
+@validate.spelt
 @brief
 @dataclass(frozen=True)
 class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="blade"):
@@ -89,6 +90,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         base = values.mean(axis=0)
         if reference is not None:
             base = validate.numbers("reference", np.atleast_1d(reference), np.size(base), above=0.0, unit="Hz")
+        plausible.check("Mistuning", "deviation", values / base - 1.0)
         return cls(values / base - 1.0, source)
 
     @classmethod
@@ -113,6 +115,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         return cls.from_frequencies(_read_frequencies(path), reference, f"file {Path(path).name}")
 
     @classmethod
+    @validate.spelt
     def drawn(
         cls,
         n_blades: int,
@@ -194,6 +197,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         )
 
 
+@validate.spelt
 @brief
 @dataclass(frozen=True)
 class DamperVariation(Storable, kind="bdamper-damper-variation"):
@@ -253,6 +257,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         return cls(**full, missing=gone)
 
     @classmethod
+    @validate.spelt
     def drawn(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
         """Dampers drawn independently.
 
