@@ -44,7 +44,7 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
     with pytest.warns(PlausibilityWarning, match=r"frequency: plausible"):
         s.track(2000.0, (1700.0, 1850.0), options=bd.ContinuationOptions(budget=20))
     strong = study(excitation=bd.Excitation("tip", amplitude=1e4))
-    with pytest.warns(PlausibilityWarning, match=r"preload: plausible 1e\+04 to .* times the excitation .*, found 2000 N: kN"):
+    with pytest.warns(PlausibilityWarning, match=r"preload: plausible 1e\+04 to .* the excitation .*, found 2000 N: kN"):
         strong.track(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
     with pytest.warns(PlausibilityWarning, match=r"preload: .* found 20 to 200 N"):
         plausible.check("Study", "preload", [20.0, 200.0], strong.problem.sizes)

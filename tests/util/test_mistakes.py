@@ -168,7 +168,7 @@ def test_an_unlikely_unit_is_named(study, mistake):
     with pytest.warns(PlausibilityWarning, match=words) as caught:
         ask(study)
     doubts = {(str(w.message), w.filename) for w in caught if issubclass(w.category, PlausibilityWarning)}
-    assert len(doubts) == len({text.partition(":")[0] for text, _ in doubts}), "one warning for each, which Python shows once"
+    assert len(doubts) == len({text.partition(":")[0] for text, _ in doubts}), "one for each, which Python shows once"
     assert all("\n" not in text and place == __file__ for text, place in doubts)
 
 

@@ -1,15 +1,11 @@
 """The table of plausible ranges: every number that a user gives has an entry, and every entry is in use."""
 
-import inspect
 
-import numpy as np
 import pytest
 
-import bdamper as bd
 from bdamper.problem.variation import FACTORS
 from bdamper.util import plausible
-from bdamper.util.plausible import TABLE, Names, Range, check
-from bdamper.util.warn import PlausibilityWarning
+from bdamper.util.plausible import TABLE, Names, Range
 from tests.util.numeric import doors, numeric
 
 DOORS = doors()

@@ -1,4 +1,4 @@
-"""Plausibility of what a user asks of a model: settings by the table of ranges, intervals by the resonances of the model."""
+"""Warnings of implausible settings, by the table of ranges, and of intervals in radians per second."""
 
 from __future__ import annotations
 

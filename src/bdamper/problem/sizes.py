@@ -80,5 +80,6 @@ class Sizes:
     def critical_drag(self, name: str | None) -> float:
         """Twice the mass of a body, or of the heaviest free body, times the first angular frequency, N s/m."""
         bodies, omega2 = self.problem.model.bodies, self.problem.modal_bases[1].omega2
-        mass = max((bodies[body].mass or 0.0 for body in ([name] if name else self.problem.settings.free_bodies)), default=0.0)
+        names = [name] if name else self.problem.settings.free_bodies
+        mass = max((bodies[body].mass or 0.0 for body in names), default=0.0)
         return 2.0 * mass * float(np.sqrt(omega2[omega2 > 0.0].min(initial=np.inf))) or np.inf

@@ -1,8 +1,8 @@
 """Plausible ranges of all numbers that a user gives, in SI units: one table.
 
 A value outside of its range is possible, so it is used, with a warning that names the value, the range and the likely
-mistake.  Names in the table are those of parameters, with their function or class before a dot where several have the name.
-A range that depends on the model has functions of its sizes for bounds (:class:`bdamper.problem.sizes.Sizes`).
+mistake.  A key of the table is the name of a parameter, after the name of its function or class if the range applies there
+alone.  A bound can be a function of the sizes of the model (:class:`bdamper.problem.sizes.Sizes`).
 """
 
 from __future__ import annotations
@@ -88,7 +88,13 @@ class Range:
 
 @dataclass(frozen=True)
 class Names:
-    """A mapping whose keys are names of parameters of another function or class, each with a range of its own."""
+    """Entry of a mapping whose keys are parameters of another function or class.
+
+    Parameters
+    ----------
+    of : str
+        Function or class with the ranges.
+    """
 
     of: str
 
@@ -152,7 +158,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     ),
     "Study.load_history": Range(1e-3, 10.0, above="newtons suspected, where factors on the preload are expected"),
     "Study.speed": EFFECT,
-    "Study.slip_offset": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="up to 0.1 % of the extent"),
+    "Study.slip_offset": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"),
     "Study.slip_offset_seed": FACT,
     "Study.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
     "Excitation.amplitude": Range(
@@ -186,10 +192,15 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # questions
     "preload": PRELOAD,
     "preloads": PRELOAD,
-    **dict.fromkeys(
-        ("nonlinear_mode.preload", "flutter.preload", "microslip.preload", "Study.static.preload", "Study.stuck.preload",
-         "Study.wedge_friction.preload", "Wheel.state.preload", "Wheel.system.preload", "Wheel.tuned_peak.preload"), UNEXCITED
-    ),
+    "nonlinear_mode.preload": UNEXCITED,
+    "flutter.preload": UNEXCITED,
+    "microslip.preload": UNEXCITED,
+    "Study.static.preload": UNEXCITED,
+    "Study.stuck.preload": UNEXCITED,
+    "Study.wedge_friction.preload": UNEXCITED,
+    "Wheel.state.preload": UNEXCITED,
+    "Wheel.system.preload": UNEXCITED,
+    "Wheel.tuned_peak.preload": UNEXCITED,
     "PeakTask.preload": EFFECT,
     "OptimalTask.preload": EFFECT,
     "frequency": EFFECT,
@@ -222,10 +233,10 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         "kilograms suspected, where factors are expected",
     ),
     "flutter.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
-    "flutter.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, "metres expected", "the extent of the model"),
+    "flutter.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"),
     "nonlinear_mode.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"),
     "speed": Range(0.1, 1.2e4, "rad/s", RPM),
-    "elastic": (Range(1e8, 2e12, "Pa", "MPa taken for Pa twice suspected", "MPa or GPa suspected"), Range(0.0, 0.5)),
+    "elastic": (Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"), Range(0.0, 0.5)),
     "microslip.forces": EFFECT,
     "robust_optimum.percentile": Range(50.0, 100.0, "%", below="a share suspected: 95 for 95 %"),
     # conditions over speed
@@ -338,7 +349,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "build_model.radial": FACT,
     "build_model.origin": EFFECT,
     "build_model.expected_frequencies": MEASURED,
-    "build_model.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", "GPa taken for Pa suspected", "GPa suspected"), Range(0.0, 0.5)),
+    "build_model.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
     "build_model.sector_faces": FACT,
     "build_model.fixed": FACT,
     "build_model.wheel": FACT,
@@ -374,20 +385,23 @@ def check(owner: str, name: str, value: Any, sizes: Any = None, item: str = "") 
     value : Any
         Numbers, alone, in sequences or in mappings; other values are not looked at.
     sizes : Sizes, optional
-        Of the model.
+        Sizes of the model.
     item : str
         Name in the warning; the parameter by default.
     """
     head, _, part = name.partition(".")
-    known, item = entry(owner, name) or entry(owner, head), item or (f"{head} of {part!r}" if part else name)
+    known = entry(owner, name)
+    if known is None and part:
+        known, item = entry(owner, head), item or f"{head} of {part!r}"
+    item = item or name
     if isinstance(known, Names) and isinstance(value, Mapping):
         for key, inner in value.items():
             if isinstance(inner, Mapping):  # settings of each of several studies
                 check(owner, name, inner, sizes)
             else:
                 check(known.of, str(key), inner, sizes)
-    for key, values in _numbers(value) if isinstance(known, Range | tuple) else ():
-        ranges = (known,) if isinstance(known, Range) else known
+    ranges = (known,) if isinstance(known, Range) else known if isinstance(known, tuple) else ()
+    for key, values in _numbers(value) if ranges else ():
         for own, numbers in zip(ranges, values[:, None] if len(ranges) > 1 else [values]):
             own.check(item if key is None else f"{item} of {key!r}", numbers, sizes, part or key)
 

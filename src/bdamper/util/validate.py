@@ -150,7 +150,7 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
 def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
     """Check the keywords of a function or a class, and warn of implausible values that the user gives.
 
-    An unknown keyword is an error that names a similar one.  Ranges are those of :mod:`bdamper.util.plausible`.
+    An unknown keyword is an error that names a similar one.  See :mod:`bdamper.util.plausible` for the ranges.
 
     Parameters
     ----------

@@ -236,6 +236,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         object.__setattr__(self, "missing", missing)
 
     @classmethod
+    @validate.spelt
     def of(cls, n_blades: int, *, missing: Sequence[int] = (), **properties: Any) -> Self:
         """Dampers of which some properties differ; one number stands for all dampers.
 
