@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from bdamper.model.model import Interface
 from bdamper.util.errors import ModelError
 
-if TYPE_CHECKING:
-    from bdamper.problem.problem import Problem
-
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of a model under its settings, which bound plausible values."""
+    """Sizes of a model under its settings, which bound plausible values.
 
-    problem: Problem
+    Parameters
+    ----------
+    problem : Problem
+    """
+
+    problem: Any
 
     @property
     def lumped(self) -> bool:

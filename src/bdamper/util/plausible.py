@@ -66,7 +66,7 @@ class Range:
     by: str = ""
     compared: Callable[[NDArray], tuple[float, float]] = each
 
-    def check(self, item: str, values: NDArray, sizes: Any = None, key: Any = None) -> None:
+    def check(self, item: str, values: NDArray, sizes: object = None, key: object = None) -> None:
         """Warn of values outside the range; bounds that need sizes are left out without these."""
         if sizes is None and (callable(self.low) or callable(self.high)):
             return
@@ -112,7 +112,7 @@ UNEXCITED = "any load: the excitation, with which preloads are compared, takes n
 MEASURED = "measured data, compared with the model or with themselves"
 
 DAMPING = Range(0.0, 0.1, "of critical damping", PER_CENT)
-STIFFNESS = Range(1e-3, 1e13, "N/m", "N/mm or GN/m suspected")
+STIFFNESS = Range(0.0, 1e13, "N/m", "N/mm or GN/m suspected")
 PRELOAD = Range(
     lambda s, _: s.amplitude, lambda s, _: 1e6 * s.amplitude or np.inf, "N", "mN suspected, or nothing that slips",
     "kN suspected, or a damper that does not stay in its seat", "1 to 1e+06 times the excitation amplitude", some,
@@ -120,6 +120,41 @@ PRELOAD = Range(
 DEVIATION = Range(-0.5, 0.5, "of the frequency", "per cent or Hz suspected", "per cent or Hz suspected")
 FACTOR = "a value with a unit suspected, where a factor is expected"
 
+NO_RANGE = {
+    COUNT: """
+        Study.harmonics Study.blade_modes Study.damper_modes Study.contact_points accuracy_cost.vary mode n index harmonics
+        damper_modes contact_points blade_modes steps_per_period periods modes Study.march.blades Study.march.starts
+        Study.hysteresis.n_theta ResidualModes.patterns Sampled.n_time ContinuationOptions.max_points
+        ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
+        PeakOptions.max_iterations PeakOptions.max_trials WheelPeakOptions.climbs WheelPeakOptions.least
+        WheelPeakOptions.most n_blades n_modes wheels fit_loop.sliders build_model.engine_order build_model.nodal_diameters
+        build_model.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
+    """,
+    LIMITED: """
+        Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.bouc_wen.alpha
+        ContactLaw.bouc_wen.gamma ResidualModes.share misfit.angle misfit.axial_angle ContinuationOptions.max_turn
+        ContinuationOptions.locate_tolerance WheelPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
+    """,
+    FACT: """
+        Study.slip_offset_seed Study.excitation seed direction Study.stress_at.gauge Study.compare.other temperature
+        lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
+        ContactLaw.of_record.record missing Mistuning.seed build_model.axis build_model.radial build_model.sector_faces
+        build_model.fixed build_model.wheel build_model.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
+    """,
+    EFFECT: """
+        Study.speed Excitation.engine_order draw.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
+        rpm Study.sweep_in_time.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.given build_model.origin
+        ContactFaces.gap ContactFaces.stiffness Patches.centre Patches.size
+    """,
+    MEASURED: """
+        reference build_model.expected_frequencies
+    """,
+    UNEXCITED: """
+        nonlinear_mode.preload flutter.preload microslip.preload Study.static.preload Study.stuck.preload
+        Study.wedge_friction.preload Wheel.state.preload Wheel.system.preload Wheel.tuned_peak.preload
+    """,
+}
+"""Parameters without a range, by the reason."""
 TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # settings of a study
     "Study.engine_order": Range(
@@ -130,16 +165,12 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         0.05, 1.5, above=PER_CENT, by="or 0",
         below="a mistaken digit suspected; lubricated steel has 0.05, clean metals up to 1.5",
     ),
-    "Study.harmonics": COUNT,
     "Study.contact_stiffness": Range(
         lambda s, _: 0.01 * s.body_stiffness, lambda s, _: 100.0 * s.body_stiffness, "N/m",
         "a stiffness per area or of the whole face suspected", "N/mm or a stiffness per area suspected",
         "at a point in the mean, 0.01 to 100 times that of the bodies there",
     ),
     "Study.contact_stiffness_factor": Range(1e-3, 1e3, above=FACTOR, below=FACTOR),
-    "Study.blade_modes": COUNT,
-    "Study.damper_modes": COUNT,
-    "Study.contact_points": COUNT,
     "Study.damping_ratio": DAMPING,
     "Study.damper_damping_ratio": Range(0.0, 0.5, "of critical damping", PER_CENT),
     "Study.damper_drag": Range(
@@ -157,16 +188,12 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         "a distance suspected: a negative load of a point is a gap", "a pressure of 1 GPa on the faces",
     ),
     "Study.load_history": Range(1e-3, 10.0, above="newtons suspected, where factors on the preload are expected"),
-    "Study.speed": EFFECT,
     "Study.slip_offset": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"),
-    "Study.slip_offset_seed": FACT,
     "Study.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
     "Excitation.amplitude": Range(
         1e-6, lambda s, where: s.deflecting(where), "N", "mN or N/m2 suspected", "kN or MN suspected",
         "up to the force that deflects the structure by 10 % of its extent",
     ),
-    "Excitation.phase": LIMITED,
-    "Excitation.engine_order": EFFECT,
     "Body.mass": Range(
         # per volume of the box around the contact points, 50 to 1e5 kg/m3: steel wedges have 7,600 to 8,900
         lambda s, name: 50.0 * s.volume(name), lambda s, name: 1e5 * s.volume(name), "kg", GRAMS, "tonnes suspected",
@@ -179,7 +206,6 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Study.frequency_factor": Range(0.5, 2.0, above="Hz suspected, where a factor is expected", below=FACTOR),
     "Study.gap_factor": Range(1e-3, 1e3, above=FACTOR, below="metres suspected, where a factor is expected"),
     "Study.force_factor": Range(1e-2, 1e2, above="newtons suspected, where a factor is expected", below=FACTOR),
-    "Study.excitation": FACT,
     "Study.excitation.amplitude": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
     "Study.excitation.phase": Range(-2.0 * np.pi, 2.0 * np.pi, "rad", "degrees suspected", "degrees suspected"),
     "sweep.over": Names("Study"),
@@ -187,47 +213,9 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "robust_optimum.samples": Names("Study"),
     "fit.vary": Names("Study"),
     "compare.studies": Names("Study"),
-    "accuracy_cost.vary": COUNT,
-    "draw.distributions": EFFECT,
     # questions
     "preload": PRELOAD,
     "preloads": PRELOAD,
-    "nonlinear_mode.preload": UNEXCITED,
-    "flutter.preload": UNEXCITED,
-    "microslip.preload": UNEXCITED,
-    "Study.static.preload": UNEXCITED,
-    "Study.stuck.preload": UNEXCITED,
-    "Study.wedge_friction.preload": UNEXCITED,
-    "Wheel.state.preload": UNEXCITED,
-    "Wheel.system.preload": UNEXCITED,
-    "Wheel.tuned_peak.preload": UNEXCITED,
-    "PeakTask.preload": EFFECT,
-    "OptimalTask.preload": EFFECT,
-    "frequency": EFFECT,
-    "mode": COUNT,
-    "n": COUNT,
-    "seed": FACT,
-    "index": COUNT,
-    "direction": FACT,
-    "tolerance": LIMITED,
-    "harmonics": COUNT,
-    "damper_modes": COUNT,
-    "contact_points": COUNT,
-    "blade_modes": COUNT,
-    "steps_per_period": COUNT,
-    "periods": COUNT,
-    "speeds": EFFECT,
-    "omega": EFFECT,
-    "rpm": EFFECT,
-    "engine_orders": LIMITED,
-    "modes": COUNT,
-    "Study.march.blades": COUNT,
-    "Study.march.starts": COUNT,
-    "Study.hysteresis.n_theta": COUNT,
-    "Study.static.history": LIMITED,
-    "Study.sweep_in_time.rate": EFFECT,
-    "Study.stress_at.gauge": FACT,
-    "Study.compare.other": FACT,
     "crossings.damper_mass": Range(
         0.05, 10.0, "times the mass of the damper", "grams suspected, where factors are expected",
         "kilograms suspected, where factors are expected",
@@ -237,11 +225,9 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "nonlinear_mode.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"),
     "speed": Range(0.1, 1.2e4, "rad/s", RPM),
     "elastic": (Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"), Range(0.0, 0.5)),
-    "microslip.forces": EFFECT,
     "robust_optimum.percentile": Range(50.0, 100.0, "%", below="a share suspected: 95 for 95 %"),
     # conditions over speed
     "friction": Range(0.05, 1.5, above=PER_CENT),
-    "temperature": FACT,
     "excitation": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
     # material
     "Material.endurance_limit": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
@@ -255,14 +241,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "lumped.cubic": Range(1e-9, 1e20, "N/m3", compared=largest),
     "lumped.forces": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
     "lumped.loads": Range(1e-3, 100.0, "newtons per newton of preload", "newtons suspected, where shares are expected"),
-    "lumped.locations": FACT,
-    "lumped.response": FACT,
-    "Contact.tangential": FACT,
-    "Contact.tangential2": FACT,
-    "Contact.normal": FACT,
     "Contact.kt": STIFFNESS,
     "Contact.kn": STIFFNESS,
-    "Contact.mu": EFFECT,
     "Contact.preload": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
     "Contact.gap": Range(1e-12, 100.0, "m", MILLIMETRES),
     # contact laws and stiffness
@@ -271,21 +251,10 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "ContactLaw.jenkins.mu": Range(1e-4, 1.5, above=PER_CENT),
     "ContactLaw.iwan.strength": Range(1e-9, 1e8, "N", "mN suspected"),
     "ContactLaw.iwan.stiffness": STIFFNESS,
-    "ContactLaw.iwan.chi": LIMITED,
     "ContactLaw.iwan.beta": Range(1e-6, 100.0),
     "ContactLaw.bouc_wen.stiffness": STIFFNESS,
-    "ContactLaw.bouc_wen.alpha": LIMITED,
-    "ContactLaw.bouc_wen.beta": FACT,
-    "ContactLaw.bouc_wen.gamma": LIMITED,
     "ContactLaw.bouc_wen.n": Range(1.0, 20.0),
-    "ContactLaw.of_record.record": FACT,
     "kn": STIFFNESS,
-    "PerArea.stiffness": EFFECT,
-    "ResidualModes.patterns": COUNT,
-    "ResidualModes.share": LIMITED,
-    "Sampled.n_time": COUNT,
-    "misfit.angle": LIMITED,
-    "misfit.axial_angle": LIMITED,
     "misfit.crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
     "misfit.axial_crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
     "influence_coefficients.given": Range(0.0, 0.3, "of critical damping", PER_CENT, compared=largest),
@@ -293,35 +262,15 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "ContinuationOptions.step": Range(1e-5, 1.0, below="unscaled unknowns suspected"),
     "ContinuationOptions.min_step": Range(1e-14, 0.1),
     "ContinuationOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
-    "ContinuationOptions.max_turn": LIMITED,
-    "ContinuationOptions.max_points": COUNT,
-    "ContinuationOptions.patience": COUNT,
-    "ContinuationOptions.budget": COUNT,
-    "ContinuationOptions.max_iterations": COUNT,
-    "ContinuationOptions.locate_tolerance": LIMITED,
     "ContinuationOptions.corner_step": Range(1e-6, 10.0),
     "PeakOptions.tolerance": Range(1e-15, 1e-3, above="the accuracy of the result suspected, where a residual is expected"),
     "PeakOptions.position_tolerance": Range(1e-15, 1e-2),
     "PeakOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
-    "PeakOptions.max_iterations": COUNT,
-    "PeakOptions.max_trials": COUNT,
-    "WheelPeakOptions.spacing": LIMITED,
-    "WheelPeakOptions.climbs": COUNT,
-    "WheelPeakOptions.least": COUNT,
-    "WheelPeakOptions.most": COUNT,
     # wheels
-    "n_blades": COUNT,
-    "n_modes": COUNT,
-    "reference": MEASURED,
-    "missing": FACT,
-    "wheels": COUNT,
     "Wheel.mistuning": DEVIATION,
     "Mistuning.deviation": DEVIATION,
-    "Mistuning.seed": FACT,
-    "Mistuning.of.given": EFFECT,
     "standard_deviation": Range(1e-6, 0.2, "of the frequency", PER_CENT),
     "mistuned_sample.dampers": Names("DamperVariation.drawn"),
-    "mistuned_sample.audit": LIMITED,
     "DamperVariation.mass": Range(0.2, 5.0, "times the mass of the damper", "grams suspected", "kilograms suspected"),
     "DamperVariation.friction_coefficient": Range(0.1, 10.0, "times that of the study", PER_CENT),
     "DamperVariation.contact_stiffness": Range(0.01, 100.0, "times that of the study", "N/m suspected"),
@@ -337,36 +286,13 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "fit_loop.displacement": Range(1e-9, 1e-2, "m", MILLIMETRES, compared=largest),
     "fit_loop.force": Range(1e-3, 1e7, "N", compared=largest),
     "fit_loop.normal": Range(1e-2, 1e7, "N", "mN suspected", "kN suspected"),
-    "fit_loop.sliders": COUNT,
     # import
     "Units.length": Range(1e-6, 1.0, "m", "millimetres in a metre suspected: the factor is 1e-3 for millimetres"),
     "Units.mass": Range(1e-9, 1e4, "kg", "grams in a kilogram suspected"),
-    "build_model.engine_order": COUNT,
-    "build_model.nodal_diameters": COUNT,
-    "build_model.n_damper_modes": COUNT,
     "build_model.damping_ratio": DAMPING,
-    "build_model.axis": FACT,
-    "build_model.radial": FACT,
-    "build_model.origin": EFFECT,
-    "build_model.expected_frequencies": MEASURED,
     "build_model.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
-    "build_model.sector_faces": FACT,
-    "build_model.fixed": FACT,
-    "build_model.wheel": FACT,
-    "build_model.stress": FACT,
-    "ContactFaces.faces_a": FACT,
-    "ContactFaces.faces_b": FACT,
-    "ContactFaces.points": COUNT,
-    "ContactFaces.sector_b": LIMITED,
-    "ContactFaces.gap": EFFECT,
-    "ContactFaces.stiffness": EFFECT,
-    "Patches.centre": EFFECT,
-    "Patches.frame": FACT,
-    "Patches.size": EFFECT,
-    "LocalSizes.cantilever": COUNT,
-    "LocalSizes.attachment": COUNT,
-    "LocalSizes.interface": COUNT,
 }  # fmt: skip
+TABLE |= {name: reason for reason, names in NO_RANGE.items() for name in names.split()}
 
 
 def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | None:
@@ -375,7 +301,7 @@ def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | No
     return next((TABLE[key] for key in keys if key in TABLE), None)
 
 
-def check(owner: str, name: str, value: Any, sizes: Any = None, item: str = "") -> None:
+def check(owner: str, name: str, value: object, sizes: object = None, item: str = "") -> None:
     """Warn of a value that is implausible.
 
     Parameters
@@ -406,7 +332,7 @@ def check(owner: str, name: str, value: Any, sizes: Any = None, item: str = "") 
             own.check(item if key is None else f"{item} of {key!r}", numbers, sizes, part or key)
 
 
-def _numbers(value: Any, key: Any = None) -> Iterator[tuple[Any, NDArray]]:
+def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArray]]:
     """Yield arrays of the numbers in a value, with their keys in mappings; complex ones by their size."""
     if isinstance(value, Mapping):
         for own, inner in value.items():
