@@ -43,7 +43,7 @@ from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import at_speed, results
 from bdamper.problem.asked import asked
-from bdamper.problem.plausible import check_question, check_settings
+from bdamper.problem.plausible import check_question, check_settings, check_unloaded
 from bdamper.problem.problem import Problem
 from bdamper.problem.settings import Settings, settings_of
 from bdamper.speed import campbell, crossings, run_up
@@ -159,11 +159,11 @@ class Study(Comparable):
         stored = [f"{name} {len(modes)} of {bases[name].n_modes}" for name, modes in coupling.modes.items()]
 
         def force(e: Excitation) -> str:
-            return f"{e.amplitude:g} N at {e.location} {plain(e.direction)}, order {e.engine_order or s.engine_order}"
+            return f"{e.amplitude:g} N {e.shown}, order {e.engine_order or s.engine_order}"
 
         return (
             Fact("model", f"{sectors}{', '.join(s.model.bodies)} ({s.model.hash})"),
-            Fact("excitation", float(at.amplitude), f"N at {at.location} {plain(at.direction)}"),
+            Fact("excitation", float(at.amplitude), f"N {at.shown}"),
             Fact("beside it", "; ".join(map(force, at.beside))),
             Fact("engine order", int(s.engine_order)),
             Fact("response", f"{seen.location} {plain(seen.direction)}"),
@@ -322,6 +322,7 @@ class Study(Comparable):
         check = check if check is False else validate.choice("check", check, ("time", "neighbours"))
         values = optimal.preload_values(preload, n)
         frequency = peak_interval(problem, frequency, float(values[-1]), mode) if problem.carries_load else frequency
+        check_unloaded(problem)
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
         margin = validate.choice("quantity", quantity, ("amplitude", "margin")) == "margin"

@@ -30,7 +30,17 @@ def test_forces_at_several_places_add_up(study):
     whole, one, other = (c.harmonics[on][::20] for c, on in zip(curves, at))
     assert np.abs(other).max() > 0.1 * np.abs(one).max()
     close(whole, one + other)
-    assert "beside it" in str(both) and "200 N at platform axial, order 5" in str(both)
+    assert "beside it" in str(both) and "200 N at platform axial, phase 17.1887 degrees, order 5" in str(both)
+
+
+def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
+    for phase in (90.0, -10.0, 6.3):
+        with pytest.raises(bd.SettingError, match=rf"excitation phase: .* np.deg2rad\(90\) is 90 degrees, found {phase}"):
+            bd.Excitation("tip", phase=phase)
+    quarter = study.with_(excitation=bd.Excitation("tip", phase=np.deg2rad(90)))
+    assert quarter.excitation.force == pytest.approx(1j, abs=1e-15)
+    assert "1 N at tip tangential, phase 90 degrees" in str(quarter) and "phase" not in str(study)
+    assert bd.Excitation("tip", phase=-2.0 * np.pi).force == pytest.approx(1.0)
 
 
 def test_a_sum_of_equal_forces_is_one_of_twice_the_amplitude(study):

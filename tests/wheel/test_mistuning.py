@@ -30,15 +30,21 @@ def test_measured_frequencies(tmp_path):
     assert np.allclose(one.deviation, [[-0.02, -0.01], [0.0, 0.01], [0.02, 0.0]])
     kept = Mistuning.from_csv(path, reference=[100.0, 297.0])
     assert np.isclose(kept.deviation[0, 1], 0.0) and kept.deviation[:, 1].mean() > 0.009
-    path.write_text("98;\n")
+    path.write_text("f (Hz)\n98;\n")
     with pytest.raises(bd.BdamperError, match=r"blades.csv: expected one row of frequencies .* row 0, column 2"):
         Mistuning.from_csv(path)
-    path.write_text("blade,f\n1,98\n1,99\n")
+    path.write_text("blade,f (Hz)\n1,98\n1,99\n")
     with pytest.raises(bd.BdamperError, match=r"column 'blade': expected each number from 0 or 1 once"):
         Mistuning.from_csv(path)
-    path.write_text("98\n-1\n")
+    path.write_text("f (Hz)\n98\n-1\n")
     with pytest.raises(bd.BdamperError, match="frequencies above 0 Hz"):
         Mistuning.from_csv(path)
+    for text, found in (("98\n99\n", "no header with units, such as 'blade,mode"), ("blade,f\n1,98\n", "'f'.* no unit")):
+        path.write_text(text)
+        with pytest.raises(bd.BdamperError, match=found):
+            Mistuning.from_csv(path)
+    path.write_text("f (kHz)\n0.098\n0.1\n")
+    assert np.allclose(Mistuning.from_csv(path, reference=100.0).deviation, [-0.02, 0.0])
 
 
 def test_draws_are_reproducible_and_scale():
@@ -82,8 +88,8 @@ def test_files(tmp_path):
 
 def test_quoted_tables_are_read_and_empty_ones_refused(tmp_path):
     quoted, plain, empty = (tmp_path / name for name in ("quoted.csv", "plain.csv", "empty.csv"))
-    quoted.write_text('"blade";"f"\n"2";"101"\n"1";"100"\n"3";"102"\n')
-    plain.write_text("100\n101\n102\n")
+    quoted.write_text('"blade";"f (kHz)"\n"2";"101"\n"1";"100"\n"3";"102"\n')
+    plain.write_text("f (Hz)\n100\n101\n102\n")
     found, expected = Mistuning.from_csv(quoted), Mistuning.from_csv(plain)
     np.testing.assert_array_equal(found.deviation, expected.deviation)
     empty.write_text("# nothing\n")

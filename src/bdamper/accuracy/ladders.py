@@ -226,6 +226,7 @@ class _Runs:
         return self.done[-1]
 
 
+@validate.spelt
 @one_thread
 def accuracy_cost(
     study: Asking | Problem,

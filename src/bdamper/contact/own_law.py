@@ -95,6 +95,7 @@ class ContactLaw:
         return f"{self.name} ({self.parameters.shape[-1]} parameters, {self.n_state} states)"
 
     @classmethod
+    @validate.spelt
     def jenkins(cls, stiffness: Numbers, limit: Numbers | float, mu: Numbers | float = 0.0, *, kn: float = 0.0) -> Self:
         """Springs with sliders, side by side along each tangential direction.
 
@@ -116,6 +117,7 @@ class ContactLaw:
         return cls(_core.jenkins, 2 * len(k), parameters, np.array([k.sum(), k.sum(), kn]), "jenkins")
 
     @classmethod
+    @validate.spelt
     def iwan(cls, strength: float, stiffness: float, chi: float, beta: float, *, kn: float = 0.0, n: int = 30) -> Self:
         """Segalman's four-parameter Iwan model of a joint, in n + 1 Jenkins elements along each tangential direction.
 
@@ -149,6 +151,7 @@ class ContactLaw:
         return cls.jenkins(k[held], (k * slip)[held], kn=kn)
 
     @classmethod
+    @validate.spelt
     def bouc_wen(
         cls, stiffness: float, alpha: float, beta: float, gamma: float, n: float = 1.0, *, kn: float = 0.0
     ) -> Self:

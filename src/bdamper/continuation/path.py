@@ -19,6 +19,7 @@ SIDE_POINTS = 1000
 fades.  Outside, with 150, one more of 100 narrow bands (``benchmarks/bench_narrow.py``) loses its highest branch."""
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class ContinuationOptions:
     """Settings of the continuation.

@@ -310,6 +310,7 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
 
 
 @asked
+@validate.spelt
 @one_thread
 def fit(
     problem: Problem,

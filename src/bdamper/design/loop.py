@@ -26,15 +26,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from bdamper.design.fit import left_out
-from bdamper.io.measured import LENGTHS, read_columns
+from bdamper.io.measured import FORCES, LENGTHS, read_columns
 from bdamper.util import validate
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, because
 from bdamper.util.text import amount, percent
 
-FORCES = {"n": 1.0, "kn": 1e3}
-"""Units of force in newtons."""
 REVERSAL = 10.0
 """Reversals of the displacement count from this multiple of its noise, or from ``CLOSE`` of its range."""
 CLOSE = 0.05
@@ -105,6 +103,7 @@ class FittedLoop(Plottable):
         )
 
 
+@validate.spelt
 def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: int = 20) -> FittedLoop:
     """Find contact stiffness, friction coefficient and its spread from a measured loop.
 
@@ -273,7 +272,5 @@ def read_loop(path: str | Path) -> tuple[NDArray, NDArray]:
     BdamperError
         If a column is missing, a unit is not known, or a value is not a finite number; the message names the line.
     """
-    units = {"displacement": {unit: size for unit, size in LENGTHS.items() if unit}, "force": FORCES}
-    found = read_columns(path, tuple(units))
-    factors = [known[validate.choice(f"{path}: unit of {name}", found[name][1], known)] for name, known in units.items()]
-    return factors[0] * found["displacement"][0], factors[1] * found["force"][0]
+    found = read_columns(path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES})
+    return found["displacement"][0], found["force"][0]

@@ -26,7 +26,7 @@ from bdamper.problem.asked import Asking, problem_of
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import check_name, study_fingerprint, vary
-from bdamper.util import validate
+from bdamper.util import plausible, validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
@@ -305,8 +305,10 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) 
     """Warn once, of the whole sweep, unless it varies what the warning is about."""
     varied = any(name.startswith("excitation") for name in over)
     if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
-        preload = over.get("preload", evaluate.preload)
-        check_question(problem, validate.numbers("preload", np.atleast_1d(preload), unit="N"), evaluate.frequency)
+        preload = validate.numbers("preload", np.atleast_1d(over.get("preload", evaluate.preload)), unit="N")
+        if "preload" not in over:
+            plausible.check("sweep", "preload", preload, problem.sizes)
+        check_question(problem, preload, evaluate.frequency)
 
 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:

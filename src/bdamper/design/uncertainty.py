@@ -172,6 +172,7 @@ class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncer
         )
 
 
+@validate.spelt
 def uncertain_curve(
     study: Asking | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
@@ -214,6 +215,7 @@ def uncertain_curve(
     )
 
 
+@validate.spelt
 def robust_optimum(
     study: Asking | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],

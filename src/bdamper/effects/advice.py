@@ -154,6 +154,7 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
         return [*rows, ("all left out", *changes, "", "computed", f"{self.work:.2f}", "")]
 
 
+@validate.spelt
 @one_thread
 def advise(
     problem: Problem,

@@ -106,6 +106,7 @@ def _outcome(result: Curve | OptimalCurve) -> tuple[float, float, float, str]:
     return top.amplitude, top.frequency, result.preload, result.status
 
 
+@validate.spelt
 @one_thread
 def compare(
     studies: Mapping[str, Asking | Problem | Mapping[str, Any]],

@@ -115,6 +115,7 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
         return f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({at})."
 
 
+@validate.spelt
 def stress(
     problem: Problem,
     result: SomeResult,
@@ -150,6 +151,7 @@ def stress(
     return of_solution(problem, Solutions(*(column[[index or 0]] for column in found)), chosen, speed)
 
 
+@validate.spelt
 def stress_at(
     problem: Problem,
     result: SomeResult,

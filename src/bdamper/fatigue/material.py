@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import validate
-from bdamper.util.warn import implausible
 
 LINES = ("goodman", "gerber", "soderberg")
 ON = ("amplitude", "both")
@@ -62,8 +61,6 @@ class Material(validate.Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 1e6 <= self.ultimate_strength <= 1e10:
-            implausible("ultimate_strength", "1e6 to 1e10 Pa", f"{self.ultimate_strength:g} Pa, where 1 MPa is 1e6 Pa")
         for name in ("yield_strength", "endurance_limit"):
             expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
             validate.require(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")

@@ -21,6 +21,7 @@ from bdamper.util.errors import mismatch
 from bdamper.util.repr import brief
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class Units(validate.Checked):
     """Units of a finite element model, as factors to metres and kilograms; time is in seconds.

@@ -1,7 +1,7 @@
 """Measured responses over frequency, and measured resonances over load.
 
-A CSV file of resonances has a header and one row for each measurement.  The column ``load`` (newtons) is required;
-``amplitude`` (any unit) and ``frequency`` (hertz) may be given both or one of them.  A row with load 0 is the structure
+A CSV file of resonances has a header with units and one row for each measurement.  The column ``load (N)`` is required;
+``amplitude`` in any unit and ``frequency (Hz)`` may be given both or one of them.  A row with load 0 is the structure
 without load on its dampers, the reference of a fit (:func:`bdamper.fit`).  Lines that start with ``#`` are comments.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -26,11 +27,17 @@ from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
 
 LENGTHS = {
-    "": 1.0, "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "millimeter": 1e-3,
+    "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "millimeter": 1e-3,
     "millimetre": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9, "in": 0.0254, "inch": 0.0254,
     "mil": 2.54e-5, "mils": 2.54e-5,
 }  # fmt: skip
 """Units of length in metres."""
+FORCES = {"N": 1.0, "kN": 1e3}
+"""Units of force in newtons."""
+HERTZ = {"Hz": 1.0, "kHz": 1e3}
+"""Units of frequency in hertz."""
+ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
+"""Units of phase in radians."""
 
 
 @brief
@@ -91,8 +98,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         SettingError
             If it is not a unit of length that is known.
         """
-        unit = self.unit.strip().lower().replace("\u00b5", "u").replace("\u03bc", "u")
-        expected = f"displacements in one of {tuple(u for u in LENGTHS if u)} or a scale to metres (scale=...)"
+        unit = _plain(self.unit) or "m"
+        expected = f"displacements in one of {tuple(LENGTHS)} or a scale to metres (scale=...)"
         validate.require(unit in LENGTHS, f"measurement '{self.name}'", expected, f"the unit '{self.unit}'")
         return LENGTHS[unit]
 
@@ -104,7 +111,8 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         )
 
 
-COLUMNS = ("load", "amplitude", "frequency")
+COLUMNS: dict[str, Mapping[str, float] | None] = {"load": FORCES, "amplitude": None, "frequency": HERTZ}
+"""Columns of resonances, with their units."""
 
 
 @brief
@@ -132,36 +140,48 @@ def load_measured(path: str | PathLike[str]) -> Measured:
     Raises
     ------
     BdamperError
-        If a column is missing, a row is longer than the header, or a value is not a finite number of at least 0; the
-        message names the line.
+        If a column or its unit is missing, a row is longer than the header, or a value is not a finite number of at
+        least 0; the message names the line.
     """
-    sets = COLUMNS, COLUMNS[:2], (COLUMNS[0], COLUMNS[2])
-    found = read_columns(path, *sets, signed=False, blank=COLUMNS[1:])
+    load, amplitude, frequency = COLUMNS
+    sets = (load, amplitude, frequency), (load, amplitude), (load, frequency)
+    found = read_columns(path, *sets, units=COLUMNS, signed=False, blank=(amplitude, frequency))
     values = {name: column for name, (column, _) in found.items()}
-    return Measured(**{name: values.get(name, np.full(len(values["load"]), np.nan)) for name in COLUMNS}, source=str(path))
+    return Measured(**{name: values.get(name, np.full(len(values[load]), np.nan)) for name in COLUMNS}, source=str(path))
 
 
 def read_columns(
-    path: str | PathLike[str], *sets: tuple[str, ...], signed: bool = True, blank: tuple[str, ...] = ()
+    path: str | PathLike[str],
+    *sets: tuple[str, ...],
+    units: Mapping[str, Mapping[str, float] | None],
+    signed: bool = True,
+    blank: tuple[str, ...] = (),
 ) -> dict[str, tuple[NDArray, str]]:
-    """Columns of a CSV file by name, each with the unit that stands in brackets behind the name.
+    """Read columns of a CSV file by name, with the unit in brackets after each name in the header.
 
-    Names and units are read in small letters.  Lines that start with ``#``, empty lines and other columns are left alone.
+    Names and units are read in lower case.  Lines that start with ``#``, empty lines and other columns are ignored.
 
     Parameters
     ----------
     path : path-like
     *sets : tuple of str
-        Names that belong together; those of the first set which the file has are read.
+        Names of columns that belong together; the first set that the file contains is read.
+    units : mapping of name to mapping of unit to factor, or None
+        Factors by which the values of a column are multiplied.  None: any unit, and the values are not changed.
     signed : bool
         Whether numbers below 0 are allowed.
     blank : tuple of str
         Columns in which a value may be missing; it is NaN then.
 
+    Returns
+    -------
+    dict of name to (values, unit)
+
     Raises
     ------
     BdamperError
-        If no set is complete, or a value is not a finite number; the message names the line.
+        If no set is complete, a column has no unit or an unknown one, or a value is not a finite number; the message
+        names the line.
     """
     require(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
     try:
@@ -173,11 +193,13 @@ def read_columns(
     names = [name.strip().lower() for name in next(csv.reader([header]))]
     head: dict[str, tuple[int, str]] = {}
     for k, text in enumerate(names):
-        if found := re.fullmatch(r"(\w+)\s*(?:[(\[](.*)[)\]])?", text):
+        if found := HEADER.fullmatch(text):
             head.setdefault(found[1], (k, (found[2] or "").strip()))
     there = next((each for each in sets if set(each) <= head.keys()), None)
+    at = f"{path}, line {first}"
     if there is None:
-        raise mismatch(f"{path}, line {first}", f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
+        raise mismatch(at, f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
+    factors = [check_unit(at, name, head[name][1], units[name]) for name in there]
     rows = []
     for k, line in lines:
         where, row = f"{path}, line {k}", next(csv.reader([line]))
@@ -186,7 +208,32 @@ def read_columns(
         row += [""] * (len(names) - len(row))
         rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in there])
     require(bool(rows), str(path), "rows of numbers after the header", "none")
-    return {name: (column, head[name][1]) for name, column in zip(there, np.array(rows).T)}
+    return {name: (factor * column, head[name][1]) for name, factor, column in zip(there, factors, np.array(rows).T)}
+
+
+HEADER = re.compile(r"(.*?)\s*(?:[(\[](.*)[)\]])?")
+"""Name of a column, and its unit in brackets."""
+
+
+def check_unit(where: str, column: str, unit: str, known: Mapping[str, float] | None) -> float:
+    """Return the factor of a column's unit, or raise an error that shows how the header states it.
+
+    Parameters
+    ----------
+    where, column, unit : str
+    known : mapping of unit to factor, optional
+        None allows any unit and makes the factor 1.
+    """
+    shown = [name for name in known or LENGTHS if name]
+    expected = f"its unit in the header, such as '{column} ({shown[0]})'" + (f", one of {shown}" if known else "")
+    factors = {_plain(name): factor for name, factor in known.items()} if known else {_plain(unit): 1.0} if unit else {}
+    require(_plain(unit) in factors, f"{where}, column '{column}'", expected, f"the unit '{unit}'" if unit else "no unit")
+    return factors[_plain(unit)]
+
+
+def _plain(unit: str) -> str:
+    """Return a unit in lower case, with the letter u for micro."""
+    return unit.strip().lower().replace("\u00b5", "u").replace("\u03bc", "u")
 
 
 def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> float:
@@ -199,22 +246,18 @@ def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> fl
     return value
 
 
-ANGLES = {"": 1.0, "rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
-"""Units of phase in radians."""
-
-
 def read_response(path: str | PathLike[str], *, unit: str | None = None, name: str | None = None) -> Measurement:
     """Read a measured response over frequency from a CSV file.
 
     The header names the columns, with their units in brackets: ``frequency (Hz)``, and ``amplitude (mm)`` with or without
-    ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  Other columns are left alone and lines that start with ``#`` are
-    comments, so that what ``curve.to_csv`` has written is read, too.
+    ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  Other columns and lines that start with ``#`` are ignored.
+    Files of ``curve.to_csv`` can be read.
 
     Parameters
     ----------
     path : path-like
     unit : str, optional
-        Of the amplitude, where the header names none.
+        Unit of the amplitude, in place of the unit in the header.
     name : str, optional
         In legends; that of the file by default.
 
@@ -226,13 +269,11 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
     Raises
     ------
     BdamperError
-        If a column is missing, or a value is not a finite number; the message names the line.
+        If a column or its unit is missing, or a value is not a finite number; the message names the line.
     """
     sets = ("frequency", "real", "imag"), ("frequency", "amplitude", "phase"), ("frequency", "amplitude")
-    found = read_columns(path, *sets)
-    for column, known in (("frequency", ("", "hz")), ("phase", tuple(ANGLES))):
-        if column in found and found[column][1] not in known:
-            raise mismatch(str(path), f"the {column} in one of {[u for u in known if u]}", f"'{found[column][1]}'")
+    sizes = dict.fromkeys(("amplitude", "real", "imag"), None if unit is None else dict.fromkeys(("", unit), 1.0))
+    found = read_columns(path, *sets, units={"frequency": HERTZ, "phase": ANGLES, **sizes})
     frequency, size, *rest = (values for values, _ in found.values())
     _, own, *others = (text for _, text in found.values())
     if "imag" in found:
@@ -241,6 +282,6 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
     if "imag" in found:
         response = size + 1j * rest[0]
     elif rest:
-        response = size * np.exp(1j * ANGLES[others[0]] * rest[0])
+        response = size * np.exp(1j * rest[0])
     own = own if unit is None else unit
     return Measurement(name or Path(path).stem, frequency, response, unit=own, source=str(path))

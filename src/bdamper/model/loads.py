@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
+from bdamper.util.repr import plain
 
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
@@ -30,6 +31,13 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
 def _direction(name: str, value: str | Sequence[float]) -> str | Sequence[float]:
     direction_vector(value, name)
     return value
+
+
+def _phase(name: str, value: float) -> float:
+    expected = "a phase in radians from -2 pi to 2 pi; np.deg2rad(90) is 90 degrees"
+    phase = validate.number(name, value)
+    validate.that(abs(phase) <= 2.0 * np.pi, name, expected, value)
+    return phase
 
 
 def _excitations(name: str, value: Sequence[Excitation]) -> tuple[Excitation, ...]:
@@ -60,7 +68,7 @@ class Excitation:
     amplitude : float, N
         Factor on a field; modal force in N kg^-1/2 on a mode.
     phase : float, rad
-        Of the force on the reference blade, ``amplitude cos(omega t + phase)``.
+        Phase of the force on the reference blade, ``amplitude cos(omega t + phase)``, from -2 pi to 2 pi.
     engine_order : int, optional
         A multiple of that of the study, by default the same: a force of order ``h`` times that of the study acts on its
         harmonic ``h``.
@@ -71,7 +79,7 @@ class Excitation:
     location: Location
     direction: Direction = "tangential"
     amplitude: validate.Force = 1.0
-    phase: Annotated[float, validate.Limits(unit="rad")] = 0.0
+    phase: Annotated[float, _phase] = 0.0
     engine_order: validate.Natural | None = None
     beside: Annotated[tuple[Excitation, ...], _excitations] = ()
 
@@ -85,6 +93,12 @@ class Excitation:
     def force(self) -> complex:
         """Complex amplitude, N."""
         return complex(self.amplitude * np.exp(1j * self.phase))
+
+    @property
+    def shown(self) -> str:
+        """Location, direction and phase as a print shows them."""
+        phase = f", phase {np.rad2deg(self.phase):.6g} degrees" if self.phase else ""
+        return f"at {self.location} {plain(self.direction)}{phase}"
 
 
 @validate.spelt
@@ -105,6 +119,7 @@ class Response:
         validate.checked(self, "response ")
 
 
+@validate.spelt
 def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[int, complex]:
     """Aerodynamic damping of every nodal diameter from what the motion of one blade does to its neighbours.
 

@@ -9,6 +9,7 @@ from bdamper.model.model import Interface
 from bdamper.util import validate
 
 
+@validate.spelt
 def misfit(
     interface: Interface,
     *,

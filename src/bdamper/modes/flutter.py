@@ -92,6 +92,7 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         return f"Starts below {amount(safe[k], 'm')} stay bounded, the least at {where}: {cycles}."
 
 
+@validate.spelt
 @one_thread
 def flutter(
     problem: Problem,

@@ -33,6 +33,7 @@ FLAT = 1e-6
 """By how much a maximum of the damping exceeds its neighbours at least, relative."""
 
 
+@validate.spelt
 @one_thread
 def nonlinear_mode(
     problem: Problem,

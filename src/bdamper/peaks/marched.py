@@ -62,6 +62,7 @@ def march(
     return in_time.kept(problem, result, steps_per_period=steps_per_period, blades=blades, starts=starts)
 
 
+@validate.spelt
 @one_thread
 def with_kept(
     problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False

@@ -56,6 +56,7 @@ Family = Callable[[float], Equations]
 """The equations as a function of one scalar parameter."""
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class PeakOptions(validate.Checked):
     """Settings of the search for a peak and of its continuation.

@@ -59,6 +59,7 @@ def _excitation(name: str, given: Excitations) -> Excitations:
     return given
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class Conditions:
     """Conditions that change with rotor speed besides structure and preload; others are those of the study.

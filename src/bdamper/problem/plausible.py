@@ -1,108 +1,90 @@
-"""Values that are possible but that nothing built has: one warning each, with the plausible range and what was found."""
+"""Warnings of implausible settings, by the table of ranges, and of intervals in radians per second."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.stiffness import PerArea
 from bdamper.harmonic_balance.system import Sector
-from bdamper.model.model import Model
 from bdamper.problem.problem import Problem, stuck_springs
-from bdamper.util import validate
+from bdamper.util import plausible, validate
 from bdamper.util.blas import one_thread
-from bdamper.util.errors import ModelError
 from bdamper.util.warn import implausible
 
-DAMPING = 0.1
-"""Largest damping ratio of a mode: metals have 1e-4 to 1e-3, joints and the air add up to some 0.02."""
 ALONG = 0.12
 """Part of a mode's motion at the place of the excitation that should lie along the force: 83 degrees between them."""
 
 
 def check_settings(problem: Problem) -> None:
     """Warn of implausible settings of a problem."""
-    friction = (0.05, 1.5)  # friction coefficient, if there is friction: lubricated steel to clean metals at rest
-    for mu in problem.settings.friction_values():
-        if not friction[0] <= mu <= friction[1]:
-            implausible("friction_coefficient", f"{friction[0]:g} to {friction[1]:g}, or 0", f"{mu:g}")
-    if problem.engine_order == 0 and problem.model.n_blades > 1:
-        implausible("engine_order", "1 or more", "0, a force that does not vary as the wheel turns and excites nothing")
+    sizes = problem.sizes
+    for owner, name, value, item in _given(problem):
+        plausible.check(owner, name, value, sizes, item)
+    settings = problem.settings
+    own, faces = settings.own_laws(), settings.friction_faces
+    default = next(f.default for f in fields(settings) if f.name == "friction_coefficient")
+    unused = faces and len(own) == len(faces) and not sizes.lumped
+    if unused and settings.friction_coefficient is not default and settings.friction_coefficient != default:
+        found = "one that no interface uses: parameters of the law suspected"
+        implausible("friction_coefficient", "none, since every friction interface has a ContactLaw", found)
+    flow, n = settings.aerodynamic_damping, max(problem.model.n_blades, 1)
+    used = sorted({problem.engine_order * harmonic % n for harmonic in settings.harmonic_numbers})
+    if isinstance(flow, Mapping) and not set(flow) & set(used):
+        implausible("aerodynamic_damping", f"at one of the nodal diameters {used} of the study", f"at {sorted(flow)} alone")
+
+
+def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
+    """Yield owner and name in the table, value and name in a warning of all settings."""
+    settings, sizes = problem.settings, problem.sizes
     of_modes = [b.damping_ratio.max(initial=0.0) for b in problem.modal_bases]
-    damping = max(of_modes, default=0.0) if problem.settings.damping_ratio is None else problem.settings.damping_ratio
-    if damping > DAMPING:
-        implausible("damping_ratio", f"at most {DAMPING:g} of critical damping", f"{damping:g}")
-    _check_masses(problem.model)
-    given = problem.settings.contact_stiffness
-    if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "patterns")):
-        _check_stiffness(problem, "of " + type(given).__name__ if isinstance(given, PerArea) else "")
-
-
-def _check_masses(model: Model) -> None:
-    """Warn if the mass of a damper is implausible for its size."""
-    # mass of a free body over the volume of a box around its contact points, kg/m3: steel wedges have 7,600 to 8,900. A
-    # thousand times as much is a mass in grams
-    density = (50.0, 1e5)
-    for body in (b for b in model.bodies.values() if b.kind == "free" and b.ports):
-        size = np.ptp(np.concatenate([model.interfaces[name].points for name, _ in body.ports]), axis=0)
-        volume = float(np.prod(np.maximum(size, 0.1 * size.max())))
-        if volume > 0.0 and not density[0] * volume <= (body.mass or 0.0) <= density[1] * volume:
-            unit = "grams" if body.mass and body.mass > density[1] * volume else "tonnes"
-            expected = f"{density[0] * volume:.2g} to {density[1] * volume:.2g} kg by the size of its faces"
-            implausible(f"mass of '{body.name}'", expected, f"{body.mass:.4g} kg: {unit} suspected")
-
-
-def _check_stiffness(problem: Problem, kind: str) -> None:
-    """Compare the stiffness of the user, summed over the friction faces, with that of the bodies at their points."""
-    try:
-        flexibility = problem.coupling.residual_flexibility(1).diagonal().real.reshape(-1, 3)
-    except ModelError:  # the model has none to compare with
-        return
+    effective = {
+        "friction_coefficient": settings.friction_values(),
+        "damping_ratio": max(of_modes, default=0.0) if settings.damping_ratio is None else settings.damping_ratio,
+        "gap": {name: problem.point_gaps[problem.coupling.rows(name)] for name in problem.coupling.interfaces},
+        "contact_stiffness": None,
+    }
+    for field in fields(settings):
+        yield "Study", field.name, effective.get(field.name, getattr(settings, field.name)), ""
+    for force in (settings.excitation, *settings.excitation.beside):
+        place = settings.model.locations.get(force.location)
+        if place is not None and place.kind is None:
+            yield "Excitation", "amplitude", {force.location: force.amplitude}, "excitation amplitude"
+    for body in problem.model.bodies.values():
+        if body.kind == "free" and body.ports and sizes.volume(body.name) > 0.0:
+            yield "Body", f"mass.{body.name}", body.mass or 0.0, ""
+    given = settings.contact_stiffness
     rows = problem.friction_points
-    if not rows.any() or not flexibility[rows].min() > 0.0:
-        return
-    own, given = float(np.sum(1.0 / flexibility[rows])), float(problem.point_stiffness[rows].sum())
-    # contact stiffness over that of the bodies at the contact points. By the methods of the package 0.4 to 3 on the
-    # shipped models; 1e4 N/m gives 2e-5, 1e12 N/m gives 2e3
-    stiffness = (0.01, 100.0)
-    if given > 0.0 and not stiffness[0] <= given / own <= stiffness[1]:
-        n = 3 * int(rows.sum())
-        implausible(
-            f"contact_stiffness {kind}".strip(),
-            f"{stiffness[0] * own / n:.2g} to {stiffness[1] * own / n:.2g} N/m at a point, {stiffness[0]:g} to "
-            f"{stiffness[1]:g} times that of the bodies there",
-            f"{given / n:.2g} N/m in the mean",
-        )
+    if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "patterns")):
+        stiffness = problem.point_stiffness[rows]
+        item = f"contact_stiffness of {type(given).__name__}" if isinstance(given, PerArea) else ""
+        if stiffness.any() and np.isfinite(sizes.body_stiffness):
+            yield "Study", "contact_stiffness", float(stiffness.mean()), item
 
 
 @one_thread
-def check_question(
-    problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None = None
-) -> None:
-    """Warn of preloads (N), valid ones, and of an interval (Hz, optional), not checked yet, as a user asks for them.
+def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None) -> None:
+    """Warn of an interval (Hz, not checked yet) that a user requests at one or several preloads (N).
 
-    Functions that users call do this once, for the whole range; those that others call a thousand times, in threads and
-    processes, do not.
+    Public functions call this once for the whole range of preloads.
     """
     if frequency is not None:
         frequency = validate.interval("frequency", frequency)
-    if problem.carries_load:
-        check_load(problem, float(np.min(preload)), float(np.max(preload)))
-    if frequency is not None:
         check_interval(problem, frequency, float(np.max(preload)) if problem.carries_load else 0.0)
 
 
-def check_load(problem: Problem, low: float, high: float) -> None:
-    """Warn of an excitation that is extreme for preloads from ``low`` to ``high`` (N)."""
-    amplitude = problem.settings.excitation.amplitude if problem.settings.acts_at_location else 0.0
-    # amplitude of the excitation over the preload: below, nothing slips; above, the damper does not stay in its seat
-    excitation = (1e-6, 1.0)
-    if amplitude > 0.0 and high > 0.0 and (amplitude > excitation[1] * high or amplitude < excitation[0] * low):
-        found = f"{low:g} N" if low == high else f"{low:g} to {high:g} N"
-        least, most = 1.0 / excitation[1], 1.0 / excitation[0]
-        implausible("preload", f"{least:g} to {most:g} times the excitation amplitude of {amplitude:g} N", found)
+def check_unloaded(problem: Problem) -> None:
+    """Warn of fixed loads on all bodies whose load is about to be varied: the optimum is one of the rest of the load."""
+    settings = problem.settings
+    varied = {name for name, share in settings.given_loads("loads").items() if share}
+    held = {name: load for name, load in settings.given_loads("fixed_loads").items() if name in varied and np.any(load)}
+    if varied and set(held) == varied:
+        found = f"{', '.join(f'{float(np.sum(load)):g} N on {name!r}' for name, load in held.items())}, in addition to it"
+        implausible("fixed_loads", "none on a body whose preload is varied", found)
 
 
 def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:

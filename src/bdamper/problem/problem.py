@@ -41,6 +41,7 @@ from bdamper.model.relative_motion import (
 from bdamper.problem.effects import Effects
 from bdamper.problem.loads import approach, at_points, carried, gaps, normal_loads
 from bdamper.problem.settings import Settings, check_history
+from bdamper.problem.sizes import Sizes
 from bdamper.problem.stiffness import contact_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -344,6 +345,11 @@ class Problem:
         ]
         rows[0] = rows[0].real
         return rows
+
+    @property
+    def sizes(self) -> Sizes:
+        """Sizes of the model, which bound plausible settings."""
+        return Sizes(self)
 
     # ---- static ----
 

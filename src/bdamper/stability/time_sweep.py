@@ -134,6 +134,7 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
         return (Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps))
 
 
+@validate.spelt
 @one_thread
 def sweep_in_time(
     problem: Problem,

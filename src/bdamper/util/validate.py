@@ -28,8 +28,10 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.util import plausible
 from bdamper.util.errors import SettingError, shortened
 from bdamper.util.marks import Declared, declarations
+from bdamper.util.warn import asked_by_user
 
 T = TypeVar("T")
 
@@ -146,7 +148,9 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
-    """A function or a class that answers a keyword it does not have with the one that was meant.
+    """Check the keywords of a function or a class, and warn of implausible values that the user gives.
+
+    An unknown keyword is an error that names a similar one.  See :mod:`bdamper.util.plausible` for the ranges.
 
     Parameters
     ----------
@@ -173,12 +177,26 @@ def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
             near = meant(word, known) or f"; there are {', '.join(k for k in known if k != 'self' and k[0] != '_')}"
             raise SettingError(f"{name}: expected keywords that it has, found {word}{near}")
         try:
-            signature.bind(*given, **keywords)
+            bound = signature.bind(*given, **keywords)
         except TypeError as error:
             raise SettingError(f"{name}: expected {', '.join(needed)}, found: {error}") from None
+        if asked_by_user():
+            _doubt(name, bound)
         return function(*given, **keywords)
 
+    checked.doubts = name  # type: ignore[attr-defined]
     return checked  # type: ignore[return-value]
+
+
+def _doubt(name: str, bound: inspect.BoundArguments) -> None:
+    """Warn of implausible arguments of a function, by the sizes of the study that is its first one."""
+    bound.apply_defaults()
+    first = next(iter(bound.args), None)
+    sizes = getattr(getattr(first, "problem", first), "sizes", None)
+    for parameter, value in bound.arguments.items():
+        further = bound.signature.parameters[parameter].kind is inspect.Parameter.VAR_KEYWORD
+        for one, own in value.items() if further else [(parameter, value)]:
+            plausible.check(name, one, own, sizes)
 
 
 def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:

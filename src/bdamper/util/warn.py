@@ -11,6 +11,8 @@ from contextvars import ContextVar
 from bdamper.util.errors import shortened
 
 _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
+_BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.problem.asked", "bdamper.util.validate")
+"""Modules of decorators and of copies of dataclasses."""
 
 
 class BdamperWarning(UserWarning):
@@ -37,6 +39,15 @@ def quiet() -> Iterator[None]:
         yield
     finally:
         _quiet.reset(before)
+
+
+def asked_by_user() -> bool:
+    """Whether the function that asks this was called from outside of the package, decorators aside."""
+    own = inspect.currentframe()
+    frame = own and own.f_back and own.f_back.f_back
+    while frame is not None and (module := str(frame.f_globals.get("__name__"))).startswith(_BETWEEN):
+        frame = frame.f_back
+    return frame is not None and (not module.startswith("bdamper.") or module.startswith(("bdamper.cli", "bdamper.app")))
 
 
 def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:

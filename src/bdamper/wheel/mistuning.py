@@ -16,7 +16,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bdamper.util import validate
+from bdamper.io.measured import HEADER, HERTZ, check_unit
+from bdamper.util import plausible, validate
 from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.hdf5 import FilePath, Storable
 from bdamper.util.plotting import Plottable
@@ -28,6 +29,7 @@ _BLADES, _DAMPERS = 1, 2
 """Last number of the seeds of blades and of dampers, whose draws are independent."""
 
 
+@validate.spelt
 @brief
 @dataclass(frozen=True)
 class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="blade"):
@@ -88,6 +90,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         base = values.mean(axis=0)
         if reference is not None:
             base = validate.numbers("reference", np.atleast_1d(reference), np.size(base), above=0.0, unit="Hz")
+        plausible.check("Mistuning", "deviation", values / base - 1.0)
         return cls(values / base - 1.0, source)
 
     @classmethod
@@ -97,8 +100,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         Parameters
         ----------
         path : path-like
-            One row for each blade, in hertz one column for each mode measured.  A header is optional; a column that it
-            calls "blade" numbers the blades, from 0 or 1, in any order.  Lines that begin with ``#`` are comments.
+            One row for each blade and one column for each measured mode, under a header with units such as
+            ``blade,first mode (Hz)``.  A column "blade" numbers the blades, from 0 or 1, in any order.  Lines that begin
+            with ``#`` are comments.
         reference : float or (n_modes,) float, Hz, optional
             As in :meth:`from_frequencies`.
 
@@ -111,6 +115,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         return cls.from_frequencies(_read_frequencies(path), reference, f"file {Path(path).name}")
 
     @classmethod
+    @validate.spelt
     def drawn(
         cls,
         n_blades: int,
@@ -192,6 +197,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         )
 
 
+@validate.spelt
 @brief
 @dataclass(frozen=True)
 class DamperVariation(Storable, kind="bdamper-damper-variation"):
@@ -230,6 +236,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         object.__setattr__(self, "missing", missing)
 
     @classmethod
+    @validate.spelt
     def of(cls, n_blades: int, *, missing: Sequence[int] = (), **properties: Any) -> Self:
         """Dampers of which some properties differ; one number stands for all dampers.
 
@@ -251,6 +258,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         return cls(**full, missing=gone)
 
     @classmethod
+    @validate.spelt
     def drawn(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
         """Dampers drawn independently.
 
@@ -318,17 +326,22 @@ def _read_frequencies(path: FilePath) -> NDArray:
         if not lines:
             raise ValueError("none")
         separator = ";" if any(";" in line for line in lines) else ","
-        named = np.isnan(np.genfromtxt(lines[:1], delimiter=separator)).all()  # no cell of the first line is a number
-        table = np.loadtxt(lines[1:] if named else lines, delimiter=separator, ndmin=2, quotechar='"')
+        head = [cell.strip(' "').lower() for cell in lines[0].split(separator)]
+        if not np.isnan(np.genfromtxt(lines[:1], delimiter=separator)).all():
+            raise ValueError(f"no header with units, such as 'blade{separator}mode 1 (Hz)'")
+        table = np.loadtxt(lines[1:], delimiter=separator, ndmin=2, quotechar='"')
     except ValueError as error:
         raise mismatch(str(path), "one row of frequencies for each blade", error) from error
-    head = [cell.strip(' "').lower() for cell in lines[0].split(separator)] if named else []
+    modes = [k for k, name in enumerate(head) if name != "blade"]
+    split = [HEADER.fullmatch(head[k]) for k in modes]
+    factors = [check_unit(str(path), found[1] if found else "", (found and found[2]) or "", HERTZ) for found in split]
+    if len(head) != table.shape[1]:
+        raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
     if "blade" in head:
-        if len(head) != table.shape[1]:
-            raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
         number = table[:, head.index("blade")]
         order = np.argsort(number, kind="stable")
         if number.min() not in (0.0, 1.0) or not np.array_equal(number[order], number.min() + np.arange(len(number))):
             raise mismatch(f"{path}, column 'blade'", "each number from 0 or 1 once", number.tolist())
-        table = np.delete(table[order], head.index("blade"), axis=1)
-    return table[:, 0] if table.shape[1] == 1 else table
+        table = table[order]
+    frequencies = table[:, modes] * factors
+    return frequencies[:, 0] if len(modes) == 1 else frequencies
