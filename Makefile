@@ -131,7 +131,7 @@ lint: $(VENV)/dev.stamp
 	$(call step,compiler warnings,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/warnings.sh)
 
 sanitize: $(VENV)/dev.stamp
-	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
+	$(call step,C tests and records of laws under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
 	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-newest $(VENV)-others $(VENV)-peers build builddir* dist figures docs/_build docs/gallery docs/reference docs/sg_execution_times.rst docs/tutorial .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

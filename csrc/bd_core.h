@@ -66,7 +66,7 @@ PyObject *core_kernel_names(void);
 
 /* Contact laws of users at n points, from None or a tuple with None or (function, parameters, memory, ...) for each point, where
  * function is a capsule or a tuple that begins with one; what the tuples hold must live as long as the laws are read.  0 with
- * an exception; *own is to be freed with PyMem_Free, NULL for None. */
+ * an exception, also for a shipped law with other counts than its function has; *own is to be freed with PyMem_Free, NULL for None. */
 int core_own_laws(PyObject *object, npy_intp n, bd_own **own);
 
 /* Whether a point has a function if, and only if, its law asks for one. */
@@ -101,6 +101,7 @@ extern PyType_Spec core_wheel_spec;                                    /* bd_cor
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
 PyObject *core_step_laws(PyObject *module, PyObject *args);
+PyObject *core_check_laws(PyObject *module, PyObject *laws);
 int core_add_laws(PyObject *module);
 
 #endif

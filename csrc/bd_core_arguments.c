@@ -205,7 +205,10 @@ static int own_law(PyObject *item, bd_own *own) {
     own->parameter = law_numbers(PyTuple_GET_ITEM(item, 1), "parameters", 0, &own->n_parameter);
     own->memory = own->parameter ? law_numbers(PyTuple_GET_ITEM(item, 2), "memory", 3, &own->n_state) : NULL;
     own->n_state -= 3;
-    return own->memory != NULL;
+    const char *misfit = own->memory ? bd_law_misfit(own) : NULL;
+    if (misfit)
+        PyErr_Format(PyExc_ValueError, "%s; found %d parameters and %d states", misfit, own->n_parameter, own->n_state);
+    return own->memory && !misfit;
 }
 
 int core_own_laws(PyObject *object, npy_intp n, bd_own **own) {

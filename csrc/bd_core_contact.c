@@ -127,6 +127,18 @@ done:
     return result;
 }
 
+PyObject *core_check_laws(PyObject *module, PyObject *laws) {
+    (void)module;
+    bd_own *own;
+    if (!PyTuple_Check(laws)) {
+        PyErr_SetString(PyExc_TypeError, "own: expected a tuple of laws");
+        return NULL;
+    }
+    if (!core_own_laws(laws, PyTuple_GET_SIZE(laws), &own)) return NULL;
+    PyMem_Free(own);
+    return Py_NewRef(Py_None);
+}
+
 PyObject *core_step_laws(PyObject *module, PyObject *args) {
     (void)module;
     PyObject *own_object, *x_object, *from_object, *to_object, *F_object, *D_object;

@@ -22,6 +22,9 @@ static PyMethodDef core_methods[] = {
      "segments)\n\n"
      "One contact point: fill force (3, n_coef) and tangent (3, n_coef, 3, n_coef); return the shares of the cycle and "
      "for each direction a list of (start, end, state)."},
+    {"check_laws", core_check_laws, METH_O,
+     "check_laws(own)\n\n"
+     "Refuse a tuple of (function, parameters, memory) or None that the functions of this module cannot take."},
     {"step_laws", core_step_laws, METH_VARARGS,
      "step_laws(own, x, memory, after, F, D)\n\n"
      "One step of contact laws of users at n points: own is a tuple of (function, parameters, memory) or None for each "

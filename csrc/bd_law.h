@@ -73,6 +73,10 @@ static inline bd_own_slopes bd_own_in(double *room, int n_state) {
 /* The laws of n points with numbers of their own, in one piece of memory to be freed; NULL without memory. */
 bd_own *bd_own_create(int n, const bd_own *from);
 
+/* NULL if a law has the counts that its function reads and writes, and parameters for which its formulas hold; otherwise the
+ * law's name and the counts and ranges that it expects.  Laws that bdamper does not ship always pass. */
+const char *bd_law_misfit(const bd_own *own);
+
 /* p = (n, kn, then k, f, mu of each of n elements). */
 void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],
                     double Fx[9], double *Fs, double *sx, double *ss, void *data);

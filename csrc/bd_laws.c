@@ -121,6 +121,30 @@ void bd_law_bouc_wen(const double x[3], const double before[3], const double *p,
 
 /* ---- laws of points ---- */
 
+static int jenkins_fits(const bd_own *own) {
+    const double *p = own->parameter;
+    if (own->n_parameter < 2 || 2.0 * p[0] != own->n_state || 2.0 + 3.0 * p[0] != own->n_parameter || !(p[1] >= 0.0))
+        return 0;
+    for (int i = 2; i < own->n_parameter; i += 3)
+        if (!(p[i] > 0.0 && p[i + 1] >= 0.0 && p[i + 2] >= 0.0)) return 0;
+    return 1;
+}
+
+static int bouc_wen_fits(const bd_own *own) {
+    const double *p = own->parameter;
+    return own->n_parameter == 6 && own->n_state == 2 && p[0] >= 0.0 && p[1] > 0.0 && p[2] >= 0.0 && p[2] <= 1.0 &&
+           fabs(p[4]) <= p[3] && p[5] >= 1.0;
+}
+
+const char *bd_law_misfit(const bd_own *own) {
+    if (own->function == bd_law_jenkins && !jenkins_fits(own))
+        return "jenkins: expected the parameters n, kn >= 0, then k > 0, f >= 0, mu >= 0 of n elements, and 2 n states";
+    if (own->function == bd_law_bouc_wen && !bouc_wen_fits(own))
+        return "bouc_wen: expected the parameters kn >= 0, k > 0, alpha from 0 to 1, beta >= 0, gamma from -beta to beta, "
+               "n >= 1, and 2 states";
+    return NULL;
+}
+
 bd_own *bd_own_create(int n, const bd_own *from) {
     size_t size = sizeof(bd_own) * (size_t)n;
     for (int p = 0; p < n && from; ++p)

@@ -1,5 +1,6 @@
 #!/bin/sh
-# C unit tests under AddressSanitizer and UndefinedBehaviorSanitizer, with every compiler at hand.
+# C unit tests under AddressSanitizer and UndefinedBehaviorSanitizer, with every compiler at hand; with gcc, whose runtime
+# Python can preload, also records of contact laws that do not fit (tests/fuzz/test_law_records.py, BDAMPER_FUZZ cases).
 set -eu
 cd "$(dirname "$0")/.."
 printf 'int main(void){return 0;}' > build-probe.c
@@ -19,5 +20,9 @@ for cc in gcc clang; do
     meson compile -C "$dir" >/dev/null
     ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 meson test -C "$dir" --print-errorlogs
   done
+  [ "$cc" = gcc ] || continue
+  LD_PRELOAD="$(gcc -print-file-name=libasan.so)" ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 \
+    BDAMPER_FUZZ="${BDAMPER_FUZZ:-2000}" OPENBLAS_NUM_THREADS=1 python tools/with_core.py builddir-sanitize-gcc-plain-false/_core.*.so \
+    -q -n 0 -p no:cacheprovider tests/fuzz/test_law_records.py
 done
 [ "$tried" = 1 ] || { echo "missing: a compiler with sanitizers"; exit 1; }

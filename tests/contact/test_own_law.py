@@ -209,7 +209,7 @@ class TestFiles:
         assert again.peak(0.0, (0.14, 0.25)).amplitude == peak.amplitude
         peak.save(tmp_path / "peak.h5")
         kept = bd.load(tmp_path / "peak.h5").settings["friction_law"]["contact 1"]
-        assert kept["contact_law"] == "jenkins" and kept["parameters"] == law.parameters.tolist()
+        assert kept["contact_law"] == "iwan" and kept["parameters"] == law.parameters.tolist()
 
     def test_a_function_is_not_in_a_file(self, tmp_path):
         law = bd.ContactLaw(_core.bouc_wen, 2, [0.0, 1.0, 0.1, 2.0, 0.5, 1.0], [1.0, 1.0, 0.0], "of my own")
@@ -257,6 +257,7 @@ class TestRefused:
             lambda: bd.ContactLaw.bouc_wen(1.0, 0.1, 1.0, 1.5),
             lambda: bd.ContactLaw.bouc_wen(1.0, 0.1, 1.0, 0.5, 0.9),
             lambda: bd.ContactLaw.iwan(1.0, 1.0, -1.0, 0.2),
+            lambda: bd.ContactLaw.bouc_wen(1.0, 0.1, 1.0, -1.5),
             lambda: bd.ContactLaw.jenkins([1.0, 0.0], [1.0, 1.0]),
             lambda: bd.ContactLaw.jenkins([1.0], [-1.0]),
         ],

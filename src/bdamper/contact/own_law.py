@@ -17,14 +17,14 @@ displacements :math:`\phi`, with
     \phi_m = \frac{F_S (1 + \beta)}{K_T \left(\beta + \frac{\chi + 1}{\chi + 2}\right)}, \quad
     R \phi_m^{\chi + 1} = \frac{K_T (\chi + 1)}{1 + \beta}, \quad S = \frac{K_T \beta}{1 + \beta}.
 
-Below macroslip the loss of a cycle grows with the amplitude to the power :math:`\chi + 3`.
+Below macroslip the loss of a cycle of amplitude :math:`u` is :math:`4 R u^{\chi + 3}/((\chi + 3)(\chi + 2))`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -32,15 +32,17 @@ from numpy.typing import NDArray
 from scipy import LowLevelCallable
 
 from bdamper import _core
+from bdamper.contact import contract
 from bdamper.model.model import ContactStiffness
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import SettingError, shortened
+from bdamper.util.warn import say
 
 SIGNATURE = re.compile(r"void ?\(([^,()]*\*,){10}[^,()]*\*\)")
 """Eleven pointers and no value, as SciPy and C name them."""
 Numbers = Sequence[float] | NDArray
-SHIPPED = {"jenkins": _core.jenkins, "bouc_wen": _core.bouc_wen}
-"""Functions that the core has itself, by name."""
+SHIPPED = {"jenkins": _core.jenkins, "iwan": _core.jenkins, "bouc_wen": _core.bouc_wen}
+"""Functions of the core by the names of the laws that use them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,10 @@ class ContactLaw:
         Springs kt1, kt2, kn of the law while nothing slips, in place of the contact stiffness: for stuck curves and
         frequencies.  A ``gap`` is measured by them, too, so kn must not be zero where there is one.
     name : str
-        For prints and files; the function's own name by default, if it has one.
+        For prints and files; the function's own name by default, if it has one.  The names of the built-in laws are
+        reserved for them.
+    resolution : float, m
+        Smallest amplitude of the relative motion that the law resolves.  Tracking warns if the motion stays below it.
 
     Raises
     ------
@@ -75,6 +80,7 @@ class ContactLaw:
     parameters: NDArray
     stick: NDArray
     name: str = ""
+    resolution: float = 0.0
     pointer: Any = field(init=False, repr=False)
     """What the core calls."""
 
@@ -82,14 +88,21 @@ class ContactLaw:
         pointer, name = _pointer(self.function)
         object.__setattr__(self, "pointer", pointer)
         object.__setattr__(self, "name", self.name or name)
-        validate.whole("n_state", self.n_state, most=1000)
+        object.__setattr__(self, "n_state", validate.whole("n_state", self.n_state, most=1000))
+        validate.number("resolution", self.resolution, least=0.0, unit="m")
         for own in ("parameters", "stick"):
-            given = np.array(getattr(self, own), float)
-            good = given.ndim in (1, 2) and np.isfinite(given).all()
-            validate.that(good, own, "finite numbers, (n,) or (n_points, n)", getattr(self, own))
+            given = _numbers(getattr(self, own))
+            validate.that(given is not None, own, "finite numbers, (n,) or (n_points, n)", getattr(self, own))
             object.__setattr__(self, own, given)
         good = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
         validate.that(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)
+        free = self.name not in SHIPPED or pointer.function is SHIPPED[self.name]
+        validate.that(free, "name", f"none of {tuple(SHIPPED)}, which are those of built-in laws", self.name)
+        for row in np.atleast_2d(self.parameters):
+            try:
+                _core.check_laws(((pointer, row, np.zeros(3 + self.n_state)),))
+            except (TypeError, ValueError) as error:
+                raise SettingError(f"law '{self.name}': {error}: {shortened(row.tolist())}") from error
 
     def __str__(self) -> str:
         return f"{self.name} ({self.parameters.shape[-1]} parameters, {self.n_state} states)"
@@ -118,10 +131,22 @@ class ContactLaw:
 
     @classmethod
     @validate.spelt
-    def iwan(cls, strength: float, stiffness: float, chi: float, beta: float, *, kn: float = 0.0, n: int = 30) -> Self:
+    def iwan(
+        cls,
+        strength: float,
+        stiffness: float,
+        chi: float,
+        beta: float,
+        *,
+        kn: float = 0.0,
+        n: int | None = None,
+        decades: float = 3.0,
+    ) -> Self:
         """Segalman's four-parameter Iwan model of a joint, in n + 1 Jenkins elements along each tangential direction.
 
         Strength, stiffness and the share of each element are exact; its slip displacement is the mean of its interval.
+        With 13 intervals per decade the loss of a cycle is within 2 % of the power law, from the amplitude
+        10^(1 - decades) of macroslip on, which is the ``resolution`` of the law.
 
         Parameters
         ----------
@@ -130,25 +155,31 @@ class ContactLaw:
         stiffness : float, N/m
             Tangential stiffness of the joint that sticks.
         chi : float
-            Exponent of the density of slip displacements, -1 < chi <= 0 for joints.
+            Exponent of the density of slip displacements, -1 < chi <= 0.
         beta : float
             Stiffness of the elements that slip last over that of the others.
         kn : float, N/m
             As of :meth:`jenkins`.
-        n : int
-            Intervals of slip displacements, of equal ratio over three decades except for the first one.
+        n : int, optional
+            Intervals of slip displacements; 13 per decade by default.  The first one begins at zero, the others have
+            equal ratios.
+        decades : float
+            Decades of slip displacements, from the end of the first interval to macroslip.
         """
         F = validate.number("strength", strength, above=0.0, unit="N")
         K = validate.number("stiffness", stiffness, above=0.0, unit="N/m")
-        chi = validate.number("chi", chi, above=-1.0)
+        chi = validate.number("chi", chi, above=-1.0, most=0.0)
         beta = validate.number("beta", beta, least=0.0)
-        edge = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, validate.whole("n", n, least=2, most=400))])
+        decades = validate.number("decades", decades, least=1.0, most=12.0)
+        n = round(13.0 * decades) if n is None else validate.whole("n", n, least=2, most=400)
+        edge = np.concatenate([[0.0], np.geomspace(10.0**-decades, 1.0, n)])
         last = F * (1.0 + beta) / (K * (beta + (chi + 1.0) / (chi + 2.0)))
         share = np.diff(edge ** (chi + 1.0))
         mean = (chi + 1.0) / (chi + 2.0) * np.diff(edge ** (chi + 2.0)) / share
         k, slip = np.append(share, beta) * K / (1.0 + beta), np.append(mean, 1.0) * last
         held = k > 0.0
-        return cls.jenkins(k[held], (k * slip)[held], kn=kn)
+        law = cls.jenkins(k[held], (k * slip)[held], kn=kn)
+        return replace(law, name="iwan", resolution=10.0 ** (1.0 - decades) * last)
 
     @classmethod
     @validate.spelt
@@ -166,7 +197,7 @@ class ContactLaw:
         alpha : float
             Share of the stiffness that stays in macroslip, 0 to 1.
         beta, gamma : float, 1/m^n
-            -beta <= gamma <= beta, without which the law could gain energy.
+            -beta <= gamma <= beta; beyond these bounds the law would gain energy.
         n : float
             At least 1.
         kn : float, N/m
@@ -182,7 +213,7 @@ class ContactLaw:
 
     def record(self) -> dict[str, Any]:
         """Record of the law for files and results: everything except the function."""
-        numbers = {"parameters": self.parameters.tolist(), "stick": self.stick.tolist()}
+        numbers = {"parameters": self.parameters.tolist(), "stick": self.stick.tolist(), "resolution": self.resolution}
         return {"contact_law": self.name, "n_state": self.n_state, **numbers}
 
     @classmethod
@@ -193,26 +224,41 @@ class ContactLaw:
         ------
         SettingError
         """
-        name = record["contact_law"]
-        if name not in SHIPPED:
-            found = f"'{name}', of which a file has no function; make the study again with the law"
-            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {found}")
-        return cls(SHIPPED[name], record["n_state"], record["parameters"], record["stick"], name)
+        name, n, parameters, stick = (record.get(key) for key in ("contact_law", "n_state", "parameters", "stick"))
+        if not isinstance(name, str) or name not in SHIPPED:
+            found = f"{name!r}, of which a file has no function; make the study again with the law"
+            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {shortened(found)}")
+        return cls(SHIPPED[name], n, parameters, stick, name, record.get("resolution", 0.0))
 
     def __reduce__(self) -> Any:
         """Shipped laws go to other processes; the address of another function means nothing there."""
         return ContactLaw.of_record, (self.record(),)
 
+    @property
+    def shipped(self) -> bool:
+        """Whether the function is one of the core."""
+        return any(self.pointer.function is function for function in SHIPPED.values())
+
     def springs(self, n: int) -> ContactStiffness:
         """The contact stiffness of n points under the law."""
         return ContactStiffness(np.broadcast_to(self.stick, (n, 3)).copy(), "user")
 
-    def of_points(self, n: int, interface: str) -> list[tuple[ContactLaw, NDArray]]:
-        """The law and its parameters for each of n points of an interface."""
+    def of_points(self, n: int, interface: str) -> list[tuple[ContactLaw, NDArray, str]]:
+        """The law, its parameters and the interface for each of n points of an interface."""
         for name, given in (("parameters", self.parameters), ("stick", self.stick)):
             good = given.ndim == 1 or len(given) == n
             validate.require(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(given)}")
-        return [(self, p) for p in np.broadcast_to(self.parameters, (n, self.parameters.shape[-1]))]
+        return [(self, p, interface) for p in np.broadcast_to(self.parameters, (n, self.parameters.shape[-1]))]
+
+
+def _numbers(given: Any) -> NDArray | None:
+    """Finite numbers of one or two dimensions, of a list or an array; None for anything else."""
+    try:
+        out = np.array(given)
+    except ValueError:  # rows of several lengths
+        return None
+    good = out.ndim in (1, 2) and out.dtype.kind in "iuf" and np.isfinite(out).all()
+    return out.astype(float, order="C") if good else None
 
 
 def _pointer(function: Any) -> tuple[LowLevelCallable, str]:
@@ -237,27 +283,54 @@ class OwnLaws:
 
     Parameters
     ----------
-    points : sequence of (ContactLaw, parameters) or None
+    points : sequence of (ContactLaw, parameters, interface) or None
         For each point.
     rest : (n_points,) float, m
         Closing of the surfaces where the motion is zero: interference, or minus the gap.
     """
 
-    points: Sequence[tuple[ContactLaw, NDArray] | None]
+    points: Sequence[tuple[ContactLaw, NDArray, str] | None]
     rest: NDArray
 
     @classmethod
-    def of(cls, laws: Sequence[tuple[slice, str, ContactLaw]], kn: NDArray, gap: NDArray) -> Self | None:
-        """Laws of several interfaces, each with its rows among all points, which have springs kn and gaps (n_points,)."""
+    def of(
+        cls, laws: Sequence[tuple[slice, str, ContactLaw]], kn: NDArray, gap: NDArray, length: float
+    ) -> Self | None:
+        """Laws of several interfaces, each with its rows among all points, which have springs kn and gaps (n_points,).
+
+        Functions of users are tested on motions of about a length (m).
+        """
         points: list[Any] = [None] * len(kn)
         for rows, name, law in laws:
             points[rows] = law.of_points(rows.stop - rows.start, name)
+            for p in () if law.shipped else np.unique(np.atleast_2d(law.parameters), axis=0):
+                contract.check(f"friction_law: {_named(law, name)}", law.pointer, p, law.n_state, length)
         return cls(points, np.where(kn > 0.0, -gap, 0.0)) if any(points) else None
 
     @property
     def held(self) -> NDArray:
         """(n_points,) bool: points with functions."""
         return np.array([point is not None for point in self.points])
+
+    @property
+    def names(self) -> str:
+        """The laws with their interfaces, for messages."""
+        return ", ".join(sorted({_named(law, interface) for law, _, interface in filter(None, self.points)}))
+
+    def warn_below(self, motion: NDArray) -> None:
+        """Warn of interfaces whose motions (n_points, 3, n_coef) all stay below the resolution of their law."""
+        moved = np.abs(motion[:, :2, 1:]).sum(axis=2).max(axis=1)
+        largest: dict[tuple[ContactLaw, str], float] = {}
+        for point, x in zip(self.points, moved.tolist()):
+            if point is not None:
+                key = point[0], point[2]
+                largest[key] = max(x, largest.get(key, 0.0))
+        for (law, interface), x in largest.items():
+            if x < law.resolution:
+                say(
+                    f"{_named(law, interface)} moves by at most {x:.3g} m at the highest point, less than the "
+                    f"{law.resolution:.3g} m that the law resolves: its dissipation is wrong there; raise its decades"
+                )
 
     @property
     def width(self) -> int:
@@ -268,7 +341,7 @@ class OwnLaws:
         """Functions as the core takes them, with what each point (n_points, width) remembers."""
         return tuple(
             None if point is None else (point[0].pointer, point[1].copy(), kept[: 3 + point[0].n_state].copy(), point[0])
-            for point, kept in zip(self.points, np.asarray(memory, float))
+            for point, kept in zip(self.points, np.reshape(memory, (len(self.points), self.width)).astype(float))
         )
 
     def step(self, x: NDArray, memory: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -281,7 +354,15 @@ class OwnLaws:
         before, after = np.array(memory, float, order="C"), np.array(memory, float, order="C")
         F, D = np.zeros((len(at), 3)), np.zeros((len(at), 3, 3))
         _core.step_laws(self.core(before), at, before, after, F, D)
+        wrong = ~(np.isfinite(F).all(axis=1) & np.isfinite(after).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
+        for point, motion in ((self.points[i], at[i].tolist()) for i in np.flatnonzero(wrong)):
+            where = f"friction_law: {_named(point[0], point[2])}" if point else ""
+            raise SettingError(f"{where}: expected finite forces and states, found others at the motion {motion} m")
         return F, D, after
+
+
+def _named(law: ContactLaw, interface: str) -> str:
+    return f"law '{law.name}' of interface '{interface}'"
 
 
 def refuse(own: OwnLaws | None, what: str) -> None:

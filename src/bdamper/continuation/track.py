@@ -22,6 +22,7 @@ from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.rattle import NO_STEADY, open_at_rest, rattles
 from bdamper.continuation.start import first_point
 from bdamper.continuation.unloaded import free_of_contact
+from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT
 from bdamper.harmonic_balance.linear import reach
 from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
@@ -84,6 +85,8 @@ def track(
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
         curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=preload)
+        if problem.own_laws is not None and len(curve):
+            problem.own_laws.warn_below(search.system.contact(curve.unknowns[curve.peak.index])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
         reason, left_out = _explained(problem, search, curve), (*curve.left_out, *search.lost)
         return replace(curve, reason=reason, left_out=left_out, notes=(*curve.notes, *locked))
@@ -131,6 +134,8 @@ def _explained(problem: Problem, search: Coverage, curve: Curve) -> str:
         return reason
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
+    if problem.own_laws is not None and STATUS_TEXT[NOT_FINITE] in reason:
+        reason += f"; forces of {problem.own_laws.names} may not be finite there, or not settle"
     force = problem.settings.excitation.amplitude
     if 0.0 < curve.preload < 2.0 * force:
         ratio = curve.preload / force

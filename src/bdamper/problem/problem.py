@@ -253,7 +253,14 @@ class Problem:
     def own_laws(self) -> OwnLaws | None:
         """Contact laws of the user's own at the points, if there are any."""
         own = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
-        return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps) if own else None
+        if not own:
+            return None
+        basis = self.bases[1]
+        G = basis.G.reshape(-1, basis.G.shape[-1])
+        K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
+        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1))[0]).reshape(-1, 3)  # stuck, at zero frequency
+        length = max(float(x[rows].max()) for rows, *_ in own)
+        return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
 
     @made_once
     def point_stiffness(self) -> NDArray:
