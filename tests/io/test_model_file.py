@@ -202,7 +202,7 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
     def fail(*_: Any) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr(model_file, "write_record", fail)
+    monkeypatch.setattr("os.replace", fail)
     with pytest.raises(BdamperError, match="expected a file that can be written, found no space left"):
         save_model(shroud_model(), copy)
     assert copy.read_bytes() == before

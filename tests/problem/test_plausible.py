@@ -89,10 +89,11 @@ def test_settings_of_the_manual_are_plausible():
         for load in (1.0, 50.0, 40e3):
             ground.with_(fixed_loads={"platform": load})
         s = study(gap={"left": 2e-5}, damper_drag=2.0, damper_damping_ratio=0.02, load_history=(1.5, 1.0), slip_offset=1e-6)
-        s.with_(aerodynamic_damping={d: 1e-3 for d in range(65)}, excitation=bd.Excitation("tip", amplitude=200.0))
+        s.with_(aerodynamic_damping=dict.fromkeys(range(65), 1e-3), excitation=bd.Excitation("tip", amplitude=200.0))
         shroud = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, loads={"shroud": 1.0})
         shroud.with_(loads={"shroud": 0.5}, fixed_loads={"shroud": 2000.0})
-        rig = study("test_rig", 24, loads=dict.fromkeys(("damper_left", "damper_right"), 0.6), fixed_loads={"damper_left": 5e3})
+        shares = dict.fromkeys(("damper_left", "damper_right"), 0.6)
+        rig = study("test_rig", 24, loads=shares, fixed_loads={"damper_left": 5e3})
         rig.with_(contact_stiffness=2e7, damping_ratio=1e-3, friction_coefficient=0.1)
         bd.lumped(1, 0.02, 1, contacts=[bd.Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, harmonics=7)
         bd.lumped([1.0, 2.0], [0.1, 0.1], [1e6, 2e6], contacts=[bd.Contact(normal=0, kn=6e7, gap=2e-3)], forces={0: 1e3})

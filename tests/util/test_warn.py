@@ -94,7 +94,8 @@ def test_a_universal_file_leaves_the_output_of_others(tmp_path, monkeypatch, cap
             return [2411]
 
         def read_sets(self, k):
-            return {"type": 2411, "node_nums": [1, 2], "x": [0.0, 1.0], "y": [0.0, 0.0], "z": [0.0, 0.0]}
+            return {"type": 2411, "node_nums": [1, 2], "x": [0.0, 1.0], "y": [0.0, 0.0], "z": [0.0, 0.0], "def_cs": [0, 0],
+                    "disp_cs": [0, 0]}  # fmt: skip
 
     monkeypatch.setitem(sys.modules, "pyuff", SimpleNamespace(UFF=File))
     (tmp_path / "a.unv").write_text("")

@@ -224,11 +224,12 @@ class ContactLaw:
         ------
         SettingError
         """
-        name, n, parameters, stick = (record.get(key) for key in ("contact_law", "n_state", "parameters", "stick"))
+        name = record.get("contact_law")
         if not isinstance(name, str) or name not in SHIPPED:
             found = f"{name!r}, of which a file has no function; make the study again with the law"
             raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {shortened(found)}")
-        return cls(SHIPPED[name], n, parameters, stick, name, record.get("resolution", 0.0))
+        numbers: dict[str, Any] = {key: record.get(key) for key in ("n_state", "parameters", "stick")}
+        return cls(SHIPPED[name], **numbers, name=name, resolution=record.get("resolution", 0.0))
 
     def __reduce__(self) -> Any:
         """Shipped laws go to other processes; the address of another function means nothing there."""
@@ -239,16 +240,20 @@ class ContactLaw:
         """Whether the function is one of the core."""
         return any(self.pointer.function is function for function in SHIPPED.values())
 
-    def springs(self, n: int) -> ContactStiffness:
-        """The contact stiffness of n points under the law."""
-        return ContactStiffness(np.broadcast_to(self.stick, (n, 3)).copy(), "user")
+    def springs(self, n: int, interface: str) -> ContactStiffness:
+        """Return the contact stiffness of the n points of an interface under the law."""
+        return ContactStiffness(self._rows("stick", n, interface).copy(), "user")
 
     def of_points(self, n: int, interface: str) -> list[tuple[ContactLaw, NDArray, str]]:
         """The law, its parameters and the interface for each of n points of an interface."""
-        for name, given in (("parameters", self.parameters), ("stick", self.stick)):
-            good = given.ndim == 1 or len(given) == n
-            validate.require(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(given)}")
-        return [(self, p, interface) for p in np.broadcast_to(self.parameters, (n, self.parameters.shape[-1]))]
+        return [(self, p, interface) for p in self._rows("parameters", n, interface)]
+
+    def _rows(self, name: str, n: int, interface: str) -> NDArray:
+        """Return the parameters or the springs with a row for each of n points."""
+        given = getattr(self, name)
+        good = given.ndim == 1 or len(given) == n
+        validate.require(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(given)}")
+        return np.broadcast_to(given, (n, given.shape[-1]))
 
 
 def _numbers(given: Any) -> NDArray | None:
@@ -355,7 +360,7 @@ class OwnLaws:
         F, D = np.zeros((len(at), 3)), np.zeros((len(at), 3, 3))
         _core.step_laws(self.core(before), at, before, after, F, D)
         wrong = ~(np.isfinite(F).all(axis=1) & np.isfinite(after).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
-        for point, motion in ((self.points[i], at[i].tolist()) for i in np.flatnonzero(wrong)):
+        for point, motion in ((self.points[int(i)], at[i].tolist()) for i in np.flatnonzero(wrong)):
             where = f"friction_law: {_named(point[0], point[2])}" if point else ""
             raise SettingError(f"{where}: expected finite forces and states, found others at the motion {motion} m")
         return F, D, after

@@ -247,7 +247,7 @@ class Problem:
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
         scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
         made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
-        return made | {name: law.springs(len(made[name].stiffness)) for name, law in own.items()}
+        return made | {name: law.springs(len(made[name].stiffness), name) for name, law in own.items()}
 
     @made_once
     def own_laws(self) -> OwnLaws | None:

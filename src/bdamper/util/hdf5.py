@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 import h5py
 import numpy as np
 
-from bdamper.util.errors import BdamperError, shortened
+from bdamper.util.errors import BdamperError, SettingError, shortened
 from bdamper.util.marks import declarations
 from bdamper.util.versions import HERE, Versions
 
@@ -235,7 +235,10 @@ def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
         if (own := file.attrs["version"]) != version:
             expected = f"version {version} of the format '{_text(file.attrs['format'])}'"
             raise BdamperError(f"{path}: expected {expected}, found version {own}, written by {made_with}")
-        return _take(cls, file, made_with)
+        try:
+            return _take(cls, file, made_with)
+        except SettingError as error:  # fields that are missing or that the class does not accept
+            raise ValueError(str(error)) from error
 
 
 def _text(value: Any) -> str:
