@@ -168,7 +168,7 @@ def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
 
     monkeypatch.setattr(preload, "_step", failing)
     monkeypatch.setattr(preload, "_creep", lambda system, load, state, size: (state.q, state.slider, 1, 1.0))
-    assert not study.static(100.0).converged
+    assert not study.static(70.0).converged  # no power of ten: the state at 1 N is tried first
     assert len(began) == len(set(began)) > 1
 
 

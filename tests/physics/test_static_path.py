@@ -12,7 +12,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.preload import StaticSystem, static_state
+from bdamper.wheel import DamperVariation, Wheel
 from tests.physics.test_static_wedge import wedge
+from tests.wheel.lumped import lumped_study
 
 AT_REST = 1e-11
 
@@ -168,3 +170,21 @@ def test_a_wedge_with_a_gap_at_one_face(gap, mu, loads):
     for steps in (1, 8, 80):
         found = through(system, loads, steps=steps).force[:, ::2]
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * 1000.0)
+
+
+def test_a_loose_wedge_lands_in_the_same_way_with_any_number_of_steps():
+    """Gaps at all faces: the damper has no equilibrium until it touches, so its path jumps as the load begins.
+
+    A bladed disk of six equal sectors is the second reference: it solves the equations of the whole disk.
+    """
+    study = lumped_study(6, 1, n_c=2, r=2)
+    gap = {name: face.gap + 2e-7 for name, face in study.problem.coupling.model.interfaces.items()}
+    apart = study.with_(gap=gap)
+    system = apart.problem.static_system
+    found = [static_state(system, 300.0, steps=steps).q for steps in (1, 8, 80, 800)]
+    for q in found[1:]:
+        np.testing.assert_allclose(q, found[0], rtol=0.0, atol=1e-6 * np.abs(found[0]).max())
+    ones = np.ones(6)
+    whole = Wheel(study, dampers=DamperVariation(ones, ones, ones, 2e-7 * ones, ones < 0.0)).system(300.0)
+    expected = Wheel(apart).system(300.0).structure.at_rest
+    np.testing.assert_allclose(whole.structure.at_rest, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())

@@ -5,7 +5,8 @@ The mean equations of the harmonic balance without vibration, paper section 3.1:
     K q + G^T F(x) = P f + f_0,      x = G q + P s + s_0 = (u1, u2, v),
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
 
-Interference and the loads ``f_0``, ``s_0`` grow first, together from nothing; then P grows.  Every point has a state for
+Interference and the loads ``f_0``, ``s_0`` grow first, together from nothing; then P grows.  All grow together if a free
+body has no equilibrium without P.  Every point has a state for
 each tangential direction (stick, slip in one of two senses, open), and between changes of state the motion is linear in the
 load.  A load step solves for the states at its end and starts from the sliders of the step before.  It is exact if the
 forces are linear along the straight line between both motions, and is shortened to the first change of state otherwise
@@ -208,7 +209,7 @@ EQUILIBRIUM = 1e-10
 AT_LIMIT = 1e-12
 """A force is at its limit if it is this close to it, relative to the largest spring force before any cancellation."""
 SHORTEST = 1e-7
-"""Load step, relative to the longest, below which a change of state is a jump: that of a loose body as its load begins."""
+"""Load step, relative to the whole change of load, below which a change of state is a jump: that of a loose body as its load begins."""
 STALLS = 6
 """Consecutive steps without a reduction of the residual after which an iteration stops.  Of 1478 iterations that converge
 one has more than 4."""
@@ -438,15 +439,16 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
     return np.asarray(spread * drawn * (friction > 0.0)[:, None])
 
 
-def _assembly(system: StaticSystem) -> StaticSystem:
-    """Return the system whose load is the share of the constant loads and of the interference."""
+def _together(system: StaticSystem, load: float) -> StaticSystem:
+    """Return the system whose load is the share of the constant loads, of the interference and of a load (N)."""
     pressed = (system.n0 > 0.0) & (system.kn > 0.0)
     if system.own is not None:  # these laws have the interference themselves
         pressed &= ~system.own.held
     shift = np.array(np.broadcast_to(system.constant_shift, (len(pressed), 3)))
     shift[pressed, 2] += system.n0[pressed] / system.kn[pressed]
     n0, none = np.where(pressed, 0.0, system.n0), np.zeros_like(system.force)
-    return replace(system, n0=n0, force=system.constant_force, shift=shift, constant_force=none, constant_shift=0.0)
+    force, shift = load * system.force + system.constant_force, load * system.shift + shift
+    return replace(system, n0=n0, force=force, shift=shift, constant_force=none, constant_shift=0.0)
 
 
 def linear_range(points: StaticSystem, x0: NDArray, x1: NDArray, w: NDArray, close: float) -> tuple[float, float]:
@@ -488,7 +490,8 @@ def static_state(
     steps : int
         Load steps at least; matters only for cubic springs and laws of a user's own.
     start : PreloadState, optional
-        An earlier state to go on from, loading or unloading; without it constant loads come first, then the load.
+        An earlier state to go on from, loading or unloading; without it constant loads come first, then the load, or both
+        together if a free body has no equilibrium under the constant loads.
     offset : (n_points, 2) float, m, optional
         Sliders before any load; zero by default.
 
@@ -499,12 +502,14 @@ def static_state(
     """
     if start is not None:
         return _loaded(system, load, start, steps)
-    assembly = system if system.scales else _assembly(system)
+    assembly = system if system.scales else _together(system, 0.0)
     state = _before_loading(assembly)
     if offset is not None:
         state = replace(state, slider=offset)
     if not system.scales:
-        state = replace(_loaded(assembly, 1.0, state, steps), load=0.0)
+        before, state = state, replace(_loaded(assembly, 1.0, state, steps), load=0.0)
+        if not state.converged and load > 0.0:  # the constant loads alone do not hold a free body
+            return replace(_loaded(_together(system, load), 1.0, before, steps), load=load)
     elif load == 0.0:
         force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), _remembered(system, state))
         memory = None if system.own is None else slider[:, 2:]
@@ -520,7 +525,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
     frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
     displaced = np.abs(system.shift_at(state.load)) + np.abs(system.shift_at(load))
-    x, slope = system.G @ state.q + system.shift_at(state.load), None
+    x, slope, jumped = system.G @ state.q + system.shift_at(state.load), None, False
     while change and left:
         step = min(step, longest)
         step = left if step > (1.0 - SHORTEST) * left else step
@@ -541,18 +546,18 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         if not crept:
             close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
             within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
-        elif step >= 0.2 * longest:
-            step *= 0.5
+        elif step > SHORTEST:
+            step *= 0.1
             continue
-        else:
-            step = min(longest, left)
+        else:  # the path ends here: the states jump at this load, or over a whole step if they have just jumped
+            step = min(longest, left) if jumped else step
             at = load - (left - step) * change
             q, before, iterations, residual = _creep(system, at, state, size)
             moved = system.G @ q + system.shift_at(at)
             if not residual <= EQUILIBRIUM:
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
-        if within < 1.0 and step > SHORTEST * longest:
+        if within < 1.0 and step > SHORTEST:
             step *= 0.1 * within
             continue
         jumped = within < 1.0 or crept  # then the way so far does not lead on
@@ -562,7 +567,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             at, q, slider[:, :2], force, closing, status, residual, state.steps + 1, state.iterations + iterations, True,
             memory=None if system.own is None else slider[:, 2:],
         )  # fmt: skip
-        left, step = left - step, longest if jumped else max(step * (beyond - 1.0), SHORTEST * longest)
+        left, step = left - step, longest if jumped else max(step * (beyond - 1.0), SHORTEST)
     return state
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC
 from bdamper.contact.points import PointArrays
+from bdamper.contact.preload import AT_LIMIT, SHORTEST, linear_range
 from bdamper.harmonic_balance.equations import OK
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.wheel.structure import Structure
@@ -79,33 +80,49 @@ def static_wheel(
     load, constant, shift, history = loading
     if (points.law == LAW_CUBIC).any():
         raise SettingError("dampers: expected all alike in a model with cubic springs, found dampers that differ")
-    pressed = float(points.n0.max(initial=0.0))
-    scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-9 * pressed, 1e-300)
-    still, u, done = np.zeros(load.shape, complex), np.zeros(load.size), 0.0
-    slider, force = np.zeros((len(points.kn), 2)), np.zeros((len(points.kn), 3))
-    for target in history:
-        step = (target - done) / STEPS
-        least = abs(step) / 64.0
-        while done != target:
-            now = target if abs(target - done) <= 1.000001 * abs(step) else done + step
-            at = replace(points, slider=slider, shift=now * shift.reshape(-1, 3))
+    bonded, shift = points.law == LAW_BONDED, shift.reshape(-1, 3)
+    free = np.logical_not(bonded)
+    pressed = free & (points.n0 > 0.0) & (points.kn > 0.0)
+    interference = np.zeros_like(shift)
+    interference[pressed, 2] = points.n0[pressed] / points.kn[pressed]
+    bare = replace(points, n0=np.where(pressed, 0.0, points.n0))
+    frictional = replace(bare, kt=bare.kt * free[:, None], kn=bare.kn * free, n0=bare.n0 * free)
+    springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
+    scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-9 * float(points.n0.max(initial=0.0)), 1e-300)
+    still, u, done = np.zeros(load.shape, complex), np.zeros(load.size), np.zeros(2)
+    slider, force, x = np.zeros((len(points.kn), 2)), np.zeros((len(points.kn), 3)), np.zeros((len(points.kn), 3))
+    first = [(1.0, 0.0)] if pressed.any() or np.any(constant) else []
+    for target in np.array([*first, *((1.0, factor) for factor in history)]):
+        begin, part, longest = done, 0.0, 1.0 / STEPS
+        step = longest
+        while part < 1.0 and np.any(target != begin):
+            step = min(step, longest)
+            end = 1.0 if step > (1.0 - SHORTEST) * (1.0 - part) else part + step
+            share, factor = now = begin + end * (target - begin)
+            carried = factor * shift + share * interference
             system = WheelScene(
-                structure, at, (0,), now * load + constant, still, np.zeros(structure.n), pinned, (scale, scale),
-                0.0 * load,
+                structure, replace(bare, slider=slider, shift=carried), (0,), factor * load + share * constant, still,
+                np.zeros(structure.n), pinned, (scale, scale), 0.0 * load,
             ).equations  # fmt: skip
-            start = now / done * u if done else now * alike.ravel()
+            start = factor / done[1] * u if done[1] else u + factor * alike.ravel()
             found = system.correct_at(start, 1.0, np.full(len(u) + 1, max(float(np.abs(start).max()), 1e-9)), LEFT, 60, 2)
             if found.status != OK:
                 step *= 0.5
-                if abs(step) < least:
+                if step < longest / 64.0:
                     raise StaticError(
-                        f"expected a static state of the wheel, found none beyond {100 * done:.3g} % of the preload "
+                        f"expected a static state of the wheel, found none beyond {100 * done[1]:.3g} % of the preload "
                         f"(residual {found.residual:.2g})"
                     )
                 continue
-            u, done = found.y[:-1], now
-            motion, forces, _ = system.contact(u)
-            force, moved = forces[..., 0], motion[..., :2, 0]
-            slider = np.where(points.kt > 0.0, moved - force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0), moved)
-            slider[points.law == LAW_BONDED] = 0.0
+            motion, forces, _ = system.contact(found.y[:-1])
+            moved = motion[..., 0]
+            close = AT_LIMIT * float((springs * (np.abs(x) + np.abs(moved) + np.abs(carried))).max(initial=0.0))
+            within, beyond = linear_range(frictional, x, moved, slider, close)
+            if within < 1.0 and step > SHORTEST:
+                step *= 0.1 * within
+                continue
+            step = longest if within < 1.0 else max((end - part) * (beyond - 1.0), SHORTEST)
+            u, done, part, x, force = found.y[:-1], now, end, moved, forces[..., 0]
+            slider = np.where(points.kt > 0.0, x[:, :2] - force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0), x[:, :2])
+            slider[bonded] = 0.0
     return u.reshape(load.shape), slider, force
