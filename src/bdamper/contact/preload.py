@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.contact.own_law import OwnLaws
+from bdamper.contact.points import PointArrays
 from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import Storable, enter_former
 from bdamper.util.plotting import Plottable
@@ -121,7 +122,6 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     converged : bool
     note : str
     cost : Cost
-        Time and iterations; no time where it was not measured.
     interface : tuple of str
         Name of the interface of each contact point, where it is known.
     memory : (n_points, width) float, optional
@@ -209,7 +209,7 @@ EQUILIBRIUM = 1e-10
 AT_LIMIT = 1e-12
 """A force is at its limit if it is this close to it, relative to the largest spring force before any cancellation."""
 SHORTEST = 1e-7
-"""Load step, relative to the whole change of load, below which a change of state is a jump: that of a loose body as its load begins."""
+"""Load step, relative to the whole change of load, below which a change of state is a jump (a loose body that lands)."""
 STALLS = 6
 """Consecutive steps without a reduction of the residual after which an iteration stops.  Of 1478 iterations that converge
 one has more than 4."""
@@ -424,19 +424,13 @@ def _remembered(system: StaticSystem, state: PreloadState) -> NDArray:
 
 
 def _before_loading(system: StaticSystem) -> PreloadState:
-    """Without load and motion; what touches sticks."""
+    """Return the unloaded initial state: touching points stick, others are open."""
     n, m = system.G.shape[0], system.G.shape[2]
     apart = (system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0) & np.logical_not(system.bonded)
     status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
     if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
         status[:] = STICK
     return PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
-
-
-def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
-    """(n_points, 2) float, m: sliders before any load, drawn with a standard deviation where there is friction."""
-    drawn = np.random.default_rng(seed).standard_normal((len(friction), 2))
-    return np.asarray(spread * drawn * (friction > 0.0)[:, None])
 
 
 def _together(system: StaticSystem, load: float) -> StaticSystem:
@@ -451,12 +445,14 @@ def _together(system: StaticSystem, load: float) -> StaticSystem:
     return replace(system, n0=n0, force=force, shift=shift, constant_force=none, constant_shift=0.0)
 
 
-def linear_range(points: StaticSystem, x0: NDArray, x1: NDArray, w: NDArray, close: float) -> tuple[float, float]:
+def linear_range(
+    points: StaticSystem | PointArrays, x0: NDArray, x1: NDArray, w: NDArray, close: float
+) -> tuple[float, float]:
     """Find the first change of state on the straight line from motion ``x0`` to ``x1``.
 
     Parameters
     ----------
-    points : StaticSystem
+    points : StaticSystem or PointArrays
         Only ``kt``, ``kn``, ``mu`` and ``n0`` are used.
     x0, x1 : (n_points, 3) float, m
         Both in equilibrium, for sliders ``w`` (n_points, 2) m at ``x0``.
@@ -490,8 +486,7 @@ def static_state(
     steps : int
         Load steps at least; matters only for cubic springs and laws of a user's own.
     start : PreloadState, optional
-        An earlier state to go on from, loading or unloading; without it constant loads come first, then the load, or both
-        together if a free body has no equilibrium under the constant loads.
+        Earlier state to continue from, loading or unloading; by default constant loads come first, then the load.
     offset : (n_points, 2) float, m, optional
         Sliders before any load; zero by default.
 

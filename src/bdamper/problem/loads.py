@@ -165,3 +165,9 @@ def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] 
         found.append(float(np.linalg.norm(load[kept]) / np.linalg.norm(load)))
     on_faces = any((settings.loads or {}).get(name, 0.0) > 0.0 for name in settings.constrained_faces)
     return min(found, default=float(on_faces)) > SMALLEST_SHARE
+
+
+def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
+    """(n_points, 2) float, m: sliders before any load, drawn with a standard deviation where there is friction."""
+    drawn = np.random.default_rng(seed).standard_normal((len(friction), 2))
+    return np.asarray(spread * drawn * (friction > 0.0)[:, None])

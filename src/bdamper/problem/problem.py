@@ -19,7 +19,7 @@ from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.own_law import OwnLaws
 from bdamper.contact.points import PointArrays
-from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, assembly_offsets, scaled_state, static_state
+from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.contact.residual_modes import ResidualModes, joined
 from bdamper.contact.stiffness import Contact, check_method
 from bdamper.contact.wedge import WedgeFriction, wedge_friction
@@ -39,7 +39,7 @@ from bdamper.model.relative_motion import (
     standard_rigid_modes,
 )  # fmt: skip
 from bdamper.problem.effects import Effects
-from bdamper.problem.loads import approach, at_points, carried, gaps, normal_loads
+from bdamper.problem.loads import approach, assembly_offsets, at_points, carried, gaps, normal_loads
 from bdamper.problem.settings import Settings, check_history
 from bdamper.problem.sizes import Sizes
 from bdamper.problem.stiffness import contact_of

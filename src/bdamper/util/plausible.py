@@ -131,8 +131,9 @@ NO_RANGE = {
         build_model.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
     """,
     LIMITED: """
-        Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades ContactLaw.bouc_wen.alpha
-        ContactLaw.bouc_wen.gamma ResidualModes.share misfit.angle misfit.axial_angle ContinuationOptions.max_turn
+        Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
+        ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.share misfit.angle misfit.axial_angle
+        ContinuationOptions.max_turn
         ContinuationOptions.locate_tolerance WheelPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
     """,
     FACT: """

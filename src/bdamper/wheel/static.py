@@ -123,6 +123,7 @@ def static_wheel(
                 continue
             step = longest if within < 1.0 else max((end - part) * (beyond - 1.0), SHORTEST)
             u, done, part, x, force = found.y[:-1], now, end, moved, forces[..., 0]
-            slider = np.where(points.kt > 0.0, x[:, :2] - force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0), x[:, :2])
+            stretch = force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0)
+            slider = np.where(points.kt > 0.0, x[:, :2] - stretch, x[:, :2])
             slider[bonded] = 0.0
     return u.reshape(load.shape), slider, force
