@@ -131,6 +131,10 @@ CDREAD,DB,more,cdb
 X=1 $ NGEN,2,100,1,8,1,0.25
 *SET,X,1 $ CP,1,UX,1,2"""
 CDB_HARMLESS = """/COM,ANSYS RELEASE 19.2 $ of NGEN
+TYPE,        3
+MAT,1
+REAL,1
+ESYS,0
 /TITLE, CP and $ NGEN
 ! NGEN,2,100
 *IF,_CDRDOFF,EQ,1,THEN     !if solid model was read in
