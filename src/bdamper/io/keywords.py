@@ -115,8 +115,8 @@ CDB_HARMLESS = _table(
     SECDATA SECNUM SECOFFSET SECTYPE SF SFBEAM SFDELE SFE SHPP SOLCONTROL SSTATE SSTIF TB TBDATA TBDELE TBFIELD TBPT
     TBTEMP TIME TIMINT TINTP TOFFST TREF TRNOPT TUNIF TYPE"""
 )
-"""Materials, sections, loads, supports, coordinate systems and settings of a solution.  TYPE, MAT, REAL and ESYS apply to elements
-of the command E; an EBLOCK has its own numbers."""
+"""Materials, sections, loads, supports, coordinate systems and settings of a solution.  TYPE, MAT, REAL and ESYS apply
+to elements of the command E; an EBLOCK has its own numbers."""
 
 # -----------------------------------------------------------------------------------------------------------
 # Nastran
