@@ -15,12 +15,12 @@ for f in sorted({l.split(":")[0] for l in out.splitlines() if "E501" in l}):
     doc = {lines[i] for i in doc} | {l for l in lines if l.strip().startswith("# ")}
     while i < len(lines):
         l = lines[i]
-        if len(l) > 124 and (l in doc or (i and lines[i - 1] in doc)):
+        if len(l) > 124 and l in doc:
             cut = l.rfind(" ", 0, 124); ind = re.match(r"\s*(# )?", l)[0]
             rest = l[cut + 1:]; lines[i] = l[:cut].rstrip(); doc.add(lines[i])
             nxt = lines[i + 1] if i + 1 < len(lines) else ""
             same = nxt.startswith(ind) and nxt.strip() and not nxt[len(ind):].startswith((" ", "-", "*", '"""', ">>>", "#"))
-            if same and not l.rstrip().endswith('"""') and nxt.strip() != '"""': lines[i + 1] = ind + rest + " " + nxt[len(ind):]
+            if same and not l.rstrip().endswith('"""') and nxt.strip() != '"""': lines[i + 1] = ind + rest + " " + nxt[len(ind):]; doc.add(lines[i + 1])
             else: lines.insert(i + 1, ind + rest)
         i += 1
     (root / f).write_text("\n".join(lines))
