@@ -246,8 +246,9 @@ def test_errors_of_held_parameters_move_the_others(jenkins, tests):
         moves.append(objective.least(np.log(alone.values), np.ones(1, bool))[0] / step)
     moves = np.array(moves) - np.log(alone.values[0]) / step
     assert C[0, 0] - own[0, 0] == pytest.approx(moves @ spread @ moves, rel=0.05)
-    assert found.deviation[0] > 1.5 * alone.deviation[0]
-    assert np.log(found.high / found.low)[0] > 1.5 * np.log(alone.high / alone.low)[0]
+    widths = np.log([found.high[0] / found.low[0], alone.high[0] / alone.low[0]])
+    quantile = 2.0930  # t distribution, 19 degrees of freedom: 20 amplitudes less one parameter
+    assert widths[0] == pytest.approx(np.hypot(widths[1], 2.0 * quantile * np.sqrt(moves @ spread @ moves)), rel=0.05)
 
 
 def drawn_fit(jenkins, seed):
