@@ -57,3 +57,14 @@ def test_the_default_interval_comes_from_the_asked_preload(monkeypatch):
     monkeypatch.setattr(type(study.problem), "static", seen)
     study.peak(1000.0)
     assert set(asked) <= {0.0, 1000.0}
+
+
+def test_a_loose_damper_takes_a_finite_number_of_steps():
+    """The rear damper has no load, so it moves in jumps; shortening steps to follow them took more than 1,500."""
+    model = pytest.importorskip("tools.shrouded").shrouded().model
+    study = bd.Study(
+        model, bd.Excitation("tip", "tangential"), engine_order=4, friction_coefficient=0.1, loads={"front": 1.0},
+        fixed_loads={"shroud": 200.0}, contact_stiffness="residual_modes",
+    )  # fmt: skip
+    check(study, 100.0, 200.0)
+    assert study.static(100.0).steps < 1000

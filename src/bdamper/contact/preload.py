@@ -515,7 +515,7 @@ def static_state(
 def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) -> PreloadState:
     """Return the state after the load has changed to ``load``, from change of state to change of state."""
     change, left, longest = load - state.load, 1.0, 1.0 / steps
-    size, step = _size(system, (state.load, load), _remembered(system, state)), longest
+    size, step, least = _size(system, (state.load, load), _remembered(system, state)), longest, SHORTEST
     free = np.logical_not(system.bonded | (False if system.own is None else system.own.held))
     frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
@@ -524,13 +524,12 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
     while change and left:
         step = min(step, longest)
         step = left if step > (1.0 - SHORTEST) * left else step
-        at = load - (left - step) * change
+        at, before = load - (left - step) * change, _remembered(system, state)
         # the states may be a dead end; then all points that touch are taken as stuck, and then all points
         apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
         stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
-        iterations, before = 0, _remembered(system, state)
         ahead = () if slope is None else (_law(system, x + step * slope, before)[1],)
-        starts = (*ahead, state.status, stuck, np.full_like(stuck, STICK))
+        iterations, starts = 0, (*ahead, state.status, stuck, np.full_like(stuck, STICK))
         for first_status in {s.tobytes(): s for s in starts}.values():
             q, status, tried, residual = _step(system, at, before, first_status, size)
             iterations += tried
@@ -541,8 +540,8 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         if not crept:
             close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
             within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
-        elif step > SHORTEST:
-            step *= 0.1
+        elif step > least:
+            step = max(0.1 * step, least)
             continue
         else:  # the path ends here: the states jump at this load, or over a whole step if they have just jumped
             step = min(longest, left) if jumped else step
@@ -552,9 +551,10 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             if not residual <= EQUILIBRIUM:
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
-        if within < 1.0 and step > SHORTEST:
-            step *= 0.1 * within
+        if within < 1.0 and step > least:
+            step = max(0.1 * within * step, least)
             continue
+        least *= 2.0 if step <= least else 1.0  # so that many jumps come to an end
         jumped = within < 1.0 or crept  # then the way so far does not lead on
         x, slope = moved, None if jumped else (moved - x) / step
         force, status, slider, closing = _law(system, x, before)
@@ -562,7 +562,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             at, q, slider[:, :2], force, closing, status, residual, state.steps + 1, state.iterations + iterations, True,
             memory=None if system.own is None else slider[:, 2:],
         )  # fmt: skip
-        left, step = left - step, longest if jumped else max(step * (beyond - 1.0), SHORTEST)
+        left, step = left - step, longest if jumped else max(step * (beyond - 1.0), least)
     return state
 
 
