@@ -252,7 +252,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 22_900, 330
+CODE, CONSTANTS = 22_385, 275
 """Lines with code and numeric constants of modules that the package may have."""
 
 
