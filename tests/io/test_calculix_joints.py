@@ -74,8 +74,7 @@ def test_decks_give_the_model_of_the_arrays(strips):
     decks, arrays = (study_of(modes_alone(built.model), "tip") for built in (strips, own))
     np.testing.assert_allclose(stuck_frequencies(decks)[:6], stuck_frequencies(arrays)[:6], rtol=1e-7)
     found, expected = decks.static(100.0).normal_force, arrays.static(100.0).normal_force
-    # the strips are loose until their load begins and land in jumps: forces are known to some 1e-5 there
-    assert found == pytest.approx(expected, rel=2e-5)
+    assert found == pytest.approx(expected, rel=1e-6)
 
 
 def test_shroud_and_two_strips_have_an_optimum_over_the_load_of_the_strips(strips):
@@ -83,7 +82,7 @@ def test_shroud_and_two_strips_have_an_optimum_over_the_load_of_the_strips(strip
     assert study.static(0.0).normal_force["shroud"] == pytest.approx(5.0, rel=1e-7), "as assembled"
     curve = study.optimal_curve([10.0, 30.0, 100.0, 300.0], frequency=(200.0, 3000.0), check=False)
     best = curve.optimum
-    assert np.isfinite(curve.amplitude).all() and 0.0 <= best.uncertainty < 0.1
+    assert np.isfinite(curve.amplitude).all() and best.status == "complete"
     assert 10.0 < best.preload < 300.0, "between a shroud that does all and strips that stick"
     assert best.amplitude <= curve.amplitude.min() < 1e-2 * curve.free.amplitude
     assert "(front 1, rear 0.6)" in curve.bottom_line()

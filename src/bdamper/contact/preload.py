@@ -520,10 +520,9 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
     frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
     displaced = np.abs(system.shift_at(state.load)) + np.abs(system.shift_at(load))
-    x, slope, jumped = system.G @ state.q + system.shift_at(state.load), None, False
+    x, slope = system.G @ state.q + system.shift_at(state.load), None
     while change and left:
-        step = min(step, longest)
-        step = left if step > (1.0 - SHORTEST) * left else step
+        step = left if min(step, longest) > left - SHORTEST else min(step, longest)
         at, before = load - (left - step) * change, _remembered(system, state)
         # the states may be a dead end; then all points that touch are taken as stuck, and then all points
         apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
@@ -541,11 +540,9 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
             within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
         elif step > least:
-            step = max(0.1 * step, least)
+            step = max(1e-3 * step, least)
             continue
-        else:  # the path ends here: the states jump at this load, or over a whole step if they have just jumped
-            step = min(longest, left) if jumped else step
-            at = load - (left - step) * change
+        else:  # the path ends here: the states jump
             q, before, iterations, residual = _creep(system, at, state, size)
             moved = system.G @ q + system.shift_at(at)
             if not residual <= EQUILIBRIUM:
