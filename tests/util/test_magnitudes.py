@@ -156,7 +156,7 @@ ALONE = {
     "a force in MN": (lambda: lumped(forces={0: 1e9}), "forces of 0: .* found 1e.09 N: mN"),
     "loads of masses in newtons": (lambda: lumped(loads={0: 500.0}), "loads of 0: .* found 500 newtons per newton"),
     "a contact in MN/m": (lambda: bd.Contact(0, kt=1e15, mu=0.3, preload=1.0), "kt: plausible .*, found 1e.15 N/m"),
-    "a gap in micrometres": (lambda: bd.Contact(normal=0, kn=1e6, gap=500.0), "gap: .* found 500 m: millimetres"),
+    "a gap in micrometres": (lambda: bd.Contact(normal=0, kn=1e6, gap=5e5), "gap: .* found 5e.05 m: millimetres"),
     "a law in GN/m": (lambda: bd.ContactLaw.jenkins([5e15], 10.0), "stiffness: .* found 5e.15 N/m"),
     "a law with friction in per cent": (lambda: bd.ContactLaw.jenkins([5e6], 10.0, 30.0), "mu: .* found 30: per cent"),
     "joints in GN/m": (lambda: bd.ContactLaw.iwan(100.0, 1e16, -0.5, 0.1), "stiffness: .* found 1e.16 N/m"),

@@ -245,7 +245,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Contact.kt": STIFFNESS,
     "Contact.kn": STIFFNESS,
     "Contact.preload": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
-    "Contact.gap": Range(1e-12, 100.0, "m", MILLIMETRES),
+    "Contact.gap": Range(1e-12, 1e4, "m", MILLIMETRES),
     # contact laws and stiffness
     "ContactLaw.jenkins.stiffness": STIFFNESS,
     "ContactLaw.jenkins.limit": Range(1e-9, 1e8, "N", "mN suspected"),
