@@ -1,11 +1,12 @@
 """Quasi-static contact analysis of a whole wheel whose dampers differ.
 
-The load grows in steps, and every step starts from the sliders of the step before.  The equations of a step are those of
-the wheel without harmonics: contacts at rest follow the law of :mod:`bdamper.contact.preload`.  Newton's method of the
-first step starts from the state of dampers that are alike.  From nothing, where all contacts just touch, it does not arrive
-on 65 blades with friction coefficients or masses 0.5 to 10 % apart, and shorter steps are no easier: where no faces are
-apart a state is proportional to its load, so that every other step starts from that of the step before times the ratio of
-their loads.
+Constant loads and interference grow first, then the load.  Each load step starts from the sliders of the step before and ends at
+the first change of state of a contact point (:func:`bdamper.contact.preload.linear_range`).  The equations of a step are those
+of the wheel without harmonics.
+
+Newton's method starts the first step from the state of equal dampers: from zero it does not converge on 65 blades with friction
+coefficients or masses that differ by 0.5 to 10 %, and shorter steps do not help.  Without gaps a state is proportional to its
+load, so each further step starts from the last state times the ratio of the loads.
 """
 
 from __future__ import annotations
