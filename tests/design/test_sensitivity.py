@@ -95,7 +95,7 @@ def compare(study, preload, parameters):
 def test_mass_of_the_damper_on_a_flat_peak():
     """The axial place of the damper is far beyond the motion of its contacts: a change of its modes must not move it."""
     study = shipped("bladed_disk")
-    peak = study.peak(200.0, (340.0, 352.0))
+    peak = study.peak(200.0, (330.0, 370.0))  # both ends of the branch
     found = study.peak_sensitivities(peak, ["damper_mass_factor"])["damper_mass_factor"]
     family = setting_family(study.problem, "damper_mass_factor", 200.0)
     amplitude, frequency = differences(study, "damper_mass_factor", family, 1.0, peak, (1e-4, 3e-5))

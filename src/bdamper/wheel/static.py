@@ -1,12 +1,12 @@
 """Quasi-static contact analysis of a whole wheel whose dampers differ.
 
-Constant loads and interference grow first, then the load.  Each load step starts from the sliders of the step before and ends at
-the first change of state of a contact point (:func:`bdamper.contact.preload.linear_range`).  The equations of a step are those
-of the wheel without harmonics.
+Constant loads and interference grow first, then the load.  Each load step starts from the sliders of the step before and
+ends at the first change of state of a contact point (:func:`bdamper.contact.preload.linear_range`).  Its equations are
+those of the wheel without harmonics.
 
-Newton's method starts the first step from the state of equal dampers: from zero it does not converge on 65 blades with friction
-coefficients or masses that differ by 0.5 to 10 %, and shorter steps do not help.  Without gaps a state is proportional to its
-load, so each further step starts from the last state times the ratio of the loads.
+Newton's method starts the first step from the state of equal dampers: from zero it does not converge on 65 blades with
+friction coefficients or masses that differ by 0.5 to 10 %, and shorter steps do not help.  Without gaps a state is
+proportional to its load, so each further step starts from the last state times the ratio of the loads.
 """
 
 from __future__ import annotations
