@@ -559,7 +559,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             at, q, slider[:, :2], force, closing, status, residual, state.steps + 1, state.iterations + iterations, True,
             memory=None if system.own is None else slider[:, 2:],
         )  # fmt: skip
-        left, step = left - step, longest if jumped else max(step * (beyond - 1.0), least)
+        left, step = left - step, least if jumped else max(step * (beyond - 1.0), least)
     return state
 
 
