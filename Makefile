@@ -118,7 +118,7 @@ validate: $(VENV)/dev.stamp $(VENV)-others/files.stamp
 	$(call step,public problems into docs/validated.md,$(PY) -m benchmarks.validate)
 
 hard: $(VENV)/test.stamp
-	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard tests/design/test_sensitivity.py)
+	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard tests/analyses/test_sensitivity.py)
 
 fuzz: $(VENV)/test.stamp
 	$(call step,mutated files at full size,BDAMPER_FUZZ=20000 $(PY) -m pytest tests/fuzz)

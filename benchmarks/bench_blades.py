@@ -28,9 +28,9 @@ from matplotlib.patches import Rectangle
 import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import PAPER
-from bdamper.stability.kept import RULES, Levels, of_blades
-from bdamper.stability.march import March
-from bdamper.stability.time_integration import STEPS, ring_of
+from bdamper.time_domain.integration import STEPS, ring_of
+from bdamper.time_domain.march import March
+from bdamper.time_domain.steady_amplitude import RULES, Levels, of_blades
 from bdamper.util.errors import BdamperError
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "in-time-ring.png"
@@ -116,7 +116,7 @@ def over_friction_and_preload() -> None:
 
 def wheel() -> None:
     """A ring of twelve blades beside the whole wheel."""
-    from bdamper.fe.reference import MeshDensity, SectorFE, bladed_disk
+    from bdamper.fem.bladed_disk_model import MeshDensity, SectorFE, bladed_disk
     from tools.make_reference_model import NICKEL_ALLOY, TURBINE
 
     fe = SectorFE(TURBINE, MeshDensity.preset("reference"), NICKEL_ALLOY, keep_factors=False)

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 import bdamper as bd
-from bdamper.continuation.events import Events
-from bdamper.continuation.follower import Follower
+from bdamper.response.continuation import Follower
+from bdamper.response.events import Events
 
 CASES = [
     ("unit_traction", 1, 200.0),

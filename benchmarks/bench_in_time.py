@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.stability.kept import RULES
-from bdamper.stability.march import BOUNDS, March
-from bdamper.stability.time_integration import STEPS, ring_of
+from bdamper.time_domain.integration import STEPS, ring_of
+from bdamper.time_domain.march import BOUNDS, March
+from bdamper.time_domain.steady_amplitude import RULES
 
 SEED, POINTS = 20261121, 50
 BANDS = {200.0: (290.0, 345.0), 500.0: (310.0, 355.0), 2000.0: (340.0, 365.0)}

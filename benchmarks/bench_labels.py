@@ -22,10 +22,10 @@ from math import tau
 import numpy as np
 
 import bdamper as bd
-from bdamper.stability.floquet import stability_of_points
-from bdamper.stability.kept import RULES, growth
-from bdamper.stability.settled import march_from
-from bdamper.stability.time_integration import MarchFailed, Ring, ring_of
+from bdamper.time_domain.floquet import stability_of_points
+from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
+from bdamper.time_domain.settling import march_from
+from bdamper.time_domain.steady_amplitude import RULES, growth
 from benchmarks import PLAIN
 from tests.models import acyclic_model
 

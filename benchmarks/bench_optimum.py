@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.peaks.at_preload import at_preload
-from bdamper.peaks.highest import AtPreload
-from bdamper.peaks.interval import peak_interval
-from bdamper.peaks.optimal import BUDGET, IN_A_ROW, optimal_curve, rattling_below
+from bdamper.response.highest_peak import AtPreload
+from bdamper.response.optimal_curve import BUDGET, IN_A_ROW, optimal_curve, rattling_below
+from bdamper.response.preload_point import at_preload
+from bdamper.response.resonance_interval import peak_interval
 
 STUDIES = 60
 ABOVE = 0.01

@@ -22,7 +22,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import MARKERS, PAPER, colours, fit_units, legend_beside
-from bdamper.stability.time_integration import STEPS, Ring
+from bdamper.time_domain.integration import STEPS, Ring
 
 RESULTS = Path(__file__).parent / "results" / "paper.json"
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "paper.png"
@@ -74,8 +74,8 @@ def peak(preload: float, settings: dict[str, Any], rows: int | None = None) -> d
 @functools.cache
 def with_rows(rows: int) -> bd.Model:
     """The disk with another number of rows of contact points along the slope, six points in each (``bdamper[fe]``)."""
-    from bdamper.fe import MeshDensity, SectorFE, bladed_disk
-    from bdamper.fe.geometry import paper_geometry
+    from bdamper.fem import MeshDensity, SectorFE, bladed_disk
+    from bdamper.fem.geometry import paper_geometry
 
     fe = SectorFE(paper_geometry(), MeshDensity.preset("coarse"))
     return bladed_disk((rows, 6), fe=fe, n_modes=20, harmonics=1, damping_ratio=0.0021)

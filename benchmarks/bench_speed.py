@@ -9,8 +9,8 @@ from __future__ import annotations
 import time
 
 import bdamper as bd
-from bdamper.model.model import Model
-from bdamper.model.relative_motion import centrifugal_load
+from bdamper.model.kinematics import centrifugal_load
+from bdamper.model.structure import Model
 
 ORDERS = tuple(range(3, 11))
 MASSES = (0.7, 1.0, 1.4)
@@ -26,7 +26,7 @@ def over_speed(points: int) -> Model:
     diameters = {min(d, shipped.n_blades - d) for d in waves}
     if diameters <= shipped.bodies["blade"].bases.keys() and not shipped.neglected_over_speed():
         return shipped
-    from bdamper.fe.reference import bladed_disk
+    from bdamper.fem.bladed_disk_model import bladed_disk
 
     return bladed_disk(points, "coarse", n_modes=20, nodal_diameters=tuple(sorted(diameters)), rotation=SPEEDS[-1])
 

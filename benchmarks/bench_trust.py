@@ -18,13 +18,13 @@ import time
 from math import tau
 
 import numpy as np
+from tests.stability.test_explicit_reference import STEPS, explicit
 
-from bdamper.stability import kept
-from bdamper.stability.march import March
-from bdamper.stability.time_integration import MarchFailed, Motion, ring_of
+from bdamper.time_domain import steady_amplitude
+from bdamper.time_domain.integration import MarchFailed, Motion, ring_of
+from bdamper.time_domain.march import March
 from bdamper.util.errors import BdamperError
 from benchmarks.bench_labels import BANDS, drawn
-from tests.stability.test_explicit_reference import STEPS, explicit
 
 FIRST = 100
 """Number of the first scene."""
@@ -61,12 +61,12 @@ def random_starts(scenes: int = 20) -> None:
 
 
 def scenes(first: int, last: int) -> None:
-    said = kept.of_blades
+    said = steady_amplitude.of_blades
     print("| scene | balance | highest blade in time (range), lowest | explicit | difference | status | s, explicit s |")
     for number in range(first, last):
         made, name, preload, _ = drawn(number)
         begin, marches = time.process_time(), []
-        kept.of_blades = lambda march, periods, marches=marches: marches.append(march) or said(march, periods)
+        steady_amplitude.of_blades = lambda march, periods, marches=marches: marches.append(march) or said(march, periods)
         curve = made.track(preload, BANDS[name])
         order, friction = made.problem.engine_order, made.settings.friction_coefficient
         scene = f"{name}, engine order {order}, mu {friction:.2f}, {preload:.1f} N"

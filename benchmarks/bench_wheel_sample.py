@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
+from bdamper.mistuning import MistunedSample, Mistuning, Wheel
 from bdamper.plot import save_figure
-from bdamper.wheel import MistunedSample, Mistuning, Wheel
 
 RESULTS, IMAGES = Path(__file__).parent / "results", Path(__file__).parents[1] / "docs/images"
 WHEELS, DEVIATION, PRELOADS, AUDIT = 300, 0.02, (500.0, 1000.0, 2000.0), 0.05

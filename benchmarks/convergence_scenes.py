@@ -21,8 +21,8 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
-from bdamper.peaks.interval import resonance_interval
-from bdamper.util.convergence import Convergence
+from bdamper.response.convergence_result import Convergence
+from bdamper.response.resonance_interval import resonance_interval
 from benchmarks import PLAIN
 
 SCENES = 200

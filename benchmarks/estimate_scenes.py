@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.estimate import richer_study
-from bdamper.peaks.highest import highest_of_curve
-from bdamper.util.estimates import SourceError
+from bdamper.analyses.error_estimates import richer_study
+from bdamper.response.error_estimate_result import SourceError
+from bdamper.response.highest_peak import highest_of_curve
 from benchmarks import convergence_scenes
 
 SCENES = 30

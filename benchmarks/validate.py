@@ -27,7 +27,7 @@ Numbers agree within the tolerances of `tests/validated.py` (1e-10 to 5 %); wher
 """
 TAIL = """## Elsewhere
 
-Frequencies over rotor speed beside CalculiX: `tests/anchors`; mistuned wheels: `tests/wheel`; amplitudes beside an
+Frequencies over rotor speed beside CalculiX: `tests/anchors`; mistuned wheels: `tests/mistuning`; amplitudes beside an
 independent time integration: [in time](in-time.md); times beside pyHarm: [compared](compared.md).
 """
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.fe import MeshDensity, SectorFE, bladed_disk
+from bdamper.fem import MeshDensity, SectorFE, bladed_disk
 from bdamper.plot import save_figure
 from bdamper.plot.axes import MARKERS, colours, drawing
 

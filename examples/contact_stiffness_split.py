@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.design.microslip import microslip
-from bdamper.design.sweep import SweepResult
+from bdamper.analyses.microslip import microslip
+from bdamper.analyses.sweep import SweepResult
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLES, colours, drawing
-from bdamper.util.text import amount
+from bdamper.util.formatting import amount
 
 PRELOADS = (1500.0, 4000.0, 10000.0)
 CHOICES: tuple[str | bd.ResidualModes, ...] = (

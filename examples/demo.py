@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 
 import bdamper as bd
-from bdamper.continuation.curve import Curve
-from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import new_axes, plot_curves, plot_optimal, save_figure
+from bdamper.response.curve import Curve
+from bdamper.response.optimal_curve_result import OptimalCurve
 
 BAND = (610.0, 710.0)
 FACTORS = (0.6, 1.0, 2.0, 5.0)

@@ -14,7 +14,7 @@ from paper_disk import MODES, keep, study
 from scipy.spatial import ConvexHull
 
 import bdamper as bd
-from bdamper.model.model import turn
+from bdamper.model.structure import turn
 from bdamper.plot.axes import PAPER
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.model3d import plot_surfaces, seen

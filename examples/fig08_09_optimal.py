@@ -32,7 +32,7 @@ import numpy as np
 from paper_disk import DAMPING_RATIO, MODES, keep, plot_optimal_beside, stored, study
 
 import bdamper as bd
-from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.response.optimal_curve_result import OptimalCurve
 
 PAPER = {1: (4.4, 17.2), 2: (5.5, 3.4)}
 """Ratio and shift (%) of the paper."""

@@ -10,10 +10,10 @@ import matplotlib.pyplot as plt
 from paper_disk import MODES, POINTS, POINTS_PRELOADS, keep, print_curves, stored, study
 
 import bdamper as bd
-from bdamper.continuation.curve import Curve
 from bdamper.plot import plot_curves, plot_status_bars, plot_status_map
 from bdamper.plot.axes import PAPER
 from bdamper.plot.motion import ContactStatus, contact_status
+from bdamper.response.curve import Curve
 
 asked, band = {n: study(1, n, **bd.PAPER) for n in POINTS}, MODES[1].band
 curves = {n: [asked[n].track(p, band) for p in POINTS_PRELOADS] for n in POINTS}

@@ -17,8 +17,8 @@ from matplotlib.patches import Patch, Rectangle
 from paper_disk import DAMPING_RATIO, FRICTION, keep, print_curves
 
 import bdamper as bd
-from bdamper.fe import blade_to_ground
-from bdamper.fe.geometry import paper_geometry
+from bdamper.fem import blade_to_ground
+from bdamper.fem.geometry import paper_geometry
 from bdamper.plot import colours
 from bdamper.plot.axes import MARKERS, PAPER, STYLES, fit_units
 from bdamper.plot.contact import face_coordinates

@@ -13,8 +13,8 @@ import numpy as np
 from paper_disk import RIG_BAND, RIG_LOADS, RIG_PLAIN, keep, rig_study, stored
 
 import bdamper as bd
-from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import PAPER, looks
+from bdamper.response.optimal_curve_result import OptimalCurve
 
 # %%
 # **Fig. 19.** The blades, the dampers and their loads, seen along the axis.

@@ -33,8 +33,8 @@ from paper_disk import (
 )  # fmt: skip
 
 import bdamper as bd
-from bdamper.continuation.curve import Curve
-from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.response.curve import Curve
+from bdamper.response.optimal_curve_result import OptimalCurve
 
 
 def tracking(preload: float, mode: int = 1, **settings: Any) -> Curve:
@@ -52,8 +52,8 @@ def optimal(asked: bd.Study, interval: tuple[float, float], n: int, band: tuple[
 @cache
 def model(n: int) -> bd.Model:
     """The disk with another grid of contact points, which needs the finite element model (``bdamper[fe]``)."""
-    from bdamper.fe import MeshDensity, SectorFE, bladed_disk
-    from bdamper.fe.geometry import paper_geometry
+    from bdamper.fem import MeshDensity, SectorFE, bladed_disk
+    from bdamper.fem.geometry import paper_geometry
 
     fe = SectorFE(paper_geometry(), MeshDensity.preset("coarse"))
     return bladed_disk({9: (3, 3), 48: (4, 12)}[n], fe=fe, n_modes=20, harmonics=3, damping_ratio=DAMPING_RATIO)

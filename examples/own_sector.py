@@ -8,10 +8,10 @@ from pathlib import Path
 
 import bdamper as bd
 from bdamper.fatigue.material import Material
-from bdamper.io import ContactFaces, build_model
-from bdamper.io.calculix import read_calculix
-from bdamper.problem.at_speed import RPM
-from bdamper.wheel import Mistuning
+from bdamper.harmonic_balance.rotor_speed import RPM
+from bdamper.importers import ContactFaces, build_model
+from bdamper.importers.abaqus import read_calculix
+from bdamper.mistuning import Mistuning
 
 STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
 

@@ -19,11 +19,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import bdamper as bd
-from bdamper.continuation.curve import Curve
-from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_curves, plot_optimal
 from bdamper.plot.axes import PAPER
 from bdamper.plot.motion import rigid_motion
+from bdamper.response.curve import Curve
+from bdamper.response.optimal_curve_result import OptimalCurve
 
 STORED = Path(__file__).parent / "converged"
 FIGURES = Path(__file__).parents[1] / "figures"

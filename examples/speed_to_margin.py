@@ -16,12 +16,12 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import bdamper as bd
-from bdamper.design.sweep import SweepResult
+from bdamper.analyses.sweep import SweepResult
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.material import Material
-from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.plot import plot_campbell, plot_crossings, save_figure
-from bdamper.problem.at_speed import RPM
+from bdamper.response.optimal_curve_result import OptimalCurve
 
 ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.55, 0.8, 1.4), (200.0, 720.0)
 """Engine orders, factors on the mass of the damper, and the range of speeds (rad/s)."""

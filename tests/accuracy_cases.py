@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.estimate import estimate_errors
-from bdamper.accuracy.ladders import varied
-from bdamper.continuation.curve import Curve
-from bdamper.effects.indicator import embed
-from bdamper.peaks.highest import AT_END
-from bdamper.peaks.newton import Peak, find_peak
+from bdamper.analyses.accuracy_cost import varied
+from bdamper.analyses.change_estimate import embed
+from bdamper.analyses.error_estimates import estimate_errors
+from bdamper.response.curve import Curve
+from bdamper.response.highest_peak import AT_END
+from bdamper.response.peak import Peak, find_peak
 from tests.effect_cases import Case, draw, scene, study_of
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes")

@@ -5,7 +5,7 @@ import re
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from bdamper.io.calculix import read_frd_stress
+from bdamper.importers.abaqus import read_frd_stress
 from examples.calculix.decks import deck_of, numbers_of, run_job
 
 

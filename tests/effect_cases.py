@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
-from bdamper.continuation.curve import Curve
-from bdamper.problem.effects import Effects
-from bdamper.problem.problem import stuck_springs
+from bdamper.harmonic_balance.effects import Effects
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.response.curve import Curve
 from tests import models
 from tests.plain import plain_study
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from bdamper.fe.assemble import local_order
-from bdamper.fe.mesh import MeshDensity
-from bdamper.fe.sector import SectorFE
-from bdamper.io import ContactFaces, FEBody
+from bdamper.fem.assembly import local_order
+from bdamper.fem.mesh import MeshDensity
+from bdamper.fem.sector_matrices import SectorFE
+from bdamper.importers import ContactFaces, FEBody
 from examples.calculix.decks import blade_sets, damper_sets
 from tools.shrouded import modes_alone as modes_alone
 

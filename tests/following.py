@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bdamper.contact.laws import LAW_CONSTANT, LAW_SEPARABLE
-from bdamper.continuation.mean_position import why_no_solution
-from bdamper.continuation.start import first_point
-from bdamper.peaks.newton import find_peak
-from bdamper.peaks.sensitivity import sensitivities
-from bdamper.problem.problem import stuck_springs
+from bdamper.contact.law_codes import LAW_CONSTANT, LAW_SEPARABLE
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.response.initial_solution import first_point
+from bdamper.response.mean_position import why_no_solution
+from bdamper.response.peak import find_peak
+from bdamper.response.sensitivity import sensitivities
 from bdamper.util.errors import SettingError
 
 NEAR = 0.2

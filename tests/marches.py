@@ -4,9 +4,9 @@ import itertools
 
 import numpy as np
 
-from bdamper.stability.march import March
-from bdamper.stability.settled import settled, verified
-from bdamper.stability.time_integration import Ring
+from bdamper.time_domain.integration import Ring
+from bdamper.time_domain.march import March
+from bdamper.time_domain.settling import settled, verified
 
 
 def fails_after(monkeypatch, calls):

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.local import LocalBasis
-from bdamper.model.model import (
+from bdamper.model.local_basis import LocalBasis
+from bdamper.model.structure import (
     Body,
     BodyLoad,
     ContactStiffness,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bdamper.contact.points import PointArrays
+from bdamper.contact.point_parameters import PointArrays
 from bdamper.harmonic_balance.equations import Equations
-from bdamper.harmonic_balance.system import Sector
-from bdamper.model.relative_motion import Coordinate, HarmonicBasis
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.model.kinematics import Coordinate, HarmonicBasis
 
 
 def oscillator(

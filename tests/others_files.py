@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.io import ContactFaces, FEBody, build_model, read_calculix
+from bdamper.importers import ContactFaces, FEBody, build_model, read_calculix
 from examples.calculix.decks import run_job
 
 DECKS = Path("/usr/share/doc/calculix-ccx-test/examples/test")

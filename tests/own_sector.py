@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from bdamper.fe import Geometry, MeshDensity, SectorFE
-from bdamper.fe.assemble import Discretisation, local_order
-from bdamper.fe.geometry import turn
-from bdamper.io import ContactFaces, FEBody, read_calculix
-from bdamper.io.calculix import read_frd_stress
-from bdamper.io.fe_body import UNITS
+from bdamper.fem import Geometry, MeshDensity, SectorFE
+from bdamper.fem.assembly import Discretisation, local_order
+from bdamper.fem.geometry import turn
+from bdamper.importers import ContactFaces, FEBody, read_calculix
+from bdamper.importers.abaqus import read_frd_stress
+from bdamper.importers.fe_body import UNITS
 from examples.calculix.decks import blade_sets, damper_sets, run_job
 
 EDGES = {
@@ -77,7 +77,7 @@ def _surface(elements: np.ndarray, nodes: np.ndarray) -> list[str]:
 
 @dataclass
 class OwnSector:
-    """Decks of a sector of :mod:`bdamper.fe` in the units and axes of a file.
+    """Decks of a sector of :mod:`bdamper.fem` in the units and axes of a file.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class OwnSector:
 
     @property
     def settings(self) -> dict:
-        """Of :func:`bdamper.io.build_model`, as a user would give them."""
+        """Of :func:`bdamper.importers.build_model`, as a user would give them."""
         tip = np.array([0.0, self.geometry.ridge_radius + self.geometry.platform_edge_thickness, 0.0])
         tip[1] += self.geometry.airfoil_height
         return {

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bdamper.model.model import BodyLoad
+from bdamper.model.structure import BodyLoad
 
 
 def split_damper(model, shares):

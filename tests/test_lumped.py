@@ -7,9 +7,9 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.harmonic_balance.cycle import energies, histories
-from bdamper.problem.problem import stuck_springs
-from bdamper.stability.time_integration import Ring
+from bdamper.harmonic_balance.contact_cycle import energies, histories
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.time_domain.integration import Ring
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
 M = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 0.5]])

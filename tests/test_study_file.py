@@ -89,7 +89,7 @@ def test_a_damaged_model_in_a_study_is_refused(model, tmp_path):
 
 
 def test_friction_axes_that_are_gone_are_refused():
-    from bdamper.problem.settings import settings_of
+    from bdamper.harmonic_balance.settings import settings_of
 
     with pytest.raises(bd.SettingError, match='friction_axes: expected "contact"'):
         settings_of({"friction_axes": "major"})

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.model.model import Body, Model
-from bdamper.model.spin import SpeedBasis, SpinStatic
+from bdamper.model.rotation import SpeedBasis, SpinStatic
+from bdamper.model.structure import Body, Model
 
 
 def turning_body(body: Body, diameters: tuple[int, ...], spin: bool) -> Body:

@@ -423,7 +423,7 @@ def planar_wedge() -> Problem:
 
     return Problem(
         'N. N. Balaji and E. Ferhatoglu, "Vibration response variability in friction-damped systems" (parameters from '
-        "<https://github.com/Nidish96/nonuniq>); a separate program in NumPy (tests/modes/wedge.py)",
+        "<https://github.com/Nidish96/nonuniq>); a separate program in NumPy (tests/analyses/wedge.py)",
         "third mode of two masses with a free wedge between them; circles mark turning points of the branch",
         tuple(rows), draw, 3,
     )  # fmt: skip
@@ -565,9 +565,9 @@ def whitehead() -> Problem:
 
 
 def calculix() -> Problem:
-    from bdamper.fe.sector import SectorFE
-    from bdamper.fe.stress import blade_points, solids_of
-    from bdamper.reduction.element_stress import element_rows, node_average, von_mises_size
+    from bdamper.fem.blade_stress import blade_points, solids_of
+    from bdamper.fem.element_stress import element_rows, node_average, von_mises_size
+    from bdamper.fem.sector_matrices import SectorFE
     from examples.calculix.decks import sector_input
     from tests.calculix_runs import centrifugal_stress, run
 
@@ -611,7 +611,7 @@ def calculix() -> Problem:
 
 def models_by_others() -> Problem:
     """Frequencies of models that other programs and packages carry, read as they are."""
-    from bdamper.io import ContactFaces, build_model, read_ansys
+    from bdamper.importers import ContactFaces, build_model, read_ansys
     from tests import others_files as others
 
     rows, seen = [], []

@@ -23,11 +23,11 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fe.contact_points import wedge_patches
-from bdamper.fe.sector import SectorFE
-from bdamper.reduction.cyclic import CyclicSector, lowest_modes
-from bdamper.reduction.free_body import FreeBody
-from bdamper.reduction.sector_faces import sector_phase
+from bdamper.fem.contact_points import wedge_patches
+from bdamper.fem.cyclic_symmetry import CyclicSector, lowest_modes
+from bdamper.fem.free_body import FreeBody
+from bdamper.fem.sector_faces import sector_phase
+from bdamper.fem.sector_matrices import SectorFE
 
 
 def bonded_frequencies(

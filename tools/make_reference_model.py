@@ -27,17 +27,17 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.fe.blade_to_ground import blade_to_ground
-from bdamper.fe.geometry import Geometry, Material
-from bdamper.fe.large import paper_disk, reference_disk
-from bdamper.fe.mesh import MeshDensity
-from bdamper.fe.reference import bladed_disk
-from bdamper.fe.sector import SectorFE
-from bdamper.io.model_file import load_model, save_model
-from bdamper.model.model import Model
-from bdamper.reduction import LocalSizes
-from bdamper.reduction.bodies import needed_nodal_diameters
-from bdamper.shipped import CONTACT_POINTS
+from bdamper.fem import LocalSizes
+from bdamper.fem.blade_to_ground_model import blade_to_ground
+from bdamper.fem.bladed_disk_model import bladed_disk
+from bdamper.fem.generated_models import paper_disk, reference_disk
+from bdamper.fem.geometry import Geometry, Material
+from bdamper.fem.mesh import MeshDensity
+from bdamper.fem.reduced_bodies import needed_nodal_diameters
+from bdamper.fem.reference_models import CONTACT_POINTS
+from bdamper.fem.sector_matrices import SectorFE
+from bdamper.model.model_file import load_model, save_model
+from bdamper.model.structure import Model
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.bonded import reference_frequencies

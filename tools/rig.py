@@ -27,16 +27,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import MeshHex
 
-from bdamper.fe.assemble import Discretisation, discretise
-from bdamper.fe.contact_points import averaging_matrix, end_patches, wedge_patches
-from bdamper.fe.geometry import Geometry, Material
-from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks
-from bdamper.fe.parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
-from bdamper.model.model import Body, Model, turn
-from bdamper.reduction.bodies import Wanted, constrained_body, free_body
-from bdamper.reduction.cyclic import CyclicSector
-from bdamper.reduction.free_body import FreeBody
-from bdamper.reduction.patches import Patches
+from bdamper.fem.assembly import Discretisation, discretise
+from bdamper.fem.contact_patches import Patches
+from bdamper.fem.contact_points import averaging_matrix, end_patches, wedge_patches
+from bdamper.fem.cyclic_symmetry import CyclicSector
+from bdamper.fem.free_body import FreeBody
+from bdamper.fem.geometry import Geometry, Material
+from bdamper.fem.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks
+from bdamper.fem.model_parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
+from bdamper.fem.reduced_bodies import Wanted, constrained_body, free_body
+from bdamper.model.structure import Body, Model, turn
 
 FACES = {
     "left": ("left_outer", "left_inner", "left_front", "left_back"),

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from bdamper.fe.assemble import discretise, local_order
-from bdamper.fe.geometry import Material
-from bdamper.fe.mesh import join_blocks
-from bdamper.io import ContactFaces, build_model, read_arrays
+from bdamper.fem.assembly import discretise, local_order
+from bdamper.fem.geometry import Material
+from bdamper.fem.mesh import join_blocks
+from bdamper.importers import ContactFaces, build_model, read_arrays
 
 N = 36
 HALF = np.pi / N

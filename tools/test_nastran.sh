@@ -11,4 +11,4 @@ cp -r tests tools examples docs pyproject.toml $place/project/
 [ ! -d ../shared ] || ln -s "$(cd ../shared && pwd)" $place/shared
 cd $place/project
 # the installed package is tested, not the source tree, so only this copy is on the path
-"../../$venv/bin/python" -m pytest -q tests/io/test_io_files.py tests/io/test_stress_fields.py tests/io/test_keywords.py tests/io/test_bounds.py "tests/examples/test_import_page.py::test_recipes"
+"../../$venv/bin/python" -m pytest -q tests/importers/test_io_files.py tests/importers/test_stress_fields.py tests/importers/test_keywords.py tests/importers/test_bounds.py "tests/examples/test_import_page.py::test_recipes"

@@ -33,4 +33,4 @@ export BDAMPER_MODELS
 cd "$place"
 # the installed package is tested, not the source tree, so only this copy is on the path
 "../$venv/bin/python" -m pytest -q -n auto -m "not slow" \
-  tests/core tests/contact tests/model tests/harmonic_balance tests/continuation tests/util
+  tests/core tests/contact tests/model tests/harmonic_balance tests/response tests/util

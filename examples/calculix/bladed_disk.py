@@ -17,11 +17,11 @@ from pathlib import Path
 import decks
 
 from bdamper import Excitation, Study
-from bdamper.continuation.curve import Curve
-from bdamper.fe import MeshDensity, SectorFE
-from bdamper.fe.contact_points import end_patches
-from bdamper.io import BuiltModel, ContactFaces, build_model
-from bdamper.io.calculix import read_calculix
+from bdamper.fem import MeshDensity, SectorFE
+from bdamper.fem.contact_points import end_patches
+from bdamper.importers import BuiltModel, ContactFaces, build_model
+from bdamper.importers.abaqus import read_calculix
+from bdamper.response.curve import Curve
 
 ENGINE_ORDER = 5
 

@@ -1,4 +1,4 @@
-"""Decks of the meshes of bdamper.fe for CalculiX, an independent finite element program.
+"""Decks of the meshes of bdamper.fem for CalculiX, an independent finite element program.
 
 The same nodes and elements (C3D20, whose local order of nodes differs), clamped nodes, and the two sector
 faces tied by cyclic symmetry.  A frequency does not depend on the direction in which the wave is counted, so
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.fe.assemble import Discretisation, local_order
-from bdamper.fe.geometry import Geometry, turn
-from bdamper.fe.sector import SectorFE
+from bdamper.fem.assembly import Discretisation, local_order
+from bdamper.fem.geometry import Geometry, turn
+from bdamper.fem.sector_matrices import SectorFE
 
 
 def numbers_of(nodes: NDArray) -> str:

@@ -7,48 +7,48 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bdamper.accuracy.ladders import accuracy_cost as accuracy_cost
-    from bdamper.app.explorer import explore as explore
-    from bdamper.contact.laws import Sampled as Sampled
-    from bdamper.contact.own_law import ContactLaw as ContactLaw
-    from bdamper.contact.residual_modes import ResidualModes as ResidualModes
+    from bdamper.analyses.accuracy_cost import accuracy_cost as accuracy_cost
+    from bdamper.analyses.fit import fit as fit
+    from bdamper.analyses.loop_fit import fit_loop as fit_loop
+    from bdamper.analyses.microslip import microslip as microslip
+    from bdamper.analyses.response_residuals import Test as Test
+    from bdamper.analyses.study_comparison import compare as compare
+    from bdamper.analyses.sweep import OptimalTask as OptimalTask
+    from bdamper.analyses.sweep import PeakTask as PeakTask
+    from bdamper.analyses.sweep import sweep as sweep
+    from bdamper.analyses.uncertainty import draw as draw
+    from bdamper.analyses.uncertainty import robust_optimum as robust_optimum
+    from bdamper.analyses.uncertainty import uncertain_curve as uncertain_curve
+    from bdamper.contact.law_codes import Sampled as Sampled
+    from bdamper.contact.residual_flexibility import ResidualModes as ResidualModes
     from bdamper.contact.stiffness import PerArea as PerArea
-    from bdamper.continuation.path import ContinuationOptions as ContinuationOptions
-    from bdamper.design.fit import fit as fit
-    from bdamper.design.loop import fit_loop as fit_loop
-    from bdamper.design.microslip import microslip as microslip
-    from bdamper.design.residuals import Test as Test
-    from bdamper.design.sweep import OptimalTask as OptimalTask
-    from bdamper.design.sweep import PeakTask as PeakTask
-    from bdamper.design.sweep import sweep as sweep
-    from bdamper.design.uncertainty import draw as draw
-    from bdamper.design.uncertainty import robust_optimum as robust_optimum
-    from bdamper.design.uncertainty import uncertain_curve as uncertain_curve
-    from bdamper.effects.comparison import compare as compare
-    from bdamper.io import load_model as load_model
-    from bdamper.io import save_model as save_model
-    from bdamper.masses import Contact as Contact
-    from bdamper.masses import lumped as lumped
+    from bdamper.contact.user_laws import ContactLaw as ContactLaw
+    from bdamper.fem.reference_models import reference_model as reference_model
+    from bdamper.harmonic_balance.effects import Effects as Effects
+    from bdamper.harmonic_balance.settings import PAPER as PAPER
+    from bdamper.lumped_masses import Contact as Contact
+    from bdamper.lumped_masses import lumped as lumped
+    from bdamper.mistuning.sample import mistuned_sample as mistuned_sample
+    from bdamper.mistuning.wheel import Wheel as Wheel
+    from bdamper.model.kinematics import RIGID_NAMES as RIGID_NAMES
     from bdamper.model.loads import Excitation as Excitation
     from bdamper.model.loads import Response as Response
     from bdamper.model.loads import influence_coefficients as influence_coefficients
-    from bdamper.model.misfit import misfit as misfit
-    from bdamper.model.model import Model as Model
-    from bdamper.model.relative_motion import RIGID_NAMES as RIGID_NAMES
-    from bdamper.peaks.newton import PeakOptions as PeakOptions
-    from bdamper.problem.effects import Effects as Effects
-    from bdamper.problem.settings import PAPER as PAPER
-    from bdamper.shipped import reference_model as reference_model
+    from bdamper.model.model_file import load_model as load_model
+    from bdamper.model.model_file import save_model as save_model
+    from bdamper.model.structure import Model as Model
+    from bdamper.model.surface_misfit import misfit as misfit
+    from bdamper.plot.explorer import explore as explore
+    from bdamper.response.continuation_options import ContinuationOptions as ContinuationOptions
+    from bdamper.response.peak import PeakOptions as PeakOptions
     from bdamper.study import Study as Study
     from bdamper.study import load_study as load_study
     from bdamper.util.errors import BdamperError as BdamperError
     from bdamper.util.errors import ModelError as ModelError
     from bdamper.util.errors import SettingError as SettingError
     from bdamper.util.errors import StaticError as StaticError
-    from bdamper.util.hdf5 import load as load
+    from bdamper.util.storage import load as load
     from bdamper.util.warn import PlausibilityWarning as PlausibilityWarning
-    from bdamper.wheel.sample import mistuned_sample as mistuned_sample
-    from bdamper.wheel.wheel import Wheel as Wheel
 
     __version__: str
 
@@ -57,48 +57,48 @@ HOMES = {
     "Study": "study",
     "Excitation": "model.loads",
     "Response": "model.loads",
-    "Effects": "problem.effects",
+    "Effects": "harmonic_balance.effects",
     "influence_coefficients": "model.loads",
-    "RIGID_NAMES": "model.relative_motion",
-    "PAPER": "problem.settings",
+    "RIGID_NAMES": "model.kinematics",
+    "PAPER": "harmonic_balance.settings",
     # how it is answered
-    "Sampled": "contact.laws",
-    "ContactLaw": "contact.own_law",
+    "Sampled": "contact.law_codes",
+    "ContactLaw": "contact.user_laws",
     "PerArea": "contact.stiffness",
-    "ResidualModes": "contact.residual_modes",
-    "ContinuationOptions": "continuation.path",
-    "PeakOptions": "peaks.newton",
+    "ResidualModes": "contact.residual_flexibility",
+    "ContinuationOptions": "response.continuation_options",
+    "PeakOptions": "response.peak",
     # the structure
-    "Model": "model.model",
-    "reference_model": "shipped",
-    "load_model": "io",
-    "save_model": "io",
-    "lumped": "masses",
-    "Contact": "masses",
-    "misfit": "model.misfit",
+    "Model": "model.structure",
+    "reference_model": "fem.reference_models",
+    "load_model": "model.model_file",
+    "save_model": "model.model_file",
+    "lumped": "lumped_masses",
+    "Contact": "lumped_masses",
+    "misfit": "model.surface_misfit",
     # many variants of a question
-    "compare": "effects.comparison",
-    "sweep": "design.sweep",
-    "PeakTask": "design.sweep",
-    "OptimalTask": "design.sweep",
-    "draw": "design.uncertainty",
-    "uncertain_curve": "design.uncertainty",
-    "robust_optimum": "design.uncertainty",
+    "compare": "analyses.study_comparison",
+    "sweep": "analyses.sweep",
+    "PeakTask": "analyses.sweep",
+    "OptimalTask": "analyses.sweep",
+    "draw": "analyses.uncertainty",
+    "uncertain_curve": "analyses.uncertainty",
+    "robust_optimum": "analyses.uncertainty",
     # from measurements
-    "Test": "design.residuals",
-    "fit": "design.fit",
-    "fit_loop": "design.loop",
+    "Test": "analyses.response_residuals",
+    "fit": "analyses.fit",
+    "fit_loop": "analyses.loop_fit",
     # whole wheels
-    "Wheel": "wheel.wheel",
-    "mistuned_sample": "wheel.sample",
+    "Wheel": "mistuning.wheel",
+    "mistuned_sample": "mistuning.sample",
     # what settings and contacts do
-    "accuracy_cost": "accuracy.ladders",
-    "microslip": "design.microslip",
+    "accuracy_cost": "analyses.accuracy_cost",
+    "microslip": "analyses.microslip",
     # results and studies from their files
-    "load": "util.hdf5",
+    "load": "util.storage",
     "load_study": "study",
     # a page with sliders
-    "explore": "app.explorer",
+    "explore": "plot.explorer",
     # what a user can mend
     "BdamperError": "util.errors",
     "ModelError": "util.errors",

@@ -17,47 +17,45 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from numpy.typing import NDArray
 
-from bdamper.accuracy import converge as more_harmonics
-from bdamper.accuracy import estimate
+from bdamper.analyses import campbell, crossings, effect_selection, error_estimates, flutter, run_up
+from bdamper.analyses import harmonic_convergence as more_harmonics
+from bdamper.analyses import hysteresis as cycles
+from bdamper.analyses import nonlinear_mode as modes
+from bdamper.analyses import optimal_margin as best_margin
 from bdamper.contact.stiffness import report
-from bdamper.continuation import linear_curve
-from bdamper.continuation import track as tracking
-from bdamper.continuation.curve import Curve
-from bdamper.continuation.path import ContinuationOptions
-from bdamper.design import sensitivity
-from bdamper.effects import advice
-from bdamper.effects import hysteresis as cycles
-from bdamper.fatigue import cycle as stresses
 from bdamper.fatigue import margin as margins
+from bdamper.fatigue import stress_cycle as stresses
 from bdamper.fatigue.material import Material
-from bdamper.io.model_file import read_model, write_model
-from bdamper.io.model_groups import new_group
+from bdamper.harmonic_balance import result_checks
+from bdamper.harmonic_balance import rotor_speed as at_speed
+from bdamper.harmonic_balance.plausibility import check_question, check_settings, check_unloaded
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.settings import Settings, settings_of
+from bdamper.harmonic_balance.study_dispatch import asked
+from bdamper.model.hdf5_records import new_group
 from bdamper.model.loads import Excitation
-from bdamper.model.model import Model
+from bdamper.model.model_file import read_model, write_model
+from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
-from bdamper.modes import flutter
-from bdamper.modes import mode as modes
-from bdamper.peaks import best_margin, highest, marched, optimal
-from bdamper.peaks.interval import peak_interval
-from bdamper.peaks.newton import Peak, PeakOptions
-from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.problem import at_speed, results
-from bdamper.problem.asked import asked
-from bdamper.problem.plausible import check_question, check_settings, check_unloaded
-from bdamper.problem.problem import Problem
-from bdamper.problem.settings import Settings, settings_of
-from bdamper.speed import campbell, crossings, run_up
-from bdamper.stability import floquet, settled, time_sweep
-from bdamper.util import validate
-from bdamper.util.blas import one_thread
+from bdamper.response import highest_peak, linear_curve, setting_derivatives
+from bdamper.response import optimal_curve as optimal
+from bdamper.response import response_curve as tracking
+from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.curve import Curve
+from bdamper.response.march_result import Marched
+from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.peak import Peak, PeakOptions
+from bdamper.response.resonance_interval import peak_interval
+from bdamper.time_domain import floquet, frequency_sweep, optimum_in_time, settling
+from bdamper.util import validation
 from bdamper.util.differences import Comparable
+from bdamper.util.display import Fact
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import FilePath, enter_reader, load, opened, written
-from bdamper.util.kept import Marched
-from bdamper.util.plotting import Fact
-from bdamper.util.repr import brief, plain
+from bdamper.util.formatting import UNITS, aligned, spaced
+from bdamper.util.short_repr import brief, plain
 from bdamper.util.status import INTERRUPTED
-from bdamper.util.text import UNITS, aligned, spaced
+from bdamper.util.storage import FilePath, enter_reader, load, opened, written
+from bdamper.util.threading import one_thread
 from bdamper.util.versions import HERE
 from bdamper.util.warn import say
 
@@ -96,8 +94,9 @@ class Study(Comparable):
     """One model under one set of settings, asked for responses.
 
     Studies are told apart by identity; what two of them have in common is seen in the settings of their results.  A study
-    has its ``settings`` (:class:`bdamper.problem.settings.Settings`, whose parameters these are) and the ``problem`` that
-    is made of them (:class:`bdamper.problem.problem.Problem`): bases, contact stiffness, the equations at a preload.
+    has its ``settings`` (:class:`bdamper.harmonic_balance.settings.Settings`, whose parameters these are) and the
+    ``problem`` that is made of them (:class:`bdamper.harmonic_balance.problem.Problem`): bases, contact stiffness, the
+    equations at a preload.
     """
 
     settings: Settings
@@ -138,7 +137,7 @@ class Study(Comparable):
     with_ = asked(Problem.with_)
     with_effects = asked(Problem.with_effects)
     static = analysis(Problem.static)
-    response_at = analysis(results.response_at)
+    response_at = analysis(result_checks.response_at)
     wedge_friction = analysis(Problem.wedge_friction)
 
     # what is shown of it
@@ -190,7 +189,7 @@ class Study(Comparable):
     free = analysis(linear_curve.free)
     stuck = analysis(linear_curve.stuck)
 
-    @validate.spelt
+    @validation.spelt
     def track(
         self,
         preload: float,
@@ -221,7 +220,7 @@ class Study(Comparable):
             found so far are there.
         """
         problem = self.problem
-        validate.flag("stability", stability)
+        validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
         curve = tracking.track(problem, preload, frequency, options=options, progress=progress)
         judged = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
@@ -229,10 +228,10 @@ class Study(Comparable):
 
     # stability and time
     with_stability = analysis(floquet.with_stability)
-    verify = analysis(settled.verify)
-    settle = analysis(settled.settle)
-    sweep_in_time = analysis(time_sweep.sweep_in_time)
-    march = analysis(marched.march)
+    verify = analysis(settling.verify)
+    settle = analysis(settling.settle)
+    sweep_in_time = analysis(frequency_sweep.sweep_in_time)
+    march = analysis(optimum_in_time.march)
 
     def kept(self, result: Curve | Peak, *, steps_per_period: int | None = None) -> Marched:
         """Former name of :meth:`march`.
@@ -246,7 +245,7 @@ class Study(Comparable):
         return self.march(result, steps_per_period=steps_per_period)
 
     # peaks and the optimal curve
-    @validate.spelt
+    @validation.spelt
     @one_thread
     def peak(
         self,
@@ -272,9 +271,9 @@ class Study(Comparable):
         preload = problem.check_preload(preload)
         frequency = peak_interval(problem, frequency, preload, mode)
         check_question(problem, [preload], frequency)
-        return highest.highest_peak(problem, preload, frequency, mode=mode, options=options)
+        return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options)
 
-    @validate.spelt
+    @validation.spelt
     @one_thread
     def optimal_curve(
         self,
@@ -304,7 +303,7 @@ class Study(Comparable):
         check : {"time", "neighbours", False}
             "time": the peak at the optimum with up to 16 harmonics, in ``curve.convergence`` (:meth:`converge`), and the
             steady-state amplitude in time there, in ``curve.kept``; "neighbours": also a factor of 1.2 below and above
-            (``bdamper.peaks.marched.with_kept``), and the least of them in ``curve.least_in_time``.
+            (``bdamper.time_domain.optimum_in_time.with_kept``), and the least of them in ``curve.least_in_time``.
         progress : bool
             Show what is being done, and the time left.
         resume : path, optional
@@ -319,15 +318,15 @@ class Study(Comparable):
             With the study's own harmonics.  After Ctrl-C what was known by then.
         """
         problem = self.problem
-        check = check if check is False else validate.choice("check", check, ("time", "neighbours"))
+        check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
         values = optimal.preload_values(preload, n)
         frequency = peak_interval(problem, frequency, float(values[-1]), mode) if problem.carries_load else frequency
         check_unloaded(problem)
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
-        margin = validate.choice("quantity", quantity, ("amplitude", "margin")) == "margin"
+        margin = validation.choice("quantity", quantity, ("amplitude", "margin")) == "margin"
         if margin:
-            validate.instance("material", material, Material, "a Material, since quantity is the margin")
+            validation.instance("material", material, Material, "a Material, since quantity is the margin")
             stresses.chosen_sets(problem)
         curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
         if check and not curve.interrupted:
@@ -335,7 +334,7 @@ class Study(Comparable):
             places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
             plain = curve
             curve = more_harmonics.beside(
-                problem, plain, lambda: marched.with_kept(problem, plain, places, progress=progress)
+                problem, plain, lambda: optimum_in_time.with_kept(problem, plain, places, progress=progress)
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
         if margin and material is not None and not stopped:
@@ -343,9 +342,9 @@ class Study(Comparable):
                 curve = replace(curve, margins=(best_margin.best_margin(problem, curve, material),))
         return curve
 
-    peak_sensitivities = analysis(sensitivity.peak_sensitivities)
-    curve_sensitivities = analysis(sensitivity.curve_sensitivities)
-    with_kept = analysis(marched.with_kept)
+    peak_sensitivities = analysis(setting_derivatives.peak_sensitivities)
+    curve_sensitivities = analysis(setting_derivatives.curve_sensitivities)
+    with_kept = analysis(optimum_in_time.with_kept)
 
     # free vibration
     nonlinear_mode = analysis(modes.nonlinear_mode)
@@ -359,7 +358,7 @@ class Study(Comparable):
     best_margin = analysis(best_margin.best_margin)
 
     # effects
-    advise = analysis(advice.advise)
+    advise = analysis(effect_selection.advise)
 
     # what the contacts do in a cycle
     hysteresis = analysis(cycles.hysteresis)
@@ -380,8 +379,8 @@ class Study(Comparable):
 
     # accuracy
     converge = analysis(more_harmonics.converge)
-    estimate_errors = analysis(estimate.estimate_errors)
-    with_errors = analysis(estimate.with_errors)
+    estimate_errors = analysis(error_estimates.estimate_errors)
+    with_errors = analysis(error_estimates.with_errors)
 
     def save(self, path: FilePath, *, include_model: bool = True) -> None:
         """Write the study to an HDF5 file, which :func:`bdamper.load_study` reads: model, settings and versions.

@@ -8,8 +8,8 @@ out differently.)  Frequencies confirmed by two independent programs.
 import numpy as np
 import pytest
 
-from bdamper.model.model import Body, Interface, Location, ModalBasis, Model
-from bdamper.model.relative_motion import Coupling
+from bdamper.model.kinematics import Coupling
+from bdamper.model.structure import Body, Interface, Location, ModalBasis, Model
 
 N = 24
 MASS = np.array([1.2, 0.35, 0.25])

@@ -13,10 +13,10 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
-from bdamper.fe.blade_to_ground import blade_structure
-from bdamper.fe.geometry import Geometry, Material
-from bdamper.fe.mesh import MeshDensity
-from bdamper.fe.sector import SectorFE
+from bdamper.fem.blade_to_ground_model import blade_structure
+from bdamper.fem.geometry import Geometry, Material
+from bdamper.fem.mesh import MeshDensity
+from bdamper.fem.sector_matrices import SectorFE
 from examples.calculix.decks import sector_input
 from tests.calculix_runs import clamped_input, free_input, run
 from tools.rig import rig_structure
@@ -67,7 +67,7 @@ def test_acyclic_structures(structure, tmp_path):
 @pytest.mark.skipif(not SHIPPED.exists(), reason=f"the shipped model {SHIPPED.name} has not been made")
 def test_shipped_reference_model(tmp_path):
     """The frequencies in the shipped file, at nodal diameter 5, from CalculiX on the reference mesh."""
-    from bdamper.io.model_file import load_model
+    from bdamper.model.model_file import load_model
 
     model = load_model(SHIPPED)
     fe = SectorFE(density=MeshDensity.preset("reference"))

@@ -15,13 +15,13 @@ if shutil.which("ccx") is None:
 
 from skfem import MeshHex
 
-from bdamper.contact.preload import OPEN
-from bdamper.contact.preload_forces import StaticContactProblem, solve_static_contact
-from bdamper.fe.assemble import discretise
-from bdamper.fe.contact_points import averaging_matrix, wedge_patches
-from bdamper.fe.geometry import Geometry, Material, turn
-from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks
-from bdamper.reduction.free_body import FreeBody
+from bdamper.contact.full_static_contact import StaticContactProblem, solve_static_contact
+from bdamper.contact.static_state import OPEN
+from bdamper.fem.assembly import discretise
+from bdamper.fem.contact_points import averaging_matrix, wedge_patches
+from bdamper.fem.free_body import FreeBody
+from bdamper.fem.geometry import Geometry, Material, turn
+from bdamper.fem.mesh import MeshDensity, damper_mesh, join_blocks
 from examples.calculix.decks import deck_of
 from tests.certificate import certify
 

@@ -10,9 +10,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
-from bdamper.fe.reference import bladed_disk
-from bdamper.fe.sector import SectorFE
-from bdamper.io import build_model, over_speed, read_frd
+from bdamper.fem.bladed_disk_model import bladed_disk
+from bdamper.fem.sector_matrices import SectorFE
+from bdamper.importers import build_model, over_speed, read_frd
 from examples.calculix.decks import run_job, sector_input
 from tests.calculix_runs import run
 from tests.fe_bodies import contacts, sector_and_damper

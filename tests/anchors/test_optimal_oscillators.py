@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
-from bdamper.continuation.follower import follow
-from bdamper.harmonic_balance.conditions import Plane
-from bdamper.peaks.least import Place, least
-from bdamper.peaks.newton import Peak, coarse_options, find_peak
-from bdamper.peaks.optimal import smooth_minimum
-from bdamper.peaks.sensitivity import amplitude_sensitivity, sensitivities
+from bdamper.harmonic_balance.closing_conditions import Plane
+from bdamper.response.continuation import follow
+from bdamper.response.minimum_search import Place, least
+from bdamper.response.optimal_curve import smooth_minimum
+from bdamper.response.peak import Peak, coarse_options, find_peak
+from bdamper.response.sensitivity import amplitude_sensitivity, sensitivities
 from tests.following import follow_peak
 from tests.oscillators import oscillator
 
@@ -158,7 +158,7 @@ class TestJenkins:
         """A1, 31 harmonics, F = 1: 3.536132 at 1.10864."""
         system = jenkins(1.0, n_harm=31)
         one = follow_peak(jenkins, next(p for p in branch.peaks if p.parameter == 0.9), [1.0]).peaks[0]
-        from bdamper.peaks.newton import find_peak
+        from bdamper.response.peak import find_peak
 
         guess = np.concatenate([one.y[:2], np.zeros(system.n_unknowns - 2), one.y[-1:]])
         peak = find_peak(system, guess)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bdamper.continuation.follower import follow
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.equations import OK
+from bdamper.response.continuation import follow
+from bdamper.response.continuation_options import ContinuationOptions
 from tests.oscillators import oscillator
 
 FINE = ContinuationOptions(tolerance=1e-12, max_step=0.05, step=0.02, locate_tolerance=1e-10)

@@ -14,9 +14,9 @@ from scipy.integrate import solve_ivp, trapezoid
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.contact.own_law import OwnLaws
-from bdamper.harmonic_balance.cycle import energies
-from bdamper.stability.time_integration import Ring
+from bdamper.contact.user_laws import OwnLaws
+from bdamper.harmonic_balance.contact_cycle import energies
+from bdamper.time_domain.integration import Ring
 
 PAGE = (Path(__file__).parents[2] / "docs" / "own-laws.md").read_text()
 NUMBER = ctypes.POINTER(ctypes.c_double)

@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact import preload, preload_forces
-from bdamper.contact.preload import OPEN
-from bdamper.contact.preload_forces import (
-    StaticContactProblem,
-    solve_static_contact,
-    static_contact_problem,
-)
-from bdamper.model.relative_motion import Coupling, retained_modes
+from bdamper.contact import full_static_contact, static_state
+from bdamper.contact.full_static_contact import StaticContactProblem, solve_static_contact, static_contact_problem
+from bdamper.contact.static_state import OPEN
+from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError
 from tests.certificate import certify, worst
 from tests.models import wedge_model
@@ -63,7 +59,7 @@ def test_random_wedges(mu, own):
 def distinct_states(problem, starts=200):
     """Certified states by status, from no force and from random forces and motions, with sliders at rest."""
     rng = np.random.default_rng(0)
-    solver, n, m = preload_forces._Solver(problem), len(problem.friction), problem.rigid.shape[1]
+    solver, n, m = full_static_contact._Solver(problem), len(problem.friction), problem.rigid.shape[1]
     rest, found = np.zeros((n, 2)), {}
     for start in range(starts):
         F = np.zeros((n, 3)) if start == 0 else 10.0 * rng.standard_normal((n, 3))
@@ -166,8 +162,8 @@ def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
         began.append((load, status.tobytes()))
         return np.zeros(len(system.force)), status, 1, 1.0
 
-    monkeypatch.setattr(preload, "_step", failing)
-    monkeypatch.setattr(preload, "_creep", lambda system, load, state, size: (state.q, state.slider, 1, 1.0))
+    monkeypatch.setattr(static_state, "_step", failing)
+    monkeypatch.setattr(static_state, "_creep", lambda system, load, state, size: (state.q, state.slider, 1, 1.0))
     assert not study.static(70.0).converged  # no power of ten: the state at 1 N is tried first
     assert len(began) == len(set(began)) > 1
 
@@ -175,21 +171,21 @@ def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
 def test_what_goes_round_in_circles_is_given_up(monkeypatch):
     """The states that are found are the same, with fewer factorisations; rounding decides which of them go round."""
     solved = {}
-    solve = preload._solve
+    solve = static_state._solve
 
     def counted(*a):
-        solved[preload.STALLS] += 1
+        solved[static_state.STALLS] += 1
         return solve(*a)
 
-    monkeypatch.setattr(preload, "_solve", counted)
+    monkeypatch.setattr(static_state, "_solve", counted)
 
     def state(seed, stalls):
-        monkeypatch.setattr(preload, "STALLS", stalls)
+        monkeypatch.setattr(static_state, "STALLS", stalls)
         solved.setdefault(stalls, 0)
         study = plain_study(wedge_model(seed, n_points=6), bd.Excitation("tip"), engine_order=2, friction_coefficient=0.5)
         return study.static(100.0)
 
-    usual, never = preload.STALLS, 10**9
+    usual, never = static_state.STALLS, 10**9
     for seed in (3, 22, 40):
         soon, late = state(seed, usual), state(seed, never)
         assert soon.converged and soon.residual < 1e-10
@@ -204,12 +200,14 @@ def test_several_motions_at_once_are_each_alone():
     kt, kn, mu, n0 = rng.uniform(1.0, 2.0, (n, 2)), rng.uniform(1.0, 2.0, n), np.full(n, 0.3), rng.normal(size=n)
     bonded = np.arange(n) == 2
     force, shift = rng.normal(size=m), rng.normal(size=(n, 3))
-    system = preload.StaticSystem(stiffness, G, kt, kn, mu, n0, force, shift, np.zeros(m), bonded)
+    system = static_state.StaticSystem(stiffness, G, kt, kn, mu, n0, force, shift, np.zeros(m), bonded)
     x, w = rng.normal(size=(7, n, 3)), rng.normal(size=(n, 2))
-    forces, states = preload._forces(system, x, w)
-    assert {preload.OPEN, preload.STICK, preload.SLIP_PLUS, preload.SLIP_MINUS} <= set(np.unique(states))
+    forces, states = static_state._forces(system, x, w)
+    assert {static_state.OPEN, static_state.STICK, static_state.SLIP_PLUS, static_state.SLIP_MINUS} <= set(
+        np.unique(states)
+    )
     for one, f, s in zip(x, forces, states):
-        alone = preload._forces(system, one, w)
+        alone = static_state._forces(system, one, w)
         assert np.array_equal(alone[0], f) and np.array_equal(alone[1], s)
         # closed form, point by point
         for p in range(n):

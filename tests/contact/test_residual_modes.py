@@ -8,8 +8,8 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.contact.residual_modes import ResidualModes, ResidualSet, active_components, joined, stuck_modes
-from bdamper.model.relative_motion import Coupling, retained_modes
+from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet, active_components, joined, stuck_modes
+from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError, SettingError
 from tests.models import ALL_MODELS, wedge_model
 from tests.plain import plain_study

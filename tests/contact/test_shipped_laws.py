@@ -10,7 +10,7 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.contact.own_law import OwnLaws
+from bdamper.contact.user_laws import OwnLaws
 from bdamper.util.warn import BdamperWarning
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-import bdamper.problem.problem as problem_module
-from bdamper.peaks.interval import linear_peak
+import bdamper.harmonic_balance.problem as problem_module
+from bdamper.response.resonance_interval import linear_peak
 from bdamper.util.errors import StaticError
 from tests.plain import plain_study
 

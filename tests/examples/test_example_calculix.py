@@ -12,7 +12,7 @@ if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
 from bdamper import ContinuationOptions, Excitation, load_model, reference_model
-from bdamper.fe import MeshDensity, SectorFE, bladed_disk
+from bdamper.fem import MeshDensity, SectorFE, bladed_disk
 from tests.plain import plain_study
 
 PATH = Path(__file__).resolve().parents[2] / "examples" / "calculix" / "bladed_disk.py"

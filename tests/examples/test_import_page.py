@@ -11,9 +11,9 @@ import scipy.sparse as sp
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper import Excitation
-from bdamper.fe import SectorFE, bladed_disk
-from bdamper.fe.assemble import local_order
-from bdamper.fe.stress import blade_points
+from bdamper.fem import SectorFE, bladed_disk
+from bdamper.fem.assembly import local_order
+from bdamper.fem.blade_stress import blade_points
 from tests.ansys_files import write_cdb, write_full
 from tests.fe_bodies import FIRST_NUMBER, modes_alone, sector_and_damper
 from tests.io.test_io_files import bulk_text

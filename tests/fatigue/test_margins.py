@@ -10,10 +10,10 @@ import pytest
 import bdamper as bd
 from bdamper.fatigue import AISI_1050, MarginCurve, Margins
 from bdamper.fatigue.criteria import amplitude_and_mean
-from bdamper.fatigue.cycle import _contact_axes
-from bdamper.model.stress import StressSet
+from bdamper.fatigue.stress_cycle import _contact_axes
+from bdamper.model.stress_recovery import StressSet
+from bdamper.response.march_result import Marched
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.kept import Marched
 
 
 def with_stress(model, n=3, seed=0, static=True):

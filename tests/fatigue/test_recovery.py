@@ -14,16 +14,16 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from scipy.sparse.linalg import splu
 
 import bdamper as bd
-from bdamper.fatigue.cycle import _contact_axes, _Rows
-from bdamper.fe.assemble import discretise
-from bdamper.fe.contact_points import wedge_patches
-from bdamper.fe.geometry import Material
-from bdamper.fe.mesh import join_blocks
-from bdamper.fe.reference import bladed_disk
-from bdamper.fe.sector import SectorFE
-from bdamper.fe.stress import blade_points, solids_of
-from bdamper.reduction.element_stress import element_rows, node_average, von_mises_size
-from bdamper.reduction.stress import near_patches
+from bdamper.fatigue.stress_cycle import _contact_axes, _Rows
+from bdamper.fem.assembly import discretise
+from bdamper.fem.blade_stress import blade_points, solids_of
+from bdamper.fem.bladed_disk_model import bladed_disk
+from bdamper.fem.contact_points import wedge_patches
+from bdamper.fem.element_stress import element_rows, node_average, von_mises_size
+from bdamper.fem.geometry import Material
+from bdamper.fem.mesh import join_blocks
+from bdamper.fem.sector_matrices import SectorFE
+from bdamper.fem.stress_rows import near_patches
 from tests.calculix_runs import centrifugal_stress
 
 PRELOAD = 20e3

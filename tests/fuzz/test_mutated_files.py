@@ -24,10 +24,10 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fe.assemble import discretise, local_order
-from bdamper.fe.geometry import Material
-from bdamper.fe.mesh import join_blocks
-from bdamper.io import (
+from bdamper.fem.assembly import discretise, local_order
+from bdamper.fem.geometry import Material
+from bdamper.fem.mesh import join_blocks
+from bdamper.importers import (
     ContactFaces,
     FEBody,
     Measurement,
@@ -45,10 +45,10 @@ from bdamper.io import (
     read_unv,
     save_model,
 )
-from bdamper.io.calculix import read_frd_stress
+from bdamper.importers.abaqus import read_frd_stress
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
-from bdamper.util.hdf5 import load
+from bdamper.util.storage import load
 from bdamper.util.versions import Versions
 from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.models import wedge_model
@@ -162,7 +162,7 @@ def folder(tmp_path_factory):
     body, numbers, elements, sets = bar()
     save_model(wedge_model(), path / "model.h5")
     with pytest.MonkeyPatch.context() as fixed:  # cases are bytes of the files, which name versions
-        fixed.setattr("bdamper.util.hdf5.HERE", Versions("0.4.0", "2.4.6", "1.17.1"))
+        fixed.setattr("bdamper.util.storage.HERE", Versions("0.4.0", "2.4.6", "1.17.1"))
         Measurement("tip", np.linspace(1.0, 2.0, 9), np.ones(9) + 0j).save(path / "measured.h5")
     k, m = body.stiffness, body.mass
     sp.save_npz(path / "k.npz", k)
@@ -221,13 +221,13 @@ def arrays(p: Path) -> None:
 
 
 def nastran(p: Path) -> None:
-    from bdamper.io import read_op4
+    from bdamper.importers import read_op4
 
     read_op4(p / "a.op4")
 
 
 def bulk_data(p: Path) -> None:
-    from bdamper.io import read_nastran
+    from bdamper.importers import read_nastran
 
     read_nastran(p / "a.bdf")
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.wheel import Mistuning
+from bdamper.mistuning import Mistuning
 from tests.models import ground_model, shroud_model, wedge_model
 from tests.plain import plain_study
 from tests.turning import turning_disk

@@ -12,10 +12,14 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.continuation import coverage, start
-from bdamper.continuation import follower as continuation
-from bdamper.continuation import track as tracking
-from bdamper.continuation.coverage import (
+from bdamper.harmonic_balance.closing_conditions import Fold, Plane
+from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency
+from bdamper.harmonic_balance.linear_limits import reach
+from bdamper.harmonic_balance.sector import excitation_ramp, supported_by
+from bdamper.response import branches, continuation
+from bdamper.response import initial_solution as start
+from bdamper.response import response_curve as tracking
+from bdamper.response.branches import (
     FEWEST,
     MOST,
     OPERATIONS,
@@ -26,12 +30,8 @@ from bdamper.continuation.coverage import (
     in_order,
     uncovered,
 )
-from bdamper.continuation.follower import follow
-from bdamper.continuation.path import ContinuationOptions, Path
-from bdamper.harmonic_balance.conditions import Fold, Plane
-from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency
-from bdamper.harmonic_balance.linear import reach
-from bdamper.harmonic_balance.system import excitation_ramp, supported_by
+from bdamper.response.continuation import follow
+from bdamper.response.continuation_options import ContinuationOptions, Path
 from bdamper.util.cost import CostMeter
 from bdamper.util.progress import _stop
 from tests.following import find_start
@@ -166,7 +166,7 @@ def test_interrupted_before_the_first_point(monkeypatch):
         raise KeyboardInterrupt
 
     s = study()
-    monkeypatch.setattr("bdamper.continuation.track.first_point", stop)
+    monkeypatch.setattr("bdamper.response.response_curve.first_point", stop)
     curve = s.track(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert len(curve) == 0
@@ -463,7 +463,7 @@ def test_where_branches_may_turn():
 
 def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
     """It might have come back into it with a higher branch."""
-    monkeypatch.setattr(coverage, "SIDE_POINTS", 5)
+    monkeypatch.setattr(branches, "SIDE_POINTS", 5)
     s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
     curve = s.track(125.0, (295.0, 320.0))
     assert curve.complete and not curve.folds

@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import brentq
 
 import bdamper as bd
-from bdamper.continuation.events import turns_twice
-from bdamper.continuation.follower import follow
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.equations import OK
+from bdamper.response.continuation import follow
+from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import turns_twice
 from tests.hard.random_studies import random_study
 from tests.oscillators import oscillator
 from tests.plain import plain_study

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.track import self_locking
+from bdamper.response.response_curve import self_locking
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
@@ -29,7 +29,7 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
         # the same load by another history: another normal load, both in equilibrium
         from dataclasses import replace
 
-        from bdamper.contact.preload import StaticSystem, static_state
+        from bdamper.contact.static_state import StaticSystem, static_state
 
         problem = study.problem
         (force, shift), basis, kn = problem.damper_load, problem.bases[0], problem.point_stiffness[:, 2]

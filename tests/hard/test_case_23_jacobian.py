@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.contact.laws import (
+from bdamper.contact.law_codes import (
     LAW_BONDED,
     LAW_CONSTANT,
     LAW_COUPLED,
@@ -20,9 +20,9 @@ from bdamper.contact.laws import (
     LAW_SEPARABLE,
     Sampled,
 )
-from bdamper.contact.points import PointArrays
-from bdamper.harmonic_balance.system import segments
-from bdamper.problem.problem import stuck_springs
+from bdamper.contact.point_parameters import PointArrays
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.harmonic_balance.sector import segments
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.stability.disturbances import WaveDisturbances
-from bdamper.stability.time_integration import Motion, Ring
+from bdamper.time_domain.integration import Motion, Ring
+from bdamper.time_domain.wave_exponents import WaveDisturbances
 from tests.hard.test_wave_stability import nearest_root
 from tests.plain import plain_study
 

@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 import bdamper as bd
-from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
-from bdamper.stability.march import repeats_after, to_come
-from bdamper.stability.settled import FEWEST
-from bdamper.stability.time_integration import Ring
+from bdamper.response.branches import NO_SOLUTION, LeftOut
+from bdamper.time_domain.integration import Ring
+from bdamper.time_domain.march import repeats_after, to_come
+from bdamper.time_domain.settling import FEWEST
 from tests.hard.test_time_domain import rig
 from tests.marches import march_until_settled
 from tests.oscillators import oscillator

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.laws import LAW_COUPLED
-from bdamper.harmonic_balance.system import segments
-from bdamper.stability.floquet import monodromy, multipliers, stability_of_points
-from bdamper.stability.time_integration import Motion, Ring
+from bdamper.contact.law_codes import LAW_COUPLED
+from bdamper.harmonic_balance.sector import segments
+from bdamper.time_domain.floquet import monodromy, multipliers, stability_of_points
+from bdamper.time_domain.integration import Motion, Ring
 from tests.event_march import Marcher
 from tests.following import slider_interval
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators

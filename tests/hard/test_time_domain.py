@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.laws import LAW_BONDED
-from bdamper.harmonic_balance.system import Sector
-from bdamper.stability.floquet import multipliers, stability_of_points
-from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, judged
-from bdamper.stability.time_integration import MarchFailed, Ring
+from bdamper.contact.law_codes import LAW_BONDED
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.time_domain.floquet import multipliers, stability_of_points
+from bdamper.time_domain.integration import MarchFailed, Ring
+from bdamper.time_domain.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, judged
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.marches import fails_after, march_until_settled, verify_solution
 from tests.models import acyclic_model, wedge_model

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.cycle import energies, histories
-from bdamper.problem.problem import stuck_springs
+from bdamper.harmonic_balance.contact_cycle import energies, histories
+from bdamper.harmonic_balance.problem import stuck_springs
 from tests.oscillators import oscillator
 from tests.plain import plain_study
 

@@ -5,18 +5,18 @@ from functools import cache
 
 import numpy as np
 import pytest
-
-import bdamper as bd
-from bdamper.harmonic_balance.conditions import Fixed
-from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Layout, Rows
-from bdamper.harmonic_balance.family import Family, family_equations
-from bdamper.harmonic_balance.system import Sector, excitation_ramp, supported_by
-from bdamper.modes.mode import mode_system
-from bdamper.problem.problem import stuck_springs
-from bdamper.wheel import Wheel
-from tests.plain import plain_study
 from tests.wheel.test_symmetry import PATTERN
 from tests.wheel.test_symmetry import study as lumped_study
+
+import bdamper as bd
+from bdamper.analyses.nonlinear_mode import mode_system
+from bdamper.harmonic_balance.closing_conditions import Fixed
+from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Layout, Rows
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.harmonic_balance.sector import Sector, excitation_ramp, supported_by
+from bdamper.harmonic_balance.speed_family import Family, family_equations
+from bdamper.mistuning import Wheel
+from tests.plain import plain_study
 
 PRELOAD, OMEGA = 200.0, 2.0 * np.pi * 300.0
 

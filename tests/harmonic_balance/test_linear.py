@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.peaks.interval import linear_peak
-from bdamper.problem.problem import stuck_springs
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.response.resonance_interval import linear_peak
 from tests.plain import plain_study
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.model.coarsening import unite_contact_points
-from bdamper.model.local_model import local_model
-from bdamper.model.model import feed_digest
+from bdamper.mistuning.tuned_wheel_model import local_model
+from bdamper.model.patch_merging import unite_contact_points
+from bdamper.model.structure import feed_digest
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError
 from tests.models import lumped_local, wedge_model

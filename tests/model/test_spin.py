@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.model.model import ModalBasis, feed_digest
-from bdamper.model.spin import SpeedBasis
+from bdamper.model.rotation import SpeedBasis
+from bdamper.model.structure import ModalBasis, feed_digest
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError, SettingError
 
@@ -102,7 +102,7 @@ def test_a_model_without_data_over_speed_stays_as_it_is_and_says_what_is_left_ou
 
 
 def test_united_contact_points_keep_the_receptance_at_a_speed(turning):
-    from bdamper.model.coarsening import unite_contact_points
+    from bdamper.model.patch_merging import unite_contact_points
 
     first = unite_contact_points(turning, 4).at_speed(SPEED)
     then = unite_contact_points(turning.at_speed(SPEED), 4)

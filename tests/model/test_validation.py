@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bdamper.model.model import Body, Location, Model, StaticContact, SurfaceMesh
+from bdamper.model.structure import Body, Location, Model, StaticContact, SurfaceMesh
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 from tests.models import ALL_MODELS, acyclic_model, ground_model, rigid_modes, shroud_model, wedge_model

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.io import ContactFaces, build_model, read_ansys, read_cdb, read_rst
+from bdamper.importers import ContactFaces, build_model, read_ansys, read_cdb, read_rst
 from tests.others_files import ANSYS
 
 if not ANSYS.is_dir():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.io import ContactFaces, build_model
+from bdamper.importers import ContactFaces, build_model
 from tests.others_files import (
     AXES,
     cyclic_frequencies,

@@ -3,8 +3,8 @@
 import pytest
 
 import bdamper as bd
-from bdamper.effects.indicator import embed, estimate_change
-from bdamper.problem.effects import Effects
+from bdamper.analyses.change_estimate import embed, estimate_change
+from bdamper.harmonic_balance.effects import Effects
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)

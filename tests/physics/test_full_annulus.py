@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.points import PointArrays
-from bdamper.continuation.path import ContinuationOptions
-from bdamper.harmonic_balance.system import Sector
-from bdamper.model.model import Body, ModalBasis
-from bdamper.model.relative_motion import HarmonicBasis
+from bdamper.contact.point_parameters import PointArrays
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.model.kinematics import HarmonicBasis
+from bdamper.model.structure import Body, ModalBasis
+from bdamper.response.continuation_options import ContinuationOptions
 from bdamper.util.cost import CostMeter
 from tests.following import find_start
 from tests.models import wedge_model

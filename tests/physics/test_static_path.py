@@ -9,12 +9,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from tests.wheel.lumped import lumped_study
 
 import bdamper as bd
-from bdamper.contact.preload import StaticSystem, static_state
-from bdamper.wheel import DamperVariation, Wheel
+from bdamper.contact.static_state import StaticSystem, static_state
+from bdamper.mistuning import DamperVariation, Wheel
 from tests.physics.test_static_wedge import wedge
-from tests.wheel.lumped import lumped_study
 
 AT_REST = 1e-11
 

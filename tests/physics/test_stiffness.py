@@ -5,7 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.stiffness import SMALL_FORCE, paper_contact, paper_equations, unit_traction
-from bdamper.model.model import ContactStiffness
+from bdamper.model.structure import ContactStiffness
 from bdamper.util.errors import ModelError
 from tests.models import wedge_model
 from tests.plain import plain_study

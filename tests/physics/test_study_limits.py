@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.equations import OK
-from bdamper.problem.problem import stuck_springs
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.response.continuation_options import ContinuationOptions
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests import oracle
@@ -286,7 +286,7 @@ def test_the_neighbour_is_turned_the_right_way():
         locations={"tip": np.zeros((3, 1))},
         flexibility=None,
     )
-    from bdamper.model.relative_motion import Coupling
+    from bdamper.model.kinematics import Coupling
 
     moved = replace(model, bodies={**model.bodies, "blade": replace(blade, bases={0: basis})})
     coupling = Coupling(moved, ("left", "right"), {"blade": np.arange(1), "damper": np.arange(6)}, 2)

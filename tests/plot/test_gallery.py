@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import bdamper
-from bdamper.util.plotting import Plottable
+from bdamper.util.display import Plottable
 
 PAGE = Path(__file__).resolve().parents[2] / "notebooks" / "result_pictures.ipynb"
 PICTURES = {

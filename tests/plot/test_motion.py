@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.model.model import turn
+from bdamper.model.structure import turn
 from bdamper.plot.motion import (
     LARGEST_DRAWN,
     VIEW,

@@ -14,23 +14,16 @@ import pytest
 from PIL import Image
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost, Run
-from bdamper.effects.advice import Advice, EffectAdvice
-from bdamper.io import BuiltModel, Measurement
-from bdamper.plot import (
-    draw_table,
-    plot_accuracy,
-    plot_curves,
-    plot_import_report,
-    plot_surfaces,
-    save_figure,
-)
+from bdamper.analyses.accuracy_cost import AccuracyCost, Run
+from bdamper.analyses.effect_selection import Advice, EffectAdvice
+from bdamper.harmonic_balance.effects import Effects
+from bdamper.importers import BuiltModel, Measurement
+from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_import_report, plot_surfaces, save_figure
 from bdamper.plot.axes import drawing, limit_line
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.motion import VIEW
-from bdamper.problem.effects import Effects
+from bdamper.util.formatting import amount
 from bdamper.util.tables import Newtons, Numbers, Tabular
-from bdamper.util.text import amount
 
 INTERVAL = (270.0, 380.0)
 

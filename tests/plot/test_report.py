@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.design.fit import Fitted
+from bdamper.analyses.fit import Fitted
 from bdamper.plot.report import lights
-from bdamper.util.kept import Marched
+from bdamper.response.march_result import Marched
 
 
 class Page(HTMLParser):

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import bdamper as bd
-from bdamper.contact.own_law import ContactLaw
+from bdamper.contact.user_laws import ContactLaw
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.material import Material
-from bdamper.io import ContactFaces, Units, build_model, over_speed
-from bdamper.io.contact_faces import Patches
-from bdamper.problem.at_speed import Conditions
-from bdamper.problem.settings import Settings
-from bdamper.reduction.local_coordinates import LocalSizes
-from bdamper.wheel import DamperVariation, Mistuning, Wheel, WheelPeakOptions
+from bdamper.fem.sector_local_basis import LocalSizes
+from bdamper.harmonic_balance.rotor_speed import Conditions
+from bdamper.harmonic_balance.settings import Settings
+from bdamper.importers import ContactFaces, Units, build_model, over_speed
+from bdamper.importers.contact_faces import Patches
+from bdamper.mistuning import DamperVariation, Mistuning, Wheel, WheelPeakOptions
 
 FURTHER = (
     LeastMargin, Material, ContactFaces, Units, build_model, over_speed, Patches, Conditions, LocalSizes, DamperVariation,

@@ -6,7 +6,7 @@ from threading import Barrier
 import pytest
 from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
-from bdamper.util.blas import one_thread, single_thread
+from bdamper.util.threading import one_thread, single_thread
 from tests.plain import plain_study
 
 
@@ -97,7 +97,7 @@ def test_a_thread_that_ends_after_the_one_that_limits_leaves_it_as_it_was():
 
 def test_a_study_solves_on_one_thread(monkeypatch):
     import bdamper as bd
-    from bdamper.continuation import track as track_module
+    from bdamper.response import response_curve as track_module
 
     seen = []
     inner = track_module.first_point

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.peaks.optimal import optimal_curve
 from bdamper.plot import save_figure
+from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.warn import BdamperWarning
 
 BAND = (0.1, 0.3)

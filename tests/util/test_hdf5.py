@@ -19,10 +19,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.preload import PreloadState
-from bdamper.continuation.curve import Curve
-from bdamper.effects.comparison import Comparison
-from bdamper.util.hdf5 import Storable, opened
+from bdamper.analyses.study_comparison import Comparison
+from bdamper.contact.static_state import PreloadState
+from bdamper.response.curve import Curve
+from bdamper.util.storage import Storable, opened
 from bdamper.util.versions import HERE
 from tests.plain import plain_study
 from tests.test_codebase import nodes_of, spelled
@@ -72,7 +72,7 @@ class TestReading:
         for cls in classes:
             classes += cls.__subclasses__()
         kinds = {cls._format[0] for cls in classes}
-        code = "import bdamper; bdamper.load; from bdamper.util.hdf5 import _READERS; print(*_READERS)"
+        code = "import bdamper; bdamper.load; from bdamper.util.storage import _READERS; print(*_READERS)"
         known = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
         assert set(known) == kinds | {
             "bdamper-model",
@@ -164,7 +164,7 @@ class TestDamaged:
         with h5py.File(tmp_path / "zeros.h5", "r+") as file:
             del file["residual"]
             file.create_dataset("residual", (625_000_000,), "f8", chunks=(1_000_000,), compression="gzip")
-        monkeypatch.setattr("bdamper.util.hdf5.MOST_TEXT", 1_000_000)
+        monkeypatch.setattr("bdamper.util.storage.MOST_TEXT", 1_000_000)
         for name, text in (("long.h5", "x" * 8_000_000), ("fixed.h5", np.bytes_(b"x" * 8_000_000))):
             with h5py.File(tmp_path / name, "w", libver="latest") as file:
                 file.attrs["format"] = text

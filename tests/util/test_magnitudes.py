@@ -8,11 +8,11 @@ import pytest
 
 import bdamper as bd
 from bdamper.fatigue.material import Material
-from bdamper.io import Measurement, Units, read_response
-from bdamper.problem.at_speed import Conditions
-from bdamper.problem.variation import vary
+from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.rotor_speed import Conditions
+from bdamper.importers import Measurement, Units, read_response
+from bdamper.mistuning import DamperVariation, Mistuning
 from bdamper.util.warn import PlausibilityWarning
-from bdamper.wheel import DamperVariation, Mistuning
 from tests.plain import plain_study
 
 TIP, F = bd.Excitation("tip"), (270.0, 380.0)

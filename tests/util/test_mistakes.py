@@ -9,11 +9,11 @@ import bdamper as bd
 from bdamper import plot as plotting
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.fatigue.material import AISI_1050, Material
-from bdamper.io.build import build_model
-from bdamper.io.contact_faces import ContactFaces
-from bdamper.problem.variation import vary
+from bdamper.harmonic_balance.parameters import vary
+from bdamper.importers.build import build_model
+from bdamper.importers.contact_faces import ContactFaces
+from bdamper.mistuning import DamperVariation, Mistuning, Wheel, WheelPeakOptions
 from bdamper.util.warn import PlausibilityWarning
-from bdamper.wheel import DamperVariation, Mistuning, Wheel, WheelPeakOptions
 from tests.plain import plain_study
 
 F = (270.0, 380.0)

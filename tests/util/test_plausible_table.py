@@ -3,9 +3,9 @@
 
 import pytest
 
-from bdamper.problem.variation import FACTORS
-from bdamper.util import plausible
-from bdamper.util.plausible import TABLE, Names, Range
+from bdamper.harmonic_balance.parameters import FACTORS
+from bdamper.util import plausible_ranges
+from bdamper.util.plausible_ranges import TABLE, Names, Range
 from tests.util.numeric import doors, numeric
 
 DOORS = doors()
@@ -31,7 +31,7 @@ def key(name, parameter):
 @pytest.mark.parametrize(("name", "parameter"), PARAMETERS)
 def test_every_number_that_a_user_gives_has_an_entry(name, parameter):
     found = key(name, parameter)
-    assert found, f"enter {name}.{parameter} into bdamper.util.plausible.TABLE"
+    assert found, f"enter {name}.{parameter} into bdamper.util.plausible_ranges.TABLE"
     known = TABLE[found]
     if not isinstance(known, str) and name not in BY_STUDY and name != "Mistuning":
         door = DOORS[name]
@@ -51,4 +51,4 @@ def test_entries_are_ranges_or_reasons():
                 assert own.above and own.below
                 assert callable(own.low) or callable(own.high) or own.low < own.high, name
             else:
-                assert isinstance(own, Names) or own in vars(plausible).values(), name
+                assert isinstance(own, Names) or own in vars(plausible_ranges).values(), name

@@ -9,8 +9,8 @@ import pytest
 
 import bdamper
 from bdamper import plot
-from bdamper.model.model import Model
-from bdamper.util.plotting import _DRAWINGS, Plottable, draw
+from bdamper.model.structure import Model
+from bdamper.util.display import _DRAWINGS, Plottable, draw
 
 
 def plottable_types():

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.curve import Fold
-from bdamper.design.sweep import as_words
-from bdamper.peaks.optimal_curve import NEAR_BEST
-from bdamper.util.kept import Marched
-from bdamper.util.plotting import Fact
-from bdamper.util.text import amount, percent, span
+from bdamper.analyses.sweep import as_words
+from bdamper.response.curve import Fold
+from bdamper.response.march_result import Marched
+from bdamper.response.optimal_curve_result import NEAR_BEST
+from bdamper.util.display import Fact
+from bdamper.util.formatting import amount, percent, span
 from tests.plain import plain_study
 
 INTERVAL = (270.0, 380.0)
@@ -81,7 +81,7 @@ class TestOptimum:
         def overflows(*args, **_):
             raise FloatingPointError("overflow")
 
-        monkeypatch.setattr(sys.modules["bdamper.peaks.highest"], "track", overflows)
+        monkeypatch.setattr(sys.modules["bdamper.response.highest_peak"], "track", overflows)
         with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads from 100 to 1000 N between 100 and"):
             study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
 

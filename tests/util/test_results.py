@@ -13,8 +13,8 @@ import pytest
 from matplotlib.axes import Axes
 
 import bdamper as bd
-from bdamper.util.plotting import Plottable
-from bdamper.wheel import Mistuning
+from bdamper.mistuning import Mistuning
+from bdamper.util.display import Plottable
 from tests.plain import plain_study
 
 BAND = (330.0, 365.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bdamper.util.rootfind import find_root
+from bdamper.util.rootfinding import find_root
 
 
 def counted(function):

@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.curve import Curve
-from bdamper.design.sweep import SweepResult
+from bdamper.analyses.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
-from bdamper.util.convergence import Convergence, HarmonicPeak
-from bdamper.util.plotting import Plottable, draws
+from bdamper.response.convergence_result import Convergence, HarmonicPeak
+from bdamper.response.curve import Curve
+from bdamper.util.display import Plottable, draws
+from bdamper.util.formatting import amount, height
 from bdamper.util.tables import (
     ROW,
     Kinds,
@@ -33,7 +34,6 @@ from bdamper.util.tables import (
     label,
     quantities,
 )
-from bdamper.util.text import amount, height
 from tests.plain import plain_study
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bdamper.util.text import PREFIXES, aligned, amount, cut, percent, spaced
+from bdamper.util.formatting import PREFIXES, aligned, amount, cut, percent, spaced
 
 
 @pytest.mark.parametrize(

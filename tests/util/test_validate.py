@@ -11,23 +11,23 @@ import pytest
 import bdamper as bd
 from bdamper import plot as plotting
 from bdamper.plot.motion import contact_status, rigid_motion
-from bdamper.util import validate
+from bdamper.util import validation
 from tests.plain import plain_study
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.int64(2), np.array(2.0)])
 def test_numbers_pass_in_every_form(value):
-    out = validate.number("n", value, above=1.0, most=2.0)
+    out = validation.number("n", value, above=1.0, most=2.0)
     assert out == 2.0
     assert type(out) is float
-    whole = validate.whole("n", value, least=2, most=2)
+    whole = validation.whole("n", value, least=2, most=2)
     assert whole == 2
     assert type(whole) is int
 
 
 @pytest.mark.parametrize("value", ["2", None, True, np.True_, np.nan, np.inf, [2.0], np.array([2.0]), 2j, 10**400])
 def test_other_things_are_no_numbers(value):
-    for check in (validate.number, validate.whole):
+    for check in (validation.number, validation.whole):
         with pytest.raises(bd.SettingError, match=r"n: expected a (finite|whole) number.*, found "):
             check("n", value)
 
@@ -39,22 +39,26 @@ def test_limits_are_in_the_message():
         ({"above": 0.0, "below": 1.0}, 0.5, 1.0, "a number between 0 and 1 N, found 1.0"),
         ({"above": 0.0, "most": 1.0}, 1.0, 1.1, "a finite number > 0 and <= 1 N, found 1.1"),
     ]:
-        assert validate.number("p", good, unit="N", **limits) == good
+        assert validation.number("p", good, unit="N", **limits) == good
         with pytest.raises(bd.SettingError) as error:
-            validate.number("p", bad, unit="N", **limits)
+            validation.number("p", bad, unit="N", **limits)
         assert str(error.value) == f"p: expected {words}"
 
 
 @pytest.mark.parametrize(
     ("check", "good", "bad"),
     [
-        (validate.flag, True, ["yes", 1, None]),
-        (lambda n, v: validate.choice(n, v, ("a", "b")), "a", ["c", 1, None, ["a"]]),
-        (lambda n, v: validate.names(n, v, ("a", "b"), least=1), ("b",), ["a", ("a", "a"), ("c",), (1,), (), None, ([],)]),
-        (lambda n, v: validate.instance(n, v, bd.Excitation), bd.Excitation("tip"), ["tip", None, bd.Excitation]),
-        (lambda n, v: validate.mapping(n, v, ("a",), "faces"), {"a": 1}, [("a", 1), {"b": 1}, None]),
-        (lambda n, v: validate.interval(n, v), (1.0, 2.0), [1.0, (2.0, 1.0), (0.0, 1.0), (1.0,), "12", ("1", "2"), None]),
-        (lambda n, v: validate.wholes(n, v, most=9), (1, 2), [1, "12", (1.5,), (10,), (1, 1), None]),
+        (validation.flag, True, ["yes", 1, None]),
+        (lambda n, v: validation.choice(n, v, ("a", "b")), "a", ["c", 1, None, ["a"]]),
+        (
+            lambda n, v: validation.names(n, v, ("a", "b"), least=1),
+            ("b",),
+            ["a", ("a", "a"), ("c",), (1,), (), None, ([],)],
+        ),
+        (lambda n, v: validation.instance(n, v, bd.Excitation), bd.Excitation("tip"), ["tip", None, bd.Excitation]),
+        (lambda n, v: validation.mapping(n, v, ("a",), "faces"), {"a": 1}, [("a", 1), {"b": 1}, None]),
+        (lambda n, v: validation.interval(n, v), (1.0, 2.0), [1.0, (2.0, 1.0), (0.0, 1.0), (1.0,), "12", ("1", "2"), None]),
+        (lambda n, v: validation.wholes(n, v, most=9), (1, 2), [1, "12", (1.5,), (10,), (1, 1), None]),
     ],
 )
 def test_checks_return_what_is_good_and_name_what_is_not(check, good, bad):
@@ -65,18 +69,18 @@ def test_checks_return_what_is_good_and_name_what_is_not(check, good, bad):
 
 
 def test_sequences_of_numbers():
-    np.testing.assert_array_equal(validate.numbers("f", [1, 2.0, np.float32(3)]), [1.0, 2.0, 3.0])
-    assert validate.numbers("f", np.arange(3.0), 3).dtype == float
+    np.testing.assert_array_equal(validation.numbers("f", [1, 2.0, np.float32(3)]), [1.0, 2.0, 3.0])
+    assert validation.numbers("f", np.arange(3.0), 3).dtype == float
     for value in ("123", 1.0, None, [], [1.0, "2"], [[1.0, 2.0, 3.0]], [1.0, np.nan], np.eye(3), np.array(1.0)):
         with pytest.raises(bd.SettingError, match="f: expected a sequence of one or more finite numbers"):
-            validate.numbers("f", value)
+            validation.numbers("f", value)
     with pytest.raises(bd.SettingError, match="f: expected 3 finite numbers > 0 N, found"):
-        validate.numbers("f", [1.0, 2.0, 0.0], 3, above=0.0, unit="N")
+        validation.numbers("f", [1.0, 2.0, 0.0], 3, above=0.0, unit="N")
 
 
 def test_long_things_are_not_printed_whole():
     with pytest.raises(bd.SettingError) as error:
-        validate.number("k", np.zeros((500, 3)))
+        validation.number("k", np.zeros((500, 3)))
     assert str(error.value).endswith("found an array of shape (500, 3)")
 
 
@@ -163,22 +167,22 @@ def test_options_refuse_bad_values_at_once(make):
 
 
 def double(name, value):
-    return 2.0 * validate.number(name, value)
+    return 2.0 * validation.number(name, value)
 
 
 @dataclass(frozen=True)
-class Base(validate.Checked):
-    force: validate.Force = 1.0
+class Base(validation.Checked):
+    force: validation.Force = 1.0
     doubled: Annotated[float, double] = 1.0
     kind: Literal["a", "b"] = "a"
 
 
 @dataclass(frozen=True)
 class Options(Base):
-    count: validate.Count | None = None
+    count: validation.Count | None = None
     on: bool = True
     free: float = 0.0
-    text: Annotated[Literal["x", "y"], partial(validate.choice, choices=("x",))] = "x"
+    text: Annotated[Literal["x", "y"], partial(validation.choice, choices=("x",))] = "x"
 
 
 def test_fields_are_checked_as_they_are_annotated():
@@ -322,4 +326,4 @@ def test_a_load_whose_motions_are_left_out_is_named(study):
 
 
 def test_keys_of_a_mapping_may_be_an_iterator():
-    assert validate.mapping("x", {"b": 1}, (k for k in "ab"), "faces") == {"b": 1}
+    assert validation.mapping("x", {"b": 1}, (k for k in "ab"), "faces") == {"b": 1}

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 
 import bdamper as bd
-from bdamper.io.reading import reader
-from bdamper.io.universal_file import read_unv
-from bdamper.problem.problem import Problem
-from bdamper.stability.time_integration import every_diameter
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.importers.reader_registry import reader
+from bdamper.importers.universal_file import read_unv
+from bdamper.time_domain.integration import every_diameter
 from bdamper.util.warn import quiet, say
 
 LONG = 30.0  # s

@@ -1,7 +1,7 @@
-"""Contact points: laws, stiffness, static preload, and the range of forces in a wedge.
+"""Contact laws, contact stiffness, and static contact under preload.
 
-In: a :class:`bdamper.model.relative_motion.Coupling` and friction coefficients.  Out: `contact_stiffness` by Eqs (1) to
-(11) of the paper and by other methods, with residual modes where they are asked for; `static_state`, the quasi-static
-contact analysis of section 3.1; `PointArrays`, the parameters of all points under one of the `LAW_...` numbers as the
-equations of motion take them; `wedge_friction`, the range of normal forces that statics leaves open.
+`contact_stiffness` evaluates Eqs (1) to (11) of the paper and other methods, `residual_flexibility` adds residual vectors.
+`static_state` is the quasi-static contact analysis of section 3.1 of the paper.  `wedge_friction` bounds the normal forces
+that statics and friction leave open.  `PointArrays` holds the parameters of all contact points in the form that the C core
+takes.
 """

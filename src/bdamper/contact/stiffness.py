@@ -1,7 +1,7 @@
 """Contact stiffness (paper, section 2.2): the flexibility that the retained modes leave out, at the contact points.
 
 Every method starts from the residual flexibility ``R_res`` of both sides of an interface
-(:mod:`bdamper.model.relative_motion`), patch-averaged displacement for patch-averaged force, and looks for a positive
+(:mod:`bdamper.model.kinematics`), patch-averaged displacement for patch-averaged force, and looks for a positive
 diagonal.
 
 ``"unit_traction"``
@@ -12,14 +12,14 @@ diagonal.
     modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
     ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
     into the stiffness: it enters the analysis as an initial distance of the surfaces.)
-    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.preload_forces`) or from the
-    user's own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over the
-    face, or the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it,
+    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.full_static_contact`) or from
+    the user's own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over
+    the face, or the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it,
     the quotient has no meaning; the value of ``"unit_traction"`` replaces it, and the report counts the point.
 
 ``"residual_modes"``
     A positive diagonal, a share of the point flexibility, and the rest in a few more modal coordinates
-    (:mod:`bdamper.contact.residual_modes`).
+    (:mod:`bdamper.contact.residual_flexibility`).
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.preload_forces import solve_static_contact, static_contact_problem
-from bdamper.contact.residual_modes import ResidualModes, ResidualSet
-from bdamper.model.checks import require
-from bdamper.model.model import ContactStiffness
-from bdamper.model.relative_motion import Coupling
-from bdamper.util import validate
+from bdamper.contact.full_static_contact import solve_static_contact, static_contact_problem
+from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
+from bdamper.model.fields import require
+from bdamper.model.kinematics import Coupling
+from bdamper.model.structure import ContactStiffness
+from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.repr import brief
+from bdamper.util.short_repr import brief
 
 METHODS = ("residual_modes", "unit_traction", "eq4")
 FAR = 10.0
@@ -55,9 +55,9 @@ class PerArea:
 
     def __post_init__(self) -> None:
         if np.ndim(self.stiffness) == 0:
-            validate.number("stiffness per area", self.stiffness, least=0.0, unit="N/m3")
+            validation.number("stiffness per area", self.stiffness, least=0.0, unit="N/m3")
         else:
-            validate.numbers("stiffness per area", self.stiffness, 3, least=0.0, unit="N/m3")
+            validation.numbers("stiffness per area", self.stiffness, 3, least=0.0, unit="N/m3")
 
 
 @brief
@@ -191,8 +191,8 @@ def check_method(method: Any) -> None:
         return
     if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
         expected = f"one of {(*METHODS, 'model')}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping"
-        raise validate.unfit("contact_stiffness", f"{expected} of interface names to values", method)
-    validate.number("contact_stiffness", method, least=0.0, unit="N/m")
+        raise validation.unfit("contact_stiffness", f"{expected} of interface names to values", method)
+    validation.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
 def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
@@ -284,7 +284,7 @@ def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
 
 def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
     if isinstance(value, Mapping):
-        validate.mapping("contact_stiffness", value, coupling.model.interfaces, "interfaces")
+        validation.mapping("contact_stiffness", value, coupling.model.interfaces, "interfaces")
         missing = [name for name in coupling.interfaces if name not in value]
         if missing:
             raise SettingError(f"contact_stiffness: expected values for interfaces {missing} as well")
@@ -298,10 +298,10 @@ def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray
             k = np.array(np.broadcast_to(np.asarray(given, float), (n, 3)))
         except (TypeError, ValueError) as error:
             expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(n, 3)}"
-            raise validate.unfit(f"contact_stiffness['{name}']", expected, given) from error
+            raise validation.unfit(f"contact_stiffness['{name}']", expected, given) from error
         softens = coupling.model.interfaces[name].kind == "cubic"
         wrong = k[~(np.isfinite(k) & ((k >= 0.0) | softens))]
         if wrong.size:
-            raise validate.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
+            raise validation.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
         out[name] = ContactStiffness(k, "user")
     return out

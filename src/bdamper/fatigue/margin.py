@@ -9,33 +9,32 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.fatigue import criteria
-from bdamper.fatigue import cycle as over_cycle
-from bdamper.fatigue.cycle import AtPoints, StressCycle
+from bdamper.fatigue import stress_cycle as over_cycle
 from bdamper.fatigue.material import LINES, ON, Material
-from bdamper.problem.problem import Problem
-from bdamper.problem.results import Solutions, SomeResult, solutions_of
-from bdamper.util import validate
+from bdamper.fatigue.stress_cycle import AtPoints, StressCycle
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import Solutions, SomeResult, solutions_of
+from bdamper.util import validation
 from bdamper.util.differences import Comparable
+from bdamper.util.display import Plottable, draw
 from bdamper.util.errors import BdamperError
-from bdamper.util.hdf5 import Recorded, Storable
-from bdamper.util.kept import Marched
-from bdamper.util.plotting import Plottable, draw
-from bdamper.util.repr import brief
+from bdamper.util.formatting import UNITS, amount
+from bdamper.util.short_repr import brief
 from bdamper.util.status import COMPLETE, word
+from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
-from bdamper.util.text import UNITS, amount
 
 HIDES = "signed von Mises hides vibration across the mean stress, such as torsion under tension, and jumps with its sign"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rule(validate.Checked):
+class Rule(validation.Checked):
     """Criterion for a stress cycle.
 
     Parameters
@@ -47,9 +46,9 @@ class Rule(validate.Checked):
         What grows: the vibration alone, or mean and vibration together.
     """
 
-    criterion: Annotated[str, partial(validate.choice, choices=criteria.CRITERIA)] = "von_mises"
-    line: Annotated[str, partial(validate.choice, choices=LINES)] = "goodman"
-    on: Annotated[str, partial(validate.choice, choices=ON)] = "amplitude"
+    criterion: Annotated[str, partial(validation.choice, choices=criteria.CRITERIA)] = "von_mises"
+    line: Annotated[str, partial(validation.choice, choices=LINES)] = "goodman"
+    on: Annotated[str, partial(validation.choice, choices=ON)] = "amplitude"
 
     def __str__(self) -> str:
         line = "" if self.criterion == "findley" else f", {self.line.capitalize()}"
@@ -71,6 +70,22 @@ class Rule(validate.Checked):
             factor = (limit if self.on == "both" else 1.0) / np.maximum(found, 1e-300)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
+
+
+@runtime_checkable
+class SteadyAmplitude(Protocol):
+    """Steady-state amplitude from time integration (:class:`bdamper.response.march_result.Marched`)."""
+
+    @property
+    def factor(self) -> float: ...
+    @property
+    def preload(self) -> float: ...
+    @property
+    def highest(self) -> float: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def text(self) -> str: ...
 
 
 @brief
@@ -260,7 +275,7 @@ def margin(
     material: Material,
     index: int | None = None,
     *,
-    kept: Marched | None = None,
+    kept: SteadyAmplitude | None = None,
     **judged: Any,
 ) -> Margins | MarginCurve:
     """Margins against fatigue, of infinite life.
@@ -290,13 +305,13 @@ def margin(
     return judge.of_cycle(_as_kept(result, kept)) if isinstance(result, StressCycle) else judge.along(problem, result)
 
 
-def _as_kept(found: StressCycle, kept: Marched | None) -> StressCycle:
+def _as_kept(found: StressCycle, kept: SteadyAmplitude | None) -> StressCycle:
     """The stress of the largest period of the highest blade in time."""
     if kept is None:
         return found
-    validate.instance("kept", kept, Marched)
+    validation.instance("kept", kept, SteadyAmplitude)
     if not np.isfinite(kept.factor) or abs(kept.preload - found.preload) > 1e-6 * found.preload:
-        raise validate.unfit("kept", f"a march at {found.preload:g} N", f"{kept.text} at {kept.preload:g} N")
+        raise validation.unfit("kept", f"a march at {found.preload:g} N", f"{kept.text} at {kept.preload:g} N")
     coefficients = found.coefficients.copy()
     coefficients[..., 1:] *= kept.factor
     note = f"vibration scaled by {kept.factor:.3g}: the highest blade reaches {amount(kept.highest, 'm')} in time"
@@ -304,7 +319,7 @@ def _as_kept(found: StressCycle, kept: Marched | None) -> StressCycle:
     return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
 
 
-@validate.spelt
+@validation.spelt
 @dataclass(frozen=True)
 class LeastMargin(Rule):
     """How a margin is judged, and the question for the least one, as :meth:`bdamper.Study.crossings` takes it.
@@ -321,10 +336,10 @@ class LeastMargin(Rule):
     on : {"amplitude", "both"}
         The factor is on the vibration alone, at the mean stress that the speed gives, or on vibration and mean together.
     sets, speed
-        As for :func:`bdamper.fatigue.cycle.stress`.
+        As for :func:`bdamper.fatigue.stress_cycle.stress`.
     """
 
-    material: Annotated[Material, partial(validate.instance, kind=Material)]
+    material: Annotated[Material, partial(validation.instance, kind=Material)]
     sets: str | Sequence[str] | None = field(default=None, kw_only=True)
     speed: float | None = field(default=None, kw_only=True)
 
@@ -336,7 +351,7 @@ class LeastMargin(Rule):
     def __call__(self, problem: Problem, unknowns: NDArray, omega: float, preload: float) -> float:
         return self.margins(problem, np.append(unknowns, omega), preload).least
 
-    def margins(self, problem: Problem, y: NDArray, preload: float, kept: Marched | None = None) -> Margins:
+    def margins(self, problem: Problem, y: NDArray, preload: float, kept: SteadyAmplitude | None = None) -> Margins:
         """At every point of a solution with its frequency (rad/s), of the motion in time where that is given."""
         found = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
         cycle = over_cycle.of_solution(problem, found, over_cycle.chosen_sets(problem, self.sets), self.speed)
@@ -350,7 +365,7 @@ class LeastMargin(Rule):
 
     def _of(self, found: StressCycle) -> dict[str, Any]:
         """What margins take over from a cycle of stress, which needs points that count."""
-        validate.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
+        validation.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
         notes = (*found.notes, *([HIDES] if self.criterion == "signed_von_mises" else []))
         own = {"settings": found.settings, "model_hash": found.model_hash}
         return {"material": self.material, "rule": self.rule, "notes": notes, **own}
@@ -359,7 +374,7 @@ class LeastMargin(Rule):
         """The margin at every point of a curve."""
         chosen, found = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
         known = np.isfinite(found.unknowns).all(axis=1)
-        validate.require(known.any(), "margin", "a curve with solutions", "none")
+        validation.require(known.any(), "margin", "a curve with solutions", "none")
         solved = Solutions(*(column[known] for column in found))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)

@@ -23,15 +23,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util import validate
+from bdamper.util import validation
 
 LINES = ("goodman", "gerber", "soderberg")
 ON = ("amplitude", "both")
 
 
-@validate.spelt
+@validation.spelt
 @dataclass(frozen=True)
-class Material(validate.Checked):
+class Material(validation.Checked):
     """Strength of a material, as the user knows it for this part.
 
     Parameters
@@ -52,10 +52,10 @@ class Material(validate.Checked):
         If a number is not positive, the yield strength exceeds the ultimate one, or the endurance limit that too.
     """
 
-    endurance_limit: validate.Positive
-    ultimate_strength: validate.Positive
-    yield_strength: validate.Positive
-    findley_k: validate.Positive = 0.3
+    endurance_limit: validation.Positive
+    ultimate_strength: validation.Positive
+    yield_strength: validation.Positive
+    findley_k: validation.Positive = 0.3
     name: str = ""
     source: str = ""
 
@@ -63,7 +63,7 @@ class Material(validate.Checked):
         super().__post_init__()
         for name in ("yield_strength", "endurance_limit"):
             expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
-            validate.require(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")
+            validation.require(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")
 
     def limit(self, line: str) -> float:
         """Mean stress (Pa) that leaves no amplitude."""
@@ -86,8 +86,8 @@ class Material(validate.Checked):
         line : {"goodman", "gerber", "soderberg"}
         on : {"amplitude", "both"}
         """
-        validate.choice("line", line, LINES)
-        validate.choice("on", on, ON)
+        validation.choice("line", line, LINES)
+        validation.choice("on", on, ON)
         amplitude, mean = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(mean, float))
         with np.errstate(divide="ignore", invalid="ignore"):
             if on == "amplitude":

@@ -18,9 +18,9 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.harmonic_balance.conditions import Condition, Fixed, Peak, Plane, for_core
+from bdamper.harmonic_balance.closing_conditions import Condition, Fixed, Peak, Plane, for_core
 from bdamper.util.progress import end_if_asked
-from bdamper.util.repr import brief
+from bdamper.util.short_repr import brief
 
 OK, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
 STATUS_TEXT = {
@@ -32,7 +32,7 @@ STATUS_TEXT = {
 }
 Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel
 WheelCore = _core.Wheel
-"""Equations of all sectors of a wheel (``csrc/bd_wheel.h``), for :mod:`bdamper.wheel.system`."""
+"""Equations of all sectors of a wheel (``csrc/bd_wheel.h``), for :mod:`bdamper.mistuning.wheel_equations`."""
 LINE_SEARCH_TRIALS = 15
 """Most evaluations of an iteration with line search."""
 S = TypeVar("S")
@@ -247,7 +247,7 @@ class Equations(Generic[S]):
         Million operations of an evaluation, a Jacobian, a factorisation and a solution by least norm
         (:class:`bdamper.util.cost.Cost`).
     supported : bool
-        Whether the parameter fades a support out (:func:`bdamper.harmonic_balance.system.supported_by`).
+        Whether the parameter fades a support out (:func:`bdamper.harmonic_balance.sector.supported_by`).
     watched : sequence of (frequency, half-width, modal row), rad/s
         Linear resonances that a path must not step over.
     last : float

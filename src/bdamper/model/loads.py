@@ -10,9 +10,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util import validate
+from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.repr import plain
+from bdamper.util.short_repr import plain
 
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
@@ -20,11 +20,11 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
     directions = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
     if isinstance(value, str):
         if value not in directions:
-            near = validate.meant(value, directions)
+            near = validation.meant(value, directions)
             raise SettingError(f"{what}: expected one of {tuple(directions)} or three numbers, found '{value}'{near}")
         return np.array(directions[value])
-    vector = validate.numbers(what, value, 3)
-    validate.that(np.any(vector), what, "3 finite numbers, not all zero", value)
+    vector = validation.numbers(what, value, 3)
+    validation.that(np.any(vector), what, "3 finite numbers, not all zero", value)
     return vector / np.linalg.norm(vector)
 
 
@@ -35,25 +35,25 @@ def _direction(name: str, value: str | Sequence[float]) -> str | Sequence[float]
 
 def _phase(name: str, value: float) -> float:
     expected = "a phase in radians from -2 pi to 2 pi; np.deg2rad(90) is 90 degrees"
-    phase = validate.number(name, value)
-    validate.that(abs(phase) <= 2.0 * np.pi, name, expected, value)
+    phase = validation.number(name, value)
+    validation.that(abs(phase) <= 2.0 * np.pi, name, expected, value)
     return phase
 
 
 def _excitations(name: str, value: Sequence[Excitation]) -> tuple[Excitation, ...]:
     for part in value:
-        validate.instance(name, part, Excitation)
-        validate.that(not part.beside, name, "forces without others beside them", part)
+        validation.instance(name, part, Excitation)
+        validation.that(not part.beside, name, "forces without others beside them", part)
     return tuple(value)
 
 
 FIELD = np.array([1.0, -1.0j, 0.0])
 """Along which the rows of a field of forces, its real and its imaginary part, make the modal force."""
 Direction = Annotated[str | tuple[float, float, float], _direction]
-Location = Annotated[str, partial(validate.instance, kind=str, words="the name of a location")]
+Location = Annotated[str, partial(validation.instance, kind=str, words="the name of a location")]
 
 
-@validate.spelt
+@validation.spelt
 @dataclass(frozen=True)
 class Excitation:
     """A travelling-wave force of engine-order type on every blade; sums of them act together: ``one + other``.
@@ -61,8 +61,9 @@ class Excitation:
     Parameters
     ----------
     location : str
-        Of the model, or a field of nodal forces of the model by its name (``forces`` of :func:`bdamper.io.build_model`), or
-        "mode 1", "mode 2", ... for a force on one mode of the constrained body alone.
+        Of the model, or a field of nodal forces of the model by its name (``forces`` of
+        :func:`bdamper.importers.build_model`), or "mode 1", "mode 2", ... for a force on one mode of the constrained body
+        alone.
     direction : {"tangential", "radial", "axial"} or three floats
         Of a force at a location; fields and modes have none.
     amplitude : float, N
@@ -78,13 +79,13 @@ class Excitation:
 
     location: Location
     direction: Direction = "tangential"
-    amplitude: validate.Force = 1.0
+    amplitude: validation.Force = 1.0
     phase: Annotated[float, _phase] = 0.0
-    engine_order: validate.Natural | None = None
+    engine_order: validation.Natural | None = None
     beside: Annotated[tuple[Excitation, ...], _excitations] = ()
 
     def __post_init__(self) -> None:
-        validate.checked(self, "excitation ")
+        validation.checked(self, "excitation ")
 
     def __add__(self, other: Excitation) -> Excitation:
         return replace(self, beside=(*self.beside, replace(other, beside=()), *other.beside))
@@ -101,7 +102,7 @@ class Excitation:
         return f"at {self.location} {plain(self.direction)}{phase}"
 
 
-@validate.spelt
+@validation.spelt
 @dataclass(frozen=True)
 class Response:
     """Location and direction of the response.
@@ -116,10 +117,10 @@ class Response:
     direction: Direction = "tangential"
 
     def __post_init__(self) -> None:
-        validate.checked(self, "response ")
+        validation.checked(self, "response ")
 
 
-@validate.spelt
+@validation.spelt
 def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[int, complex]:
     """Aerodynamic damping of every nodal diameter from what the motion of one blade does to its neighbours.
 
@@ -139,8 +140,8 @@ def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[
     ------
     SettingError
     """
-    n = validate.whole("n_blades", n_blades, 1)
-    for k, z in validate.instance("influence coefficients", given, Mapping, "a mapping of blades to numbers").items():
-        validate.whole(f"blade of coefficient {k}", k, -n)
-        validate.that(np.isfinite(z), f"influence coefficient of blade {k}", "a finite number", z)
+    n = validation.whole("n_blades", n_blades, 1)
+    for k, z in validation.instance("influence coefficients", given, Mapping, "a mapping of blades to numbers").items():
+        validation.whole(f"blade of coefficient {k}", k, -n)
+        validation.that(np.isfinite(z), f"influence coefficient of blade {k}", "a finite number", z)
     return {d: complex(sum(z * np.exp(2j * np.pi * k * d / n) for k, z in given.items())) for d in range(n)}

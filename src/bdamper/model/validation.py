@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from bdamper.model.checks import (
+from bdamper.model.fields import (
     ROUNDING,
     SINGLE,
     Sizes,
@@ -39,12 +39,12 @@ from bdamper.model.checks import (
     layout,
     require,
 )
-from bdamper.model.local import LocalBasis
-from bdamper.model.model import Body, BodyLoad, Interface, ModalBasis, Model, turn
-from bdamper.model.relative_motion import RIGID_NAMES
-from bdamper.model.shapes import rigid_motions
-from bdamper.model.spin import SpeedBasis, SpinStatic
-from bdamper.model.stress import StressSet
+from bdamper.model.kinematics import RIGID_NAMES
+from bdamper.model.local_basis import LocalBasis
+from bdamper.model.rigid_motions import rigid_motions
+from bdamper.model.rotation import SpeedBasis, SpinStatic
+from bdamper.model.stress_recovery import StressSet
+from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, turn
 from bdamper.util.errors import mismatch
 
 N_RIGID = len(RIGID_NAMES)

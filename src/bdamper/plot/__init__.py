@@ -1,15 +1,16 @@
-"""Pictures of every result; the only room that imports matplotlib.
+"""Plots of every result, the report, and the interactive explorer; the only package that imports matplotlib.
 
-In: results, models and problems.  Out: matplotlib axes and figures, pictures and animations in files; motions and contact
-states of solutions in plain arrays (:mod:`bdamper.plot.motion`), files for ParaView (:mod:`bdamper.plot.vtu`).  A
-function that draws a type of result enters itself for it in :mod:`bdamper.util.plotting`, where ``result.plot()`` finds
-it; every one takes axes ``ax`` to draw into, new ones where none are given, and a ``title``.  `new_axes` and `save_figure`
-begin and end a picture of several results, `draw_table` draws any column of a result over another one.
+Each plot function registers itself for a type of result in :mod:`bdamper.util.display`, where ``result.plot()`` finds it,
+and takes axes ``ax`` (new axes if omitted) and a ``title``.  `new_axes` and `save_figure` start and save a figure with
+several results, `draw_table` plots one column of a result over another one.  `motion` computes motions and contact states
+as plain arrays, `vtu` writes files for ParaView.  `explorer` serves a page with sliders on the loopback interface (extra
+``bdamper[app]``).
 """
 
 from bdamper.plot.axes import colours as colours
 from bdamper.plot.axes import new_axes as new_axes
 from bdamper.plot.axes import save_figure as save_figure
+from bdamper.plot.column_plot import draw_table as draw_table
 from bdamper.plot.contact import plot_peak as plot_peak
 from bdamper.plot.contact import plot_static as plot_static
 from bdamper.plot.contact import plot_status_bars as plot_status_bars
@@ -21,11 +22,6 @@ from bdamper.plot.curves import plot_curves as plot_curves
 from bdamper.plot.curves import plot_measurement as plot_measurement
 from bdamper.plot.curves import plot_optimal as plot_optimal
 from bdamper.plot.curves import plot_time_sweep as plot_time_sweep
-from bdamper.plot.design import plot_accuracy as plot_accuracy
-from bdamper.plot.design import plot_advice as plot_advice
-from bdamper.plot.design import plot_convergence as plot_convergence
-from bdamper.plot.design import plot_sweep as plot_sweep
-from bdamper.plot.design import plot_uncertain as plot_uncertain
 from bdamper.plot.fatigue import plot_critical as plot_critical
 from bdamper.plot.fatigue import plot_haigh as plot_haigh
 from bdamper.plot.fatigue import plot_margin as plot_margin
@@ -44,14 +40,18 @@ from bdamper.plot.model3d import plot_model as plot_model
 from bdamper.plot.model3d import plot_surfaces as plot_surfaces
 from bdamper.plot.modes import plot_flutter as plot_flutter
 from bdamper.plot.modes import plot_nonlinear_mode as plot_nonlinear_mode
+from bdamper.plot.overlay import plot_comparison as plot_comparison
+from bdamper.plot.overlay import plot_together as plot_together
 from bdamper.plot.report import write_report as write_report
 from bdamper.plot.response_map import plot_response_map as plot_response_map
 from bdamper.plot.speed import plot_campbell as plot_campbell
 from bdamper.plot.speed import plot_crossings as plot_crossings
 from bdamper.plot.speed import plot_safe as plot_safe
-from bdamper.plot.table import draw_table as draw_table
-from bdamper.plot.together import plot_comparison as plot_comparison
-from bdamper.plot.together import plot_together as plot_together
+from bdamper.plot.study_plots import plot_accuracy as plot_accuracy
+from bdamper.plot.study_plots import plot_advice as plot_advice
+from bdamper.plot.study_plots import plot_convergence as plot_convergence
+from bdamper.plot.study_plots import plot_sweep as plot_sweep
+from bdamper.plot.study_plots import plot_uncertain as plot_uncertain
 from bdamper.plot.wheel import plot_blades as plot_blades
 from bdamper.plot.wheel import plot_mistuning as plot_mistuning
 from bdamper.plot.wheel import plot_sample as plot_sample

@@ -27,10 +27,10 @@ from matplotlib.ticker import FuncFormatter, Locator, LogLocator, MaxNLocator, N
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from bdamper.util import validate
-from bdamper.util.hdf5 import writing
-from bdamper.util.plotting import Plottable, draw, draws
-from bdamper.util.text import FITTING, PREFIXES, fitting
+from bdamper.util import validation
+from bdamper.util.display import Plottable, draw, draws
+from bdamper.util.formatting import FITTING, PREFIXES, fitting
+from bdamper.util.storage import writing
 
 MARKERS = "osD^v<>pP*hX"
 MINUS = "\N{MINUS SIGN}"
@@ -82,7 +82,9 @@ def drawing(
     with plt.rc_context(PAPER):
         axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
         if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
-            raise validate.unfit("ax", f"{('one', 'two', 'three')[rows - 1]} axes", [type(each).__name__ for each in axes])
+            raise validation.unfit(
+                "ax", f"{('one', 'two', 'three')[rows - 1]} axes", [type(each).__name__ for each in axes]
+            )
         try:
             yield axes if rows > 1 else axes[0]
         except BaseException:
@@ -105,7 +107,7 @@ def picture(
     """Decorator: a function that draws into axes ``ax`` draws a type of result, into new axes where none are given.
 
     The function takes ``title`` as well, and returns the axes.  Parameters of the decorator are those of
-    :func:`bdamper.util.plotting.draws` and of :func:`drawing`.
+    :func:`bdamper.util.display.draws` and of :func:`drawing`.
     """
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:

@@ -12,14 +12,14 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from bdamper.contact.preload import PreloadState
-from bdamper.model.model import Model
-from bdamper.peaks.newton import Peak
+from bdamper.contact.static_state import PreloadState
+from bdamper.model.structure import Model
 from bdamper.plot.axes import NEW, PAPER, drawing, fit_units, legend_beside, picture
 from bdamper.plot.motion import STATES, ContactStatus
-from bdamper.util import validate
+from bdamper.response.peak import Peak
+from bdamper.util import validation
+from bdamper.util.display import draws
 from bdamper.util.errors import BdamperError
-from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
 
 STATUS_COLOURS = ("#262626", "#e6862a", "#cfe3ee")
@@ -42,8 +42,8 @@ def plot_status_bars(
         Tangential direction t1 or t2.
     title : str
     """
-    points = validate.wholes("points", points, most=len(status.parts) - 1)
-    direction = validate.whole("direction", direction, 0, 1)
+    points = validation.wholes("points", points, most=len(status.parts) - 1)
+    direction = validation.whole("direction", direction, 0, 1)
     period = 2.0 * np.pi
     with drawing(ax, size=(5.2, 0.9 + 0.32 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
@@ -102,8 +102,8 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
     interface : str
     direction : {0, 1}
     """
-    validate.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
-    direction = validate.whole("direction", direction, 0, 1)
+    validation.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
+    direction = validation.whole("direction", direction, 0, 1)
     face = model.interfaces[interface]
     x, y, dx, dy = face_coordinates(face.points, face.frame[0])
     left, right, low, high, state = tiles(status.share[status.rows(interface), direction], x, y, dx, dy)
@@ -170,7 +170,7 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
         "gap": (np.maximum(-state.closing, 0.0), "Gap (m)"),
         "friction": (np.where(closed, used, np.nan), "Friction force / limit"),
     }
-    value, label = choices[validate.choice("quantity", quantity, choices)]
+    value, label = choices[validation.choice("quantity", quantity, choices)]
     value = value if np.isfinite(value).any() else np.zeros(len(value))
     names = np.array(state.interface)
     faces = dict.fromkeys(names[friction > 0.0] if friction.any() else names)

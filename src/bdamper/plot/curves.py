@@ -11,13 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
-from bdamper.continuation.rattle import NO_STEADY
-from bdamper.design.sensitivity import band
-from bdamper.effects.hysteresis import Hysteresis
-from bdamper.io.measured import Measurement
-from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
-from bdamper.peaks.sensitivity import CurveSensitivity
+from bdamper.analyses.hysteresis import Hysteresis
+from bdamper.harmonic_balance.rotor_speed import RPM
+from bdamper.importers.measurements import Measurement
 from bdamper.plot.axes import (
     DASHED,
     IN_TIME,
@@ -32,15 +28,19 @@ from bdamper.plot.axes import (
     picture,
     runs,
 )
+from bdamper.plot.column_plot import draw_table
 from bdamper.plot.speed import SPEED
-from bdamper.plot.table import draw_table
-from bdamper.problem.at_speed import RPM
-from bdamper.stability.time_sweep import TimeSweep
-from bdamper.util import validate
-from bdamper.util.kept import Marched
-from bdamper.util.plotting import draws
+from bdamper.response.curve import Curve
+from bdamper.response.march_result import Marched
+from bdamper.response.optimal_curve_result import NEAR_BEST, OptimalCurve
+from bdamper.response.rattle_detection import NO_STEADY
+from bdamper.response.sensitivity import CurveSensitivity
+from bdamper.response.setting_derivatives import band
+from bdamper.time_domain.frequency_sweep import TimeSweep
+from bdamper.util import validation
+from bdamper.util.display import draws
+from bdamper.util.formatting import amount, percent, spaced
 from bdamper.util.tables import label as label_of
-from bdamper.util.text import amount, percent, spaced
 
 MARCHED: dict[str, Any] = {
     "fmt": "D", "color": IN_TIME, "markersize": 4.5, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
@@ -104,11 +104,11 @@ def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str
     labels : sequence of str, optional
         One for each tracking curve; the preload by default.
     """
-    validate.that(isinstance(curves, Iterable), "curves", "a sequence of Curve (plot_curve draws one)", curves)
+    validation.that(isinstance(curves, Iterable), "curves", "a sequence of Curve (plot_curve draws one)", curves)
     curves = tuple(curves)
-    tracking = [c for c in curves if validate.instance("curves", c, Curve).kind not in LIMITS]
+    tracking = [c for c in curves if validation.instance("curves", c, Curve).kind not in LIMITS]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
-        raise validate.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
+        raise validation.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
@@ -220,7 +220,7 @@ def plot_optimal(
             plot_optimal(result, one, quantity=name)
         both[0].set(xlabel="", title=title)
         return both
-    preload, values, goes_on = with_optimum(result, validate.choice("quantity", quantity, SHOWN))
+    preload, values, goes_on = with_optimum(result, validation.choice("quantity", quantity, SHOWN))
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.set(xscale="log", xlabel=PRELOAD)
         for first, last in runs(np.cumsum(~goes_on)):

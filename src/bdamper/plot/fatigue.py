@@ -8,16 +8,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bdamper.fatigue.criteria import von_mises
-from bdamper.fatigue.cycle import StressCycle
 from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.material import LINES
-from bdamper.model.model import Model
-from bdamper.model.stress import COMPONENTS
+from bdamper.fatigue.stress_cycle import StressCycle
+from bdamper.model.stress_recovery import COMPONENTS
+from bdamper.model.structure import Model
 from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, looks, once, picture
+from bdamper.plot.column_plot import draw_table
 from bdamper.plot.model3d import plot_surfaces, seen
-from bdamper.plot.table import draw_table
-from bdamper.util import validate
-from bdamper.util.plotting import draws
+from bdamper.util import validation
+from bdamper.util.display import draws
 from bdamper.util.tables import label as label_of
 
 MEGA = 1e-6
@@ -38,7 +38,7 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
     point : int, optional
         The critical one by default.
     """
-    i = cycle.critical if point is None else validate.whole("point", point, least=0, most=len(cycle) - 1)
+    i = cycle.critical if point is None else validation.whole("point", point, least=0, most=len(cycle) - 1)
     theta = np.linspace(0.0, 2.0 * np.pi, 721)
     stress = MEGA * cycle.over_cycle(theta)[i]
     large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
@@ -121,7 +121,7 @@ def plot_critical(margins: Margins, model: Model) -> Axes:
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
     meshes = [model.meshes[body] for body in bodies if body in model.meshes]
-    validate.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
+    validation.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
     i = margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"
     axes = plot_surfaces([(mesh.points, mesh.quads, "#e4e4e4") for mesh in meshes], title=title)

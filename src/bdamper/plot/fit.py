@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.design.fit import Fitted
-from bdamper.design.loop import FittedLoop
+from bdamper.analyses.fit import Fitted
+from bdamper.analyses.loop_fit import FittedLoop
 from bdamper.plot.axes import MARKERS, NEW, colours, picture
-from bdamper.util.text import spaced
+from bdamper.util.formatting import spaced
 
 
 @picture(Fitted, size=(6.0, 5.2), rows=2)

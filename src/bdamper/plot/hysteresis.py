@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.effects.hysteresis import AXES, WHOLE, Hysteresis
+from bdamper.analyses.hysteresis import AXES, WHOLE, Hysteresis
 from bdamper.plot.axes import NEW, legend_beside, looks, picture
+from bdamper.plot.column_plot import draw_table
 from bdamper.plot.contact import plot_faces
-from bdamper.plot.table import draw_table
-from bdamper.util import validate
-from bdamper.util.plotting import draws
-from bdamper.util.text import amount
+from bdamper.util import validation
+from bdamper.util.display import draws
+from bdamper.util.formatting import amount
 
 NAMES = {"t1": "in the face along t1", "t2": "in the face along t2", "n": "normal to the face"}
 OF_WHOLE = {"xlabel": "Motion of the response (m)", "ylabel": "All contact forces as one force there (N)"}
@@ -48,7 +48,7 @@ def plot_loops(
     """
     places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
     if not places or (WHOLE in places and len(places) > 1):
-        raise validate.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
+        raise validation.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
     whole = places == [WHOLE]
     lost: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
     for place, look in zip(places, looks(len(places))):
@@ -73,7 +73,7 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
     where : int
         Index of the point.
     """
-    i = validate.whole("where, index of a contact point", where, 0, len(result.points) - 1)
+    i = validation.whole("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
     for k, (name, look) in enumerate(zip(AXES, looks(3))):
         look["marker"] = ""
@@ -93,7 +93,7 @@ def plot_energy(result: Hysteresis) -> NDArray:
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
     names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
-    validate.require(names, "energy", "contact points that lose some", "none: nothing slips")
+    validation.require(names, "energy", "contact points that lose some", "none: nothing slips")
     rows = [result.rows(name) for name in names]
     places = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
     return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
@@ -110,7 +110,7 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
     ax : three matplotlib axes, optional
     over : {"amplitude", "frequency", "preload"}
     """
-    validate.choice("over", over, ("amplitude", "frequency", "preload"))
+    validation.choice("over", over, ("amplitude", "frequency", "preload"))
     for one, name in zip(ax, ("stiffness", "damping_ratio")):
         draw_table(one, result, over, name)
         one.set_xlabel("")

@@ -12,13 +12,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
-from bdamper.io.built_model import BuiltModel
-from bdamper.model.model import Model
+from bdamper.importers.import_report import BuiltModel
+from bdamper.model.structure import Model
 from bdamper.plot.axes import PAPER, drawing, looks
 from bdamper.plot.motion import VIEW, sectors_shown
 from bdamper.plot.vtu import shown_shapes
-from bdamper.util import validate
-from bdamper.util.plotting import draws
+from bdamper.util import validation
+from bdamper.util.display import draws
 
 Surface = tuple[NDArray, NDArray, Any]
 """Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
@@ -86,7 +86,7 @@ def plot_model(model: Model) -> Axes:
     for name, _, turned in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
         kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
-    validate.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
+    validation.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
     ax = plot_surfaces([*kinds[False], *kinds[True]])
     if kinds[False] and kinds[True]:
         plot_surfaces(kinds[True], ax=ax)
@@ -115,7 +115,7 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     """
     body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
-    mode = validate.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
+    mode = validation.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
     shape = mesh.modes[d][..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []

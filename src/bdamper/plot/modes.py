@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.modes.flutter import Flutter
-from bdamper.modes.result import NonlinearMode
+from bdamper.analyses.flutter import Flutter
+from bdamper.analyses.nonlinear_mode_result import NonlinearMode
 from bdamper.plot.axes import DASHED, NEW, looks, lost, picture, runs
-from bdamper.plot.table import draw_table
-from bdamper.util.text import amount
+from bdamper.plot.column_plot import draw_table
+from bdamper.util.formatting import amount
 
 
 @picture(NonlinearMode, size=(5.6, 4.8), rows=2)

@@ -13,16 +13,16 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
-from bdamper.contact.own_law import refuse
-from bdamper.harmonic_balance.system import segments
-from bdamper.model.model import Model, turn
-from bdamper.model.relative_motion import RIGID_NAMES, body_axes, principal_axes
-from bdamper.problem.asked import asked
-from bdamper.problem.problem import Problem
-from bdamper.util import validate
+from bdamper.contact.law_codes import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
+from bdamper.contact.user_laws import refuse
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.sector import segments
+from bdamper.harmonic_balance.study_dispatch import asked
+from bdamper.model.kinematics import RIGID_NAMES, body_axes, principal_axes
+from bdamper.model.structure import Model, turn
+from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.repr import brief
+from bdamper.util.short_repr import brief
 from bdamper.util.warn import implausible
 
 LARGEST_DRAWN = 1.0 / 15.0
@@ -108,7 +108,7 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     except (TypeError, ValueError):
         out = np.empty(0)
     if out.ndim == 0 or out.shape[-1] != n or not np.isfinite(out).all():
-        raise validate.unfit("unknowns", f"solutions of this study, {n} finite numbers each", unknowns)
+        raise validation.unfit("unknowns", f"solutions of this study, {n} finite numbers each", unknowns)
     return out
 
 
@@ -341,7 +341,7 @@ def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
         If the model has no surface, or one without shapes at the nodal diameter of the fundamental.
     """
     model, motions = problem.model, surface_motion(problem, unknowns)
-    validate.require(motions, "drawing of a motion", "a model with the surface of a body", "none")
+    validation.require(motions, "drawing of a motion", "a model with the surface of a body", "none")
     places, moved, faces, names, n = [], [], [], [], 0
     for name, sector, turned in sectors_shown(model):
         motion, quads, seen = motions[name], model.meshes[name].quads, VIEW @ turned

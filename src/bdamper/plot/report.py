@@ -15,21 +15,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bdamper.continuation.track import track
-from bdamper.design.fit import Fitted
-from bdamper.design.sensitivity import peak_sensitivities
-from bdamper.effects.hysteresis import hysteresis
-from bdamper.peaks.highest import highest_peak
-from bdamper.peaks.optimal_curve import ENDS, NEAR_BEST, OptimalCurve
-from bdamper.problem.asked import Asking, problem_of
-from bdamper.problem.problem import Problem
-from bdamper.problem.results import check_result
-from bdamper.util import validate
+from bdamper.analyses.fit import Fitted
+from bdamper.analyses.hysteresis import hysteresis
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import check_result
+from bdamper.harmonic_balance.study_dispatch import Asking, problem_of
+from bdamper.response.highest_peak import highest_peak
+from bdamper.response.optimal_curve_result import ENDS, NEAR_BEST, OptimalCurve
+from bdamper.response.response_curve import track
+from bdamper.response.setting_derivatives import peak_sensitivities
+from bdamper.util import validation
+from bdamper.util.display import Plottable, draw, draws
 from bdamper.util.errors import needed
-from bdamper.util.hdf5 import FilePath, check_folder, writing
-from bdamper.util.plotting import Plottable, draw, draws
+from bdamper.util.formatting import amount, cut, percent, spaced
 from bdamper.util.status import COMPLETE, word
-from bdamper.util.text import amount, cut, percent, spaced
+from bdamper.util.storage import FilePath, check_folder, writing
 
 GOOD, FAIR = 0.05, 0.2
 """Relative differences up to which a light is green, and amber."""
@@ -62,12 +62,12 @@ class Light(NamedTuple):
 def write_report(
     curve: OptimalCurve, path: FilePath, study: Asking | Problem | None = None, fit: Fitted | None = None
 ) -> None:
-    """Write the report of an optimal curve (:meth:`bdamper.peaks.optimal_curve.OptimalCurve.report`)."""
+    """Write the report of an optimal curve (:meth:`bdamper.response.optimal_curve_result.OptimalCurve.report`)."""
     jinja2 = needed("jinja2", "report", "report")
     check_folder(path)
     best = curve.optimum
     known = np.isfinite(best.amplitude) and np.isfinite(best.preload)
-    validate.require(known, "report", "an optimal curve with an optimum", f"one without: {best.status}")
+    validation.require(known, "report", "an optimal curve with an optimum", f"one without: {best.status}")
     figures: list[tuple[str, str]] = [("Resonance over preload", _picture(curve))]
     rows: list[tuple[str, ...]] = []
     if study is None and curve.curves:
@@ -81,7 +81,7 @@ def write_report(
         figures += own
     figures += [("Margin against fatigue", _picture(margins)) for margins in curve.margins]
     if fit is not None:
-        figures.append(("Measured responses and the model", _picture(validate.instance("fit", fit, Fitted))))
+        figures.append(("Measured responses and the model", _picture(validation.instance("fit", fit, Fitted))))
     page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(
         Path(__file__).with_name("report.html").read_text(encoding="utf-8")
     )

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import NEW, OPTIMUM, highest_on, picture
 from bdamper.plot.curves import FREQUENCY, PRELOAD
-from bdamper.util import validate
+from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.util import validation
 
 
 @picture(OptimalCurve, "map")
@@ -25,7 +25,7 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
         With its curves, which files of versions before 0.6 do not have.
     """
     curves = [curve for curve in result.curves if len(curve)]
-    validate.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
+    validation.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]
     # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
     columns = 400

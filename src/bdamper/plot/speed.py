@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.design.sweep import SweepResult
+from bdamper.analyses.campbell import Campbell
+from bdamper.analyses.sweep import SweepResult
+from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.plot.axes import NEW, STYLES, colours, looks, once, picture
-from bdamper.problem.at_speed import RPM
-from bdamper.speed.campbell import Campbell
-from bdamper.util import validate
+from bdamper.util import validation
 from bdamper.util.errors import SettingError
 
 SPEED = "Rotor speed (rpm)"
@@ -105,7 +105,7 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
         As :meth:`bdamper.Study.crossings` returns it.
     quantity : {"amplitude", "margin"}
     """
-    validate.choice("quantity", quantity, ("amplitude", "margin"))
+    validation.choice("quantity", quantity, ("amplitude", "margin"))
     value, speed, mass = (found.array(name) for name in (quantity, "speed", "mass"))
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")

@@ -8,25 +8,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.model import Model
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_dispatch import asked
+from bdamper.model.structure import Model
 from bdamper.plot.motion import surface_motion
-from bdamper.problem.asked import asked
-from bdamper.problem.problem import Problem
-from bdamper.util import validate
+from bdamper.util import validation
 from bdamper.util.errors import SettingError, needed
-from bdamper.util.hdf5 import writing
+from bdamper.util.storage import writing
 
 
 def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, what: str) -> tuple[str, int]:
     """Body and nodal diameter whose shapes are shown: those asked for, or the first that the meshes carry."""
     carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
     body = carriers[0] if body is None and carriers else body
-    validate.require(carriers, what, "a model with mode shapes on the mesh of a body", "none")
+    validation.require(carriers, what, "a model with mode shapes on the mesh of a body", "none")
     if body not in carriers:
         raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
     modes = model.meshes[body].modes
     d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
-    validate.require(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
+    validation.require(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
     return body, d
 
 

@@ -10,19 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import Curve
-from bdamper.model.model import Model, turn
+from bdamper.mistuning.mistuning import Mistuning
+from bdamper.mistuning.peak_result import WheelPeak
+from bdamper.mistuning.sample_result import MistunedSample
+from bdamper.model.structure import Model, turn
 from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, looks, picture
-from bdamper.plot.table import draw_table
+from bdamper.plot.column_plot import draw_table
 from bdamper.plot.vtu import shown_shapes
-from bdamper.util import validate
+from bdamper.response.curve import Curve
+from bdamper.response.march_result import Marched
+from bdamper.util import validation
 from bdamper.util.errors import BdamperError
-from bdamper.util.kept import Marched
+from bdamper.util.formatting import amount
 from bdamper.util.tables import label
-from bdamper.util.text import amount
-from bdamper.wheel.mistuning import Mistuning
-from bdamper.wheel.results import WheelPeak
-from bdamper.wheel.sample_result import MistunedSample
 
 PERCENTILES = (50.0, 95.0)
 _FACTOR = "Amplification of the worst blade"
@@ -51,9 +51,9 @@ def plot_wheel_map(curve: Curve, ax: Axes = NEW) -> None:
     curve : Curve
         As ``Wheel.track`` returns it.
     """
-    response = validate.instance("curve", curve, Curve).blades
+    response = validation.instance("curve", curve, Curve).blades
     if response is None:
-        raise validate.unfit("curve", "a curve of Wheel.track", curve)
+        raise validation.unfit("curve", "a curve of Wheel.track", curve)
     top, blades = curve.peak, np.abs(response[..., 1])
     frequency = np.linspace(curve.frequency.min(), curve.frequency.max(), 400)
     amplitude, _ = highest_on(frequency, curve.frequency, blades, curve.branch)
@@ -183,8 +183,8 @@ def plot_sample(
         Up to six.
     """
     over = over or ("preload" if len(sample.standard_deviation) == 1 else "standard_deviation")
-    preloads = validate.choice("over", over, ("standard_deviation", "preload")) == "preload"
-    relative = validate.choice("quantity", quantity, ("amplification", "amplitude")) == "amplification"
+    preloads = validation.choice("over", over, ("standard_deviation", "preload")) == "preload"
+    relative = validation.choice("quantity", quantity, ("amplification", "amplitude")) == "amplification"
     i, _ = sample.cell(standard_deviation, None)
     order = np.argsort(sample.preload)
     found = np.array([sample.percentile(q, quantity)[..., order] for q in percentiles])

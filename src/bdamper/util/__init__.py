@@ -1,7 +1,7 @@
-"""What every room uses, and what knows nothing of structures and vibrations.
+"""Input checks, errors, files, tables, text, progress and root finding.
 
-Checks of input and the errors they raise (`validate`, `errors`), files of results and their versions (`hdf5`, `versions`),
-what a result prints and which function draws it (`repr`, `text`, `plotting`, `progress`), its table (`tables`), words for
-what became of it (`status`), what it has cost (`cost`, `blas`), how accurate it is (`estimates`), and the one search for a
-root on a line (`rootfind`).
+Nothing here depends on structures or vibration.  `validation` and `annotations` check arguments, `errors` and `warn`
+report, `storage`, `checkpoint_file` and `versions` write and read HDF5 files, `tables`, `formatting` and `short_repr`
+print, `display` finds the plot function of a result, `cost` counts operations and time, `rootfinding` finds a root on an
+interval.
 """

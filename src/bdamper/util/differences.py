@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from bdamper.util.display import Fact, Summarised
 from bdamper.util.errors import SettingError
-from bdamper.util.plotting import Fact, Summarised
-from bdamper.util.repr import brief, plain
-from bdamper.util.text import percent
+from bdamper.util.formatting import percent
+from bdamper.util.short_repr import brief, plain
 
 MISSING = "not there"
 
@@ -26,7 +26,7 @@ class Differences(Summarised):
     settings : tuple of (name, first, second)
         Settings that differ, those within others by their whole name ("excitation.amplitude").
     outcomes : tuple of (first, second)
-        What both results say of the same quantity, as ``bdamper.util.plotting.Fact``, where it differs in the six
+        What both results say of the same quantity, as ``bdamper.util.display.Fact``, where it differs in the six
         digits that are printed.
     kinds : tuple of two str
         What was compared.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from bdamper.util.text import cut
+from bdamper.util.formatting import cut
 
 
 class BdamperError(Exception):

@@ -1,8 +1,8 @@
 """Statuses: one set of words for what became of an answer.
 
 A status is one of these words, with its reason after a colon where there is no field for it.  How a path ended that was
-followed (:class:`bdamper.continuation.path.Path`) and whether a test agrees have words of their own; what they mean for
-an answer is one of these.
+followed (:class:`bdamper.response.continuation_options.Path`) and whether a test agrees have words of their own; what they
+mean for an answer is one of these.
 
 =================  =====================================================================================
 "complete"         The answer to what was asked.

@@ -27,11 +27,11 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.util.annotations import declarations
 from bdamper.util.errors import needed
-from bdamper.util.hdf5 import FilePath, check_folder, plain, writing
-from bdamper.util.marks import declarations
+from bdamper.util.formatting import PREFIXES, fitting, spaced
 from bdamper.util.status import COMPLETE, INTERRUPTED
-from bdamper.util.text import PREFIXES, fitting, spaced
+from bdamper.util.storage import FilePath, check_folder, plain, writing
 from bdamper.util.versions import HERE
 
 

@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from bdamper.util.errors import shortened
 
 _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
-_BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.problem.asked", "bdamper.util.validate")
+_BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.harmonic_balance.study_dispatch", "bdamper.util.validation")
 """Modules of decorators and of copies of dataclasses."""
 
 
@@ -47,7 +47,9 @@ def asked_by_user() -> bool:
     frame = own and own.f_back and own.f_back.f_back
     while frame is not None and (module := str(frame.f_globals.get("__name__"))).startswith(_BETWEEN):
         frame = frame.f_back
-    return frame is not None and (not module.startswith("bdamper.") or module.startswith(("bdamper.cli", "bdamper.app")))
+    return frame is not None and (
+        not module.startswith("bdamper.") or module.startswith(("bdamper.__main__", "bdamper.plot.explorer"))
+    )
 
 
 def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:

@@ -1,0 +1,185 @@
+"""Arguments of the command ``bdamper``, and what is asked with them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+import webbrowser
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.fatigue.material import Material
+from bdamper.response.resonance_interval import peak_interval
+
+
+def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """The tracking curve, and whether it spans the band."""
+    band = peak_interval(study.problem, given.band and tuple(given.band), given.preload, given.mode)
+    curve = study.track(given.preload, band, progress=not given.quiet)
+    return curve, curve.complete
+
+
+def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """The optimal curve, and whether it has an optimum."""
+    settings = {"mode": given.mode, "check": "time" if given.check else False, "progress": not given.quiet}
+    curve = study.optimal_curve(given.preloads, given.n, **settings)
+    answered = bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
+    return curve, answered
+
+
+def crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """Crossings with engine orders, and whether there is one."""
+    found = study.crossings(rpm=given.speeds, engine_orders=given.orders, mode=given.mode, progress=not given.quiet)
+    return found, "speed" in found.quantities and bool(np.isfinite(found.array("speed")).any())
+
+
+def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """Margins against fatigue at the highest peak of a preload, and whether there is one."""
+    peak = study.peak(given.preload, given.band, mode=given.mode)
+    print(peak)
+    if not peak.converged:
+        return peak, False
+    strength = [1e6 * getattr(given, name) for name in ("endurance", "ultimate", "yield")]
+    return study.margin(peak, Material(*strength)), True
+
+
+QUESTIONS = {
+    "track": (track, "the response over a frequency band at one preload"),
+    "optimum": (optimum, "the preload of least resonance"),
+    "crossings": (crossings, "resonances with engine orders over rotor speed, for a model that knows it"),
+    "margin": (margin, "margins against fatigue at one preload, for a model with stress"),
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (--help tells what there is)\n")
+
+
+def file_to_write(endings: Sequence[str], name: str) -> str:
+    """A name that a file can be written to, before any work is done for it."""
+    if Path(name).suffix.lower() not in endings or not Path(name).absolute().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"expected {' or '.join(endings)} in a folder that exists, found {name!r}")
+    return name
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments, with units and defaults in the help."""
+    model = Parser(add_help=False)
+    which = model.add_mutually_exclusive_group(required=True)
+    which.add_argument("model", nargs="?", help="model file (HDF5)")
+    which.add_argument("--demo", action="store_true", help="the typical turbine blade that comes with the package")
+    picture, out = Parser(add_help=False), Parser(add_help=False)
+    for place, name, endings, text in (
+        (picture, "--png", (".png", ".pdf", ".svg"), "write the picture"),
+        (out, "--csv", (".csv",), "write the table"),
+        (out, "--h5", (".h5", ".hdf5"), "write the whole result, for bdamper.load"),
+    ):
+        place.add_argument(name, metavar="FILE", type=partial(file_to_write, endings), help=text)
+    out.add_argument("--details", action="store_true", help="print everything that the result has to say")
+    out.add_argument("--quiet", action="store_true", help="no progress")
+    out.add_argument("--mode", type=int, default=1, help="default %(default)s, the lowest")
+    asked = Parser(add_help=False)
+    add = asked.add_argument
+    add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
+    add("--harmonics", type=int, default=3, metavar="H", help="harmonics of the engine order, default %(default)s")
+    add("--friction", type=float, default=0.3, metavar="MU", help="friction coefficient, default %(default)s")
+    add("--force", type=float, default=1.0, metavar="N", help="amplitude of the excitation in N, default %(default)s")
+    add("--at", default="tip", help="location that is driven and watched, default %(default)s")
+    add("--direction", default="tangential", help="of the excitation: tangential, radial or axial; default %(default)s")
+
+    main = Parser("bdamper", description="Friction-damped bladed disks: one question, one answer.")
+    main.add_argument("--version", action="version", version=bd.__version__)
+    commands = main.add_subparsers(dest="command", required=True)
+    commands.add_parser("info", parents=[model, picture], help="what a model file holds")
+    commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
+    kinds = [model, asked, picture, out]
+    own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
+    two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
+    for name in ("track", "margin"):
+        own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
+        own[name].add_argument(
+            "--band", help="frequencies in Hz, by default those around the resonances of the mode", **two
+        )
+    add = own["optimum"].add_argument
+    add("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
+    add("-n", type=int, default=20, help="number of preloads, default %(default)s")
+    add("--check", action="store_true", help="compare with more harmonics and with time integration, five times the work")
+    add("--html", metavar="FILE", type=partial(file_to_write, (".html",)), help="write a report for a review")
+    own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
+    some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}
+    own["crossings"].add_argument("--orders", default=(5,), help="engine orders, default 5", **some)
+    for name, text in (
+        ("endurance", "endurance limit"), ("ultimate", "ultimate strength"), ("yield", "yield strength"),
+    ):  # fmt: skip
+        own["margin"].add_argument(f"--{name}", type=float, required=True, metavar="MPA", help=f"{text} in MPa")
+    return main
+
+
+def explore(study: bd.Study, given: argparse.Namespace) -> int:
+    """Serve the page until Ctrl-C."""
+    model = 'bd.reference_model("turbine_blade")' if given.demo else f"bd.load_model({given.model!r})"
+    numbers = f"{study.settings.engine_order}, {given.friction}, harmonics={given.harmonics}"
+    driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
+    page = bd.explore(study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})")
+    print(page.address, flush=True)
+    webbrowser.open(page.address)
+    with suppress(KeyboardInterrupt):
+        page.wait()
+    page.close()
+    return 0
+
+
+def answer(given: argparse.Namespace) -> int:
+    """Compute, print and write; returns 1 if there is nothing to report."""
+    result: Any
+    model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
+    if given.command == "info":
+        result, answered = model, True
+    else:
+        driven = bd.Excitation(given.at, given.direction, given.force)
+        settings = {"friction_coefficient": given.friction, "harmonics": given.harmonics}
+        study = bd.Study(model, driven, given.engine_order if model.n_blades > 1 else 0, **settings)
+        if given.command == "explore":
+            return explore(study, given)
+        result, answered = QUESTIONS[given.command][0](study, given)
+    more = given.command != "info" and given.details
+    print(result.details() if more else str(result).replace("details() has", "--details has"))
+    files = vars(given)  # written last, since a disk can be full
+    if path := files.get("csv"):
+        result.to_csv(path)
+    if path := files.get("h5"):
+        result.save(path)
+    if answered and (path := files.get("html")):
+        result.report(path, study)
+        print(f"wrote {path}", file=sys.stderr)
+    if given.png:
+        from bdamper.plot import save_figure
+
+        save_figure(result.plot(), given.png)
+        print(f"wrote {given.png}", file=sys.stderr)
+    return int(not answered)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit code."""
+    given = parser().parse_args(arguments)
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: print(f"bdamper: {message}", file=sys.stderr)
+            return answer(given)
+    except bd.SettingError as error:
+        print(f"bdamper: {error}", file=sys.stderr)
+        return 2
+    except (bd.BdamperError, OSError, KeyboardInterrupt) as error:
+        print(f"bdamper: {str(error) or 'interrupted'}", file=sys.stderr)
+        return 1

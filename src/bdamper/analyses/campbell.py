@@ -1,0 +1,214 @@
+"""Campbell and interference diagrams: frequencies over rotor speed, free, with stuck contact, and damped.
+
+An excitation of engine order EO travels around as a wave of nodal diameter ``d = EO mod N``, or ``N - d`` where that is
+less, and meets modes of this nodal diameter alone; at a speed it has the frequency ``EO Omega/(2 pi)``.  The Campbell
+diagram of an order shows modes of its nodal diameter over speed, the interference (SAFE) diagram all modes over nodal
+diameter at one speed, with the line of the excitation folded back at N/2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.analyses.crossings import speed_values
+from bdamper.analyses.speed_family import SpeedFamily
+from bdamper.analyses.sweep import SweepResult
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, under
+from bdamper.response.resonance_interval import free_and_stuck
+from bdamper.util import validation
+from bdamper.util.display import Fact, Plottable, draw
+from bdamper.util.progress import each
+from bdamper.util.short_repr import brief
+from bdamper.util.storage import Recorded, Storable
+from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
+from bdamper.util.threading import one_thread
+
+
+@brief
+@dataclass(frozen=True)
+class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
+    """Frequencies over rotor speed.
+
+    ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the interference diagram at one
+    speed (:func:`bdamper.plot.plot_safe`).
+
+    Parameters
+    ----------
+    speed : (n,) float, rad/s
+    nodal_diameter : (k,) int
+        Those of the model.
+    free, stuck : (k, n, modes) float, Hz
+        Without contact, and with all points stuck that the preload of the speed closes.
+    n_blades : int
+    engine_order : (m,) int
+        Orders that were asked for.
+    damped : tuple of SweepResult
+        Damped crossings.
+    notes : tuple of str
+        What the model neglects over speed.
+    settings : mapping
+    model_hash : str
+    """
+
+    speed: RadiansPerSecond
+    nodal_diameter: Numbers
+    free: Hertz
+    stuck: Hertz
+    n_blades: int
+    engine_order: NDArray
+    damped: tuple[SweepResult, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    def met_by(self, engine_order: int) -> int:
+        """Nodal diameter that an engine order excites."""
+        d = engine_order % self.n_blades
+        return min(d, self.n_blades - d)
+
+    def row(self, nodal_diameter: int) -> int:
+        """Index of a nodal diameter.
+
+        Raises
+        ------
+        SettingError
+            If the model does not have it.
+        """
+        known = self.nodal_diameter.tolist()
+        validation.require(nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter)
+        return known.index(nodal_diameter)
+
+    @property
+    def met(self) -> NDArray:
+        """(j, 4) float: order, mode, and speeds (rad/s) at which its free and its stuck resonance meet the order's line.
+
+        A row for each order and mode, more where a resonance meets a line more than once; NaN where it does not.
+        """
+        rows = []
+        for order in self.engine_order.tolist():
+            k = self.row(self.met_by(order))
+            for m in range(self.free.shape[2]):
+                lines = self.free[k, :, m], self.stuck[k, :, m]
+                at = [line_crossings(self.speed, line, order).tolist() or [np.nan] for line in lines]
+                rows += [(order, m + 1, *speeds) for speeds in zip_longest(*at, fillvalue=np.nan)]
+        return np.array(rows, float).reshape(-1, 4)
+
+    def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:
+        """Interference diagram at a speed, rad/s (:func:`bdamper.plot.plot_safe`)."""
+        return draw(self, "plot_safe", speed, ax, **options)
+
+    def _grid(self) -> dict[str, Any]:
+        return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Where orders meet modes."""
+        places = ((f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in self.met)
+        return tuple(Fact(*place) for place in places)
+
+    def bottom_line(self) -> str:
+        pairs = dict.fromkeys((n, m) for n, m, *speeds in self.met if np.isfinite(speeds).any())
+        which = ", ".join(f"order {n:g} with mode {m:g}" for n, m in pairs) or "none"
+        return f"Engine orders that meet modes from {_place(self.speed[0])} to {_place(self.speed[-1])}: {which}."
+
+
+def _place(speed: float) -> str:
+    return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)" if np.isfinite(speed) else "no speed of the range"
+
+
+def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:
+    """(k,) speeds (rad/s) at which frequencies (n,), Hz, over speeds (n,) meet the line of an order.
+
+    Squared frequencies are interpolated linearly over squared speeds, exact where modes keep their shapes.
+    """
+    gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
+    i = np.flatnonzero((gap[:-1] == 0.0) | (gap[:-1] * gap[1:] < 0.0))
+    part = np.where(gap[i] == 0.0, 0.0, gap[i] / np.where(gap[i] == gap[i + 1], 1.0, gap[i] - gap[i + 1]))
+    found = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
+    return np.append(found, speed[-1:][gap[-1:] == 0.0])
+
+
+@partial(validation.spelt, also=Conditions.__dataclass_fields__)
+@one_thread
+def campbell(
+    problem: Problem,
+    /,
+    speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
+    engine_orders: Sequence[int] = (),
+    *,
+    rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
+    modes: int = 3,
+    damped: SweepResult | Sequence[SweepResult] | None = None,
+    progress: bool = False,
+    **conditions: Any,
+) -> Campbell:
+    """Free and stuck frequencies over rotor speed at all nodal diameters of the model that know rotor speeds.
+
+    Parameters
+    ----------
+    problem : Problem
+    speeds : (low, high) or sequence of more than two values, rad/s
+        Thirteen between two ends.
+    engine_orders : sequence of int
+        Of which lines are drawn and crossings told.
+    rpm : as ``speeds``, revolutions per minute
+        Instead of them.
+    modes : int
+        Of each nodal diameter, from the lowest.
+    damped : SweepResult or sequence of SweepResult, optional
+        Damped crossings to be shown with them, as :meth:`bdamper.Study.crossings` finds them.
+    progress : bool
+    **conditions
+        As for :meth:`bdamper.Study.crossings`.
+
+    Raises
+    ------
+    SettingError
+        If speeds or orders are none, or damped crossings of another model.
+    """
+    values = speed_values(asked_speeds(problem, speeds, rpm))
+    orders = validation.wholes("engine_orders", engine_orders, least=1)
+    modes = validation.whole("modes", modes, least=1)
+    shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
+    for item in shown:
+        crossings = isinstance(item, SweepResult) and {"speed", "mass"} <= {*item.quantities}
+        validation.that(crossings, "damped", "crossings, as Study.crossings returns them", item)
+        validation.require(
+            item.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one"
+        )
+    given = Conditions(**conditions)
+    bases = [item for body in problem.model.bodies.values() if body.kind == "constrained" for item in body.bases.items()]
+    found = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
+    diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
+    free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
+    n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
+    beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
+    validation.require(not beyond, "engine_orders", f"orders that meet nodal diameters {diameters}", beyond)
+    by_diameter = [SpeedFamily(problem.with_(engine_order=d or n, harmonics=1), resting) for d in diameters]
+    own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    mean = diameters.index(own) if own in diameters else 0  # the static state has no nodal diameter: one serves all
+    for i, omega in enumerate(each(values.tolist(), progress, "Campbell diagram", "speed")):
+        problems = [under(family.base, omega, resting) for family in by_diameter]
+        preload = preload_at(problem, omega) if problem.carries_load else 0.0
+        state = problems[mean].equilibrium(preload)
+        for k, one in enumerate(problems):
+            free[k, i], stuck[k, i] = free_and_stuck(one, state, modes)
+    return Campbell(
+        speed=values,
+        nodal_diameter=np.array(diameters, int),
+        free=free,
+        stuck=stuck,
+        n_blades=n,
+        engine_order=np.array(orders, int),
+        damped=shown,
+        notes=problem.model.neglected_over_speed(),
+        **problem.recorded(),
+    )

@@ -1,0 +1,495 @@
+r"""Parameters of a study from measured responses, with intervals that include errors of the model.
+
+The fit finds the logarithms of the parameters with the least sum of squared residuals of
+:mod:`bdamper.analyses.response_residuals`. If a response without damper is given, natural frequency, damping and force
+gain follow from it alone and are then held: in loaded responses a stiffer contact and a stiffer structure have the same
+effect.  The errors of the held parameters widen the intervals of the others.
+
+The interval of a parameter is its profile: the parameter is held at a value and the others are fitted again, until the sum
+of squares rises by as much as a t distribution allows for 95 %.  The measure of the noise is the residual if it is larger
+than the given noise.  A parameter whose interval is its whole range is not determined by the data.
+
+Errors of a model are no noise: more points do not average them, and the parameters absorb a part that the residual does not
+show.  If the residual exceeds the noise, the profile therefore continues until the misfit has doubled: the sum of squares
+rises by three times its excess over the part that noise explains.  The interval then also covers the changes if one test
+after another is left out,
+
+.. math:: d_t = (J^T J - J_t^T J_t)^{-1} J_t^T r_t,
+
+with the rows :math:`J_t` and :math:`r_t` of test t.  Their jackknife standard error includes that the model is wrong in
+different ways under different loads.  No residual shows an error that the parameters compensate for under all loads alike.
+True constants then lie outside of the interval, and :meth:`Fitted.beside` widens it by means of a richer model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import scipy  # scipy.stats is loaded where it is used: half a second
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from bdamper.analyses.response_residuals import EDGE, FORCE, LOST, Separation, Test, Variations, of_resonances, of_test
+from bdamper.harmonic_balance.parameters import setting_names, vary
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import check_result
+from bdamper.harmonic_balance.study_dispatch import A, asked, problem_of
+from bdamper.importers.measurements import Measured, Measurement
+from bdamper.response.setting_derivatives import setting_value
+from bdamper.util import validation
+from bdamper.util.display import Plottable
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.formatting import spaced
+from bdamper.util.short_repr import brief
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.storage import Recorded, Storable
+from bdamper.util.tables import Column, Tabular
+from bdamper.util.threading import one_thread
+
+P95 = 0.975
+"""Quantile whose two sides leave 95 % between them."""
+TAKEN_UP = 3.0
+"""Rise of the sum of squares over its excess at the best point up to which values count as possible: the misfit doubles."""
+ROUGH = 1e-4
+"""Relative tolerance on the sum of squares along a profile."""
+MOST = 60
+"""Evaluations of a fit."""
+ALIKE = 1e4
+"""Condition of the derivatives by the logarithms of the parameters from which a combination of them counts as not known."""
+NO_EFFECT = 1e-9
+"""Singular value of the derivatives, relative to the largest, below which a combination of parameters has no effect."""
+WRONG = 30.0
+"""Misfit of a test, in units of the noise, above which the model does not describe the data."""
+UNKNOWN = "not determined by these data"
+SEARCH = 12
+"""Evaluations of a profile to either side."""
+NEARLY = 0.05
+"""Relative error of the root of a rise up to which a profile has reached it."""
+UNLOADED = {"damping_factor": (0.05, 20.0), "frequency_factor": (0.8, 1.25), FORCE: (0.2, 5.0)}
+"""Parameters that are found from the response without damper, with their ranges."""
+
+
+@brief
+@dataclass(frozen=True)
+class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="point"):
+    """Parameters found from measured responses; they belong to the settings with which they were found.
+
+    ``plot`` draws measured and computed responses with the residuals (:func:`bdamper.plot.plot_fit`), and
+    :func:`bdamper.plot.plot_information` which test tells what.
+
+    Parameters
+    ----------
+    names : tuple of str
+    values, low, high : (k,) float
+        Estimates and their intervals within the ranges: for 95 %, or wider if the model is wrong by more than the noise.
+    deviation, left_out : (k,) float
+        Relative standard deviations: from the covariance, scaled by the misfit if it exceeds 1 (inf if the data do not
+        determine the parameter), and from leaving tests out (NaN with fewer than two tests).
+    information : (k, n_tests) float
+        Share of each test in what is known of each parameter.
+    tests : tuple of str
+    noise : float
+        Relative standard deviation of the measured amplitudes.
+    place : (n,) float
+        Frequencies of the points, Hz.
+    measured, model : (n,) complex
+        m; of resonances over load their ratio to that without load, times that of the model.
+    residual : (n, 2) float
+        In units of the noise.
+    test : (n,) int
+    status : str
+        "complete", or "incomplete: ..." with what makes the values doubtful.
+    notes : tuple of str
+    settings, model_hash
+        Of the study before the fit.
+    """
+
+    names: tuple[str, ...]
+    values: NDArray
+    low: NDArray
+    high: NDArray
+    deviation: NDArray
+    left_out: NDArray
+    information: NDArray
+    tests: tuple[str, ...]
+    noise: float
+    place: NDArray
+    measured: NDArray
+    model: NDArray
+    residual: NDArray
+    test: NDArray
+    status: str = COMPLETE
+    notes: tuple[str, ...] = ()
+    _told = ("status", "notes")
+
+    @property
+    def misfits(self) -> NDArray:
+        """(n_tests,) float: root mean square of the residuals of each test, in units of the noise."""
+        n = len(self.tests)
+        sums = np.bincount(self.test, (self.residual**2).sum(axis=1), n)
+        return np.sqrt(sums / np.maximum(np.bincount(self.test, np.count_nonzero(self.residual, axis=1), n), 1))
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of all residuals, in units of the noise."""
+        return float(np.sqrt((self.residual**2).sum() / max(np.count_nonzero(self.residual), 1)))
+
+    def __getitem__(self, name: str) -> float:
+        """Estimate of a parameter."""
+        return float(self.values[self.names.index(validation.choice("parameter", name, self.names))])
+
+    def apply(self, study: A) -> A:
+        """A study with the parameters that were found; the force gain is one of the rig and stays out.
+
+        Raises
+        ------
+        SettingError
+            If the study has another model or other settings than the one that was fitted: contact parameters make up for
+            what its modes, contact points and harmonics leave out, and mislead with others.
+        """
+        check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
+        return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
+
+    def beside(self, richer: Fitted) -> Fitted:
+        """The same with intervals that are wider, to both sides, by how far a fit with richer settings lies from it.
+
+        Neither interval of one model sees an error that it makes under all loads alike.
+
+        Parameters
+        ----------
+        richer : Fitted
+            Of the same parameters from the same data, with more harmonics, modes or contact points.
+        """
+        validation.require(richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}")
+        away = np.exp(np.abs(np.log(richer.values / self.values)))
+        low, high = np.minimum(self.low / away, richer.low), np.maximum(self.high * away, richer.high)
+        return replace(self, low=low, high=high, notes=(*self.notes, f"intervals reach a fit with {richer._belong()}"))
+
+    def _belong(self) -> str:
+        s = self.settings
+        given = {
+            "harmonics": " ".join(map(str, s["harmonics"])),
+            "blade modes": s["blade_modes"],
+            "contact points": s["contact_points"] or "all of the model",
+            "contact stiffness": s["contact_stiffness"] if isinstance(s["contact_stiffness"], str) else "given",
+        }
+        return ", ".join(f"{name} {value}" for name, value in given.items())
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each measured point."""
+        own = {"test": self.test, "place": self.place, "measured": np.abs(self.measured), "model": np.abs(self.model)}
+        return {name: Column(v) for name, v in own.items()} | {"residual": Column(self.residual[:, 0])}
+
+    @property
+    def wrong(self) -> str:
+        """Statement that the model does not describe the worst test, with a hint if units are likely wrong; or empty."""
+        worst = int(np.argmax(self.misfits))
+        if not self.misfits[worst] > WRONG:
+            return ""
+        ratio = float(np.nanmedian(np.abs(self.measured / self.model)[self.test == worst]))
+        power = np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0  # of 1000, between m, mm and um
+        factor = f"{1e3**power:g} times those of the model"
+        hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
+        return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
+
+    def bottom_line(self) -> str:
+        rows = zip(self.names, self.values, self.low, self.high, self.deviation)
+        found = "; ".join(
+            f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
+        )
+        worst = int(np.argmax(self.misfits))
+        out = [f"{found[:1].upper()}{found[1:]}, with intervals for 95 %."]
+        if self.wrong:
+            out.insert(0, f"{self.wrong[:1].upper()}{self.wrong[1:]}.")
+        wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
+        most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
+        out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
+        if wrong:
+            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (beside).")
+        out.append(f"The constants belong to {self._belong()}, and to no other settings.")
+        if doubts := self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; "):
+            out.append(f"The fit is incomplete: {doubts}.")
+        return " ".join(out)
+
+
+@dataclass(eq=False)
+class Objective:
+    """Residuals of all data as a function of the logarithms of the parameters.
+
+    Parameters
+    ----------
+    problem : Problem
+    data : sequence of Test or Measured
+    ranges : mapping of name to (low, high)
+    noise : float
+    held : mapping of name to float
+        Parameters that stay.
+    """
+
+    problem: Problem
+    data: Sequence[Test | Measured]
+    ranges: Mapping[str, tuple[float, float]]
+    noise: float
+    held: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.problem = problem_of(self.problem)
+        self._last: tuple[NDArray, list[Separation]] | None = None
+
+    @property
+    def bounds(self) -> NDArray:
+        """(2, k) logarithms of the ranges."""
+        return np.log(np.array(list(self.ranges.values()))).T
+
+    def parts(self, x: NDArray) -> list[Separation]:
+        """Residuals of each set of data; those of the last point are kept."""
+        if self._last is None or not np.array_equal(self._last[0], x):
+            held = dict(self.held)
+            gain = {FORCE: held.pop(FORCE)} if FORCE in held else {}  # its derivatives are found, too, and left out
+            values = dict(zip(self.ranges, np.exp(x).tolist()))
+            varied = Variations(vary(self.problem, held), values | {n: v for n, v in gain.items() if n not in values})
+            how: dict[type, Callable[..., Separation]] = {Test: of_test, Measured: of_resonances}
+            self._last = x.copy(), [how[type(each)](varied, each, self.noise) for each in self.data]
+        return self._last[1]
+
+    def residual(self, x: NDArray) -> NDArray:
+        """(m,) of all data."""
+        return np.concatenate([part.residual.ravel() for part in self.parts(x)])
+
+    def jacobian(self, x: NDArray) -> NDArray:
+        """(m, k) derivatives by the logarithms."""
+        k = len(self.ranges)
+        slopes = [part.slopes()[..., :k].reshape(-1, k) for part in self.parts(x)]
+        return np.concatenate(slopes) * np.exp(x)
+
+    def log_probability(self, values: Sequence[float] | NDArray) -> float:
+        """Logarithm of the probability of values of the parameters, up to a constant, as samplers ask for it.
+
+        Noise is normal, values outside of the ranges are impossible and within equally probable in their logarithm.
+        """
+        x = np.log(validation.numbers("values", values, len(self.ranges), above=0.0))
+        low, high = self.bounds
+        return -0.5 * float((self.residual(x) ** 2).sum()) if ((x >= low) & (x <= high)).all() else -np.inf
+
+    def least(self, x: NDArray, free: NDArray, tolerance: float = 1e-12) -> NDArray:
+        """The best point from one near it, with some of the coordinates held."""
+        low, high = self.bounds
+
+        def whole(part: NDArray) -> NDArray:
+            out = x.copy()
+            out[free] = part
+            return out
+
+        margin = 1e-6 * (high - low)[free]
+        start = np.clip(x[free], low[free] + margin, high[free] - margin)
+        ways: dict[str, Any] = {"xtol": np.sqrt(tolerance) * 1e-4, "ftol": tolerance, "gtol": tolerance, "max_nfev": MOST}
+        found = least_squares(
+            lambda part: self.residual(whole(part)), start, lambda part: self.jacobian(whole(part))[:, free],
+            (low[free], high[free]), **ways,
+        )  # fmt: skip
+        return whole(found.x)
+
+
+def covariance(J: NDArray) -> NDArray:
+    """Return the covariance (k, k) of parameters for residuals of unit variance from the derivatives J (m, k).
+
+    Combinations of parameters without effect have a very large variance, where a pseudo-inverse has none.
+    """
+    _, s, ways = np.linalg.svd(np.pad(J, ((0, J.shape[1]), (0, 0))), full_matrices=False)
+    inverse = ways.T / np.maximum(s, max(NO_EFFECT * s[0], NO_EFFECT))
+    return np.asarray(inverse @ inverse.T)
+
+
+def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray:
+    """Return the standard errors (k,) by the jackknife: leave out each group of rows of residuals r (m,) and J (m, k)."""
+    moved = np.array([np.linalg.pinv(J.T @ J - J[s].T @ J[s]) @ (J[s].T @ r[s]) for s in rows])
+    return np.asarray(np.sqrt((1.0 - 1.0 / len(rows)) * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0)))
+
+
+@asked
+@validation.spelt
+@one_thread
+def fit(
+    problem: Problem,
+    data: Test | Measured | Sequence[Test | Measured],
+    vary: Mapping[str, tuple[float, float]],
+    *,
+    free: Measurement | Test | None = None,
+    noise: float = 0.02,
+) -> Fitted:
+    """Find parameters of a study from measured responses.
+
+    Parameters
+    ----------
+    problem : Problem
+        Where the search begins.
+    data : Test, Measured, or a sequence of these
+        Swept responses; resonances over load, relative to that without load.
+    vary : mapping of name to (low, high)
+        Settings as in :mod:`bdamper.harmonic_balance.parameters`, such as "friction_coefficient",
+        "friction_coefficient.left", "contact_stiffness_factor", "contact_stiffness_factor.normal", "damping_factor",
+        "frequency_factor" or "gap_factor", and "force_factor", the gain of all forces; with the range of each, above 0.
+    free : Measurement or Test, optional
+        The response without damper, from which damping, frequency and force gain are found first and then held; ``vary``
+        may give their ranges.
+    noise : float
+        Relative standard deviation of a measured amplitude, and of a phase in radians.
+
+    Returns
+    -------
+    Fitted
+
+    Raises
+    ------
+    SettingError
+        If parameters or ranges are missing, if the data cannot tell the parameters apart, or if a test does not fit the
+        model, for example by a preload on a model without loads.
+    BdamperError
+        If no response can be computed at any measured point.
+    """
+    data = [data] if isinstance(data, Test | Measured) else list(data)
+    validation.require(data, "data", "one test or more", "none")
+    for each in data:
+        validation.instance("data", each, (Test, Measured))
+    noise = validation.number("noise", noise, above=0.0, below=1.0)
+    names = (*setting_names(problem), FORCE)
+    ranges = {}
+    for name, ends in validation.mapping("vary", vary, names, "parameters").items():
+        ranges[name] = validation.interval(f"range of {name}", ends, "the unit of the parameter")
+    first = None
+    if free is not None:
+        unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
+        first = _stage(Objective(problem, [free if isinstance(free, Test) else Test(free, 0.0)], unloaded, noise))
+    validation.require(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
+    stiff = [name for name in ranges if name.startswith("contact_stiffness")]
+    if "frequency_factor" in ranges and stiff and not any(isinstance(t, Test) and t.preload == 0.0 for t in data):
+        raise SettingError(
+            f"vary: expected a test without load (free=) beside frequency_factor and {stiff[0]}, found none: a stiffer "
+            "contact and a stiffer structure have the same resonances"
+        )
+    last = _stage(Objective(problem, data, ranges, noise), first)
+    return last[0] if first is None else _joined(first[0], last[0])
+
+
+def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -> tuple[Fitted, NDArray]:
+    """Fit one stage with the parameters of the stage before held; return the result and its covariance."""
+    if before is not None:
+        objective.held = dict(zip(before[0].names, before[0].values.tolist()))
+    problem, names = objective.problem, tuple(objective.ranges)
+    start = np.log([1.0 if name == FORCE else setting_value(problem, name) or 1e-300 for name in names])
+    low, high = objective.bounds
+    x = objective.least(np.clip(start, low, high), np.ones(len(names), bool))
+    parts = objective.parts(x)
+    labels = tuple(str(each) if isinstance(each, Test) else each.source or "resonances" for each in objective.data)
+    if all(part.lost.all() for part in parts):
+        raise BdamperError(
+            f"fit: no response could be computed at the measured points, first of {labels[0]} "
+            f"({parts[0].reason or 'no solution on the swept branch'}); check preloads, forces and frequencies"
+        )
+    sizes = np.cumsum([0, *(part.residual.size for part in parts)])
+    rows = [slice(a, b) for a, b in zip(sizes, sizes[1:])]
+    half, C, left = _uncertainty(objective, x, rows, before)
+    J = objective.jacobian(x)
+    told = np.array([(J[s] ** 2).sum(axis=0) for s in rows]).T
+    ends = np.clip([x - half[0], x + half[1]], low, high)
+    unknown = (ends[0] <= low + EDGE) & (ends[1] >= high - EDGE)
+    _, singular, ways = np.linalg.svd(J, full_matrices=False)
+    doubts = [f"{spaced(name)} {UNKNOWN}" for name, whole in zip(names, unknown) if whole]
+    if singular[-1] * ALIKE < singular[0] and not unknown.any():
+        parts_of = " ".join(f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1)
+        doubts.append(f"the data do not tell {parts_of}")
+    at_end = (np.minimum(x - low, high - x) < 1e-3 * (high - low)) & ~unknown
+    doubts += [f"{spaced(name)} is at an end of its range" for name, there in zip(names, at_end) if there]
+    for label, part in zip(labels, parts):
+        if lost := int(part.lost.sum()):
+            why = f" ({part.reason})" if part.reason else ""
+            counted = f"each counted as {LOST:g} times the noise"
+            doubts.append(f"no response was found at {lost} points of {label}{why}, {counted}")
+    found = Fitted(
+        names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
+        deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
+        information=told / np.maximum(told.sum(axis=1, keepdims=True), 1e-300), tests=labels, noise=objective.noise,
+        place=np.concatenate([part.place for part in parts]), measured=np.concatenate([part.measured for part in parts]),
+        model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
+        test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **problem.recorded(),
+    )  # fmt: skip
+    return _with_status(found, doubts), C
+
+
+def _uncertainty(
+    objective: Objective, x: NDArray, rows: Sequence[slice], before: tuple[Fitted, NDArray] | None
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Find the half widths (2, k) of the intervals, the covariance (k, k) and the deviations by leaving tests out (k,)."""
+    r, J = objective.residual(x), objective.jacobian(x)
+    k, n = len(x), len(rows)
+    spare = max(int(np.count_nonzero(r)) - k, 1)
+    scale = max(1.0, float(r @ r) / spare)
+    quantile = float(scipy.stats.t.ppf(P95, spare))
+    excess = max(float(r @ r) - float(scipy.stats.chi2.ppf(P95, spare)), 0.0)
+    rise = max(scale * quantile**2, TAKEN_UP * excess)
+    C = scale * covariance(J)
+    half = np.array([_profile(objective, x, j, rise, np.sqrt(rise / scale * C[j, j])) for j in range(k)]).T
+    left = np.full(k, np.nan)
+    if n > 1:
+        left = left_out(r, J, rows)
+    if n > 1 and excess > 0.0:  # without an excess the noise alone explains how the tests differ
+        half = np.fmax(half, float(scipy.stats.t.ppf(P95, n - 1)) * left)
+    if before is not None:  # errors of the held parameters move the others
+        held, own = before
+        joint = Objective(objective.problem, objective.data, UNLOADED | dict(objective.ranges), objective.noise)
+        K = joint.jacobian(np.append(np.log(held.values), x))[:, : len(held.values)]
+        move = covariance(J) @ J.T @ K
+        carried = move @ own @ move.T
+        C, half = C + carried, np.hypot(half, quantile * np.sqrt(np.diag(carried)))
+    return half, C, left
+
+
+def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float) -> NDArray:
+    """Find how far one parameter moves to both sides until the sum of squares has risen, with the others fitted again."""
+    least = float((objective.residual(x) ** 2).sum())
+    free = np.arange(len(x)) != j
+    J, (low, high) = objective.jacobian(x), objective.bounds
+    others = -np.linalg.lstsq(J[:, free], J[:, j], rcond=None)[0] if free.any() else np.zeros(0)
+    ends = np.array([x[j] - low[j], high[j] - x[j]])
+    for side, sense in enumerate((-1.0, 1.0)):
+        limit, reach = ends[side], min(half, ends[side])
+        inner, outer = (0.0, -1.0), None  # distances, and the relative excess of the root of the rise there
+        for _ in range(SEARCH):
+            at = x.copy()
+            at[j] += sense * reach
+            at[free] += sense * reach * others
+            at = np.clip(at, low, high)
+            at = objective.least(at, free, ROUGH) if free.any() else at
+            more = float((objective.residual(at) ** 2).sum()) - least
+            gap = min(np.sqrt(max(more, 0.0) / rise) - 1.0, 1.0)
+            if abs(gap) < NEARLY or (gap < 0.0 and reach >= limit):
+                break
+            inner, outer = ((reach, gap), outer) if gap < 0.0 else (inner, (reach, gap))
+            if outer is None:
+                reach = min(limit, reach / max(1.0 + gap, 0.2))
+            else:
+                reach = inner[0] + (outer[0] - inner[0]) * inner[1] / (inner[1] - outer[1])
+        ends[side] = reach
+    return ends
+
+
+def _with_status(found: Fitted, doubts: Sequence[str]) -> Fitted:
+    doubts = [each for each in (found.wrong, *doubts) if each]
+    return replace(found, status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE)
+
+
+def _joined(first: Fitted, last: Fitted) -> Fitted:
+    """Join the results of two stages, their parameters and tests one after the other."""
+    information = scipy.linalg.block_diag(first.information, last.information)
+    arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual")
+    whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
+    doubts = [s.status.partition(": ")[2].removeprefix(s.wrong).removeprefix("; ") for s in (first, last)]
+    joined = replace(
+        last, names=first.names + last.names, tests=first.tests + last.tests,
+        **whole, information=information,
+        test=np.append(first.test, last.test + len(first.tests)),
+    )  # fmt: skip
+    return _with_status(joined, doubts)

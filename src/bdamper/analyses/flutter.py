@@ -1,0 +1,189 @@
+"""Limit cycles: amplitudes at which friction balances a flow that excites.
+
+An aerodynamic force in proportion to mass times velocity is that of a nonlinear mode: where the damping ratio of the mode
+and that of the flow add up to zero, the motion goes on by itself, and it solves the autonomous equations exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.analyses.nonlinear_mode import mode_system, nonlinear_mode
+from bdamper.analyses.nonlinear_mode_result import NonlinearMode
+from bdamper.harmonic_balance.closing_conditions import Plane
+from bdamper.harmonic_balance.equations import OK
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.response.continuation import TWO_PI
+from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.optimal_curve import preload_values
+from bdamper.util import validation
+from bdamper.util.display import Plottable
+from bdamper.util.formatting import amount
+from bdamper.util.short_repr import brief
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.storage import Recorded, Storable
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
+from bdamper.util.threading import one_thread
+
+
+@brief
+@dataclass(frozen=True)
+class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", row="cycle"):
+    """Rest and limit cycles of a blade that a flow excites, over preload and nodal diameter.
+
+    ``plot`` draws them over the preload (:func:`bdamper.plot.plot_flutter`).
+
+    Parameters
+    ----------
+    preload : (n,) float, N
+    nodal_diameter : (n,) int
+    amplitude : (n,) float, m
+        Of the first harmonic of the response; 0 at rest, where frequency and damping are those of the lowest amplitude.
+    frequency : (n,) float, Hz
+    stable : (n,) bool
+        Whether a small change of the amplitude dies out.  Starts beyond an unstable one go on to the next stable one, or
+        grow without bound.
+    highest : float, m
+        Amplitude up to which cycles were looked for.
+    aerodynamic_damping : mapping of nodal diameter to complex
+    statuses : tuple of str
+        Of each row.
+    settings : mapping
+    model_hash : str
+    """
+
+    preload: Newtons
+    nodal_diameter: Numbers
+    amplitude: Metres
+    frequency: Hertz
+    stable: Numbers
+    highest: float
+    aerodynamic_damping: dict[str, list[float]]
+    statuses: Annotated[tuple[str, ...], Quantity(name="status")]
+
+    @property
+    def safe(self) -> NDArray:
+        """(n,) float, m: at the preload and nodal diameter of each row, amplitude up to which starts stay bounded.
+
+        Infinite where no unstable cycle was found below ``highest``; 0 where rest is unstable and nothing stops the growth.
+        """
+        out = np.full(len(self.preload), np.inf)
+        for k, case in enumerate(zip(self.preload, self.nodal_diameter)):
+            own = np.flatnonzero((self.preload == case[0]) & (self.nodal_diameter == case[1]))
+            held = np.maximum.accumulate(self.stable[own])  # from the first stable one on
+            ends = self.amplitude[own][~self.stable[own] & held]
+            out[k] = 0.0 if not held.any() else ends.min(initial=np.inf)
+        return out
+
+    def bottom_line(self) -> str:
+        safe = self.safe
+        k = int(np.argmin(safe))
+        where = f"a preload of {amount(self.preload[k], 'N')} and nodal diameter {self.nodal_diameter[k]}"
+        cycles = f"{np.count_nonzero(self.amplitude)} limit cycles found"
+        if (held := self.amplitude[self.stable]).any():
+            cycles += f", stable ones of up to {amount(held.max(), 'm')}"
+        if np.isinf(safe[k]):
+            return f"Every start below {amount(self.highest, 'm')} stays bounded: {cycles}."
+        return f"Starts below {amount(safe[k], 'm')} stay bounded, the least at {where}: {cycles}."
+
+
+@validation.spelt
+@one_thread
+def flutter(
+    problem: Problem,
+    preload: float | tuple[float, float] | Sequence[float] | NDArray,
+    aerodynamic_damping: complex | Mapping[int, complex],
+    *,
+    mode: int = 1,
+    amplitude: tuple[float, float] = (1e-6, 1e-2),
+    n: int = 9,
+    options: ContinuationOptions | None = None,
+) -> Flutter:
+    """Limit cycles of a mode in a flow, stable or not, and how far starts are safe.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, (low, high) or sequence of more than two values, N
+    aerodynamic_damping : float or complex, or a mapping of nodal diameters to these
+        Damping ratio of the flow, negative where it excites, at the nodal diameter of the engine order or at those given.
+        Of a complex one the imaginary part is the damping ratio, the real part a relative shift of the frequency.  The
+        force is in proportion to mass, that of the shift not on rigid motions.
+    mode, amplitude, options
+        As for ``bdamper.analyses.nonlinear_mode.nonlinear_mode``; the amplitudes are those in which cycles are looked for.
+    n : int
+        Preloads between two ends.
+
+    Returns
+    -------
+    Flutter
+    """
+    low, high = validation.interval("amplitude", amplitude, "m")
+    values = preload_values(preload, n) if np.ndim(preload) else np.array([problem.check_preload(preload)])  # type: ignore[arg-type]
+    own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    given = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own: aerodynamic_damping}
+    rows: list[tuple[Any, ...]] = []
+    for d, value in given.items():
+        flow = complex(value)
+        validation.that(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
+        zeta = flow.imag if isinstance(value, complex) else flow.real
+        one = problem if d == own else problem.with_(engine_order=int(d) or problem.model.n_blades)
+        one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
+        curve: NonlinearMode | None = None
+        for p in values[::-1].tolist():
+            if curve is None or p > curve.scales_to:
+                reach = low, high * (values[-1] / values[0] if curve is None and values[0] > 0.0 else 1.0)
+                curve = nonlinear_mode(one, p, mode, reach, options=options)
+                cycles = _cycles(one, curve, zeta)
+            s = p / curve.preload if curve.scales_to else 1.0
+            rest = zeta + float(curve.damping_ratio[0]) > 0.0
+            found = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
+            rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(found))]
+    preloads, diameters, amplitudes, frequencies, stable, statuses = zip(*rows)
+    return Flutter(
+        preload=np.array(preloads),
+        nodal_diameter=np.array(diameters, int),
+        amplitude=np.array(amplitudes),
+        frequency=np.array(frequencies),
+        stable=np.array(stable, bool),
+        highest=high,
+        aerodynamic_damping={str(d): [complex(z).real, complex(z).imag] for d, z in given.items()},
+        statuses=statuses,
+        **problem.recorded(options),
+    )
+
+
+def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Problem:
+    """The problem with a stiffness in proportion to mass, of which the mode shifts by so much."""
+    if shift == 0.0:
+        return problem
+    square = 2.0 * shift * mode_system(problem, preload, mode, 1.0)[1] ** 2
+    mean, *others = problem.bases
+    moved = [
+        replace(b, omega2=b.omega2 + square * b.mass * (b.omega2 > 0.0), damping_ratio=0.0 * b.omega2, drag=b.damping)
+        for b in others
+    ]
+    return problem.given(bases=[mean, *moved])
+
+
+def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[float, float, bool, str]]:
+    """Amplitude (m), frequency (Hz), stability and status of the motions of a mode with a damping ratio of ``-zeta``."""
+    validation.require(len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}")
+    system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
+    g, out = mode.damping_ratio + zeta, []
+    for i in np.flatnonzero((g[:-1] * g[1:] <= 0.0) & (g[1:] != 0.0) & (mode.branch[:-1] == mode.branch[1:])):
+        a, b = (
+            system.structure.point(mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1)
+        )
+        guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
+        scale = system.units(guess, 1.0)
+        c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
+        y, status = (c.y, COMPLETE) if c.status == OK else (guess, because(INCOMPLETE, "between two points of the mode"))
+        stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)
+        out.append((float(system.structure.reference * np.exp(y[-1])), float(y[-3]) / TWO_PI, stable, status))
+    return out

@@ -1,0 +1,347 @@
+r"""How far the response of a problem lies from measured ones, and how that changes with parameters.
+
+At a measured frequency the residual is the logarithm of the ratio of both responses over the standard deviation
+:math:`\sigma` of the noise: :math:`\ln|X/X_i|/\sigma` for the amplitude and, where a phase was measured,
+:math:`2\sin(\tfrac12\arg(X/X_i))/\sigma`, which is the difference of the phases where that is small and nowhere jumps.
+The response is that of the branch which the sweep of the test stays on, solved for at the measured frequency itself:
+interpolation along a curve puts a ripple on the residual that stops the search for the best parameters.
+
+Near a jump of the sweep a small change of a parameter moves the point to another branch.  There, within a few frequency
+steps of the test, the residual is the distance from the measured point to the curve, stable or not, in ln(frequency) over
+the step and ln(amplitude) over :math:`\sigma`.  The distance is not taken elsewhere: a narrow spike between two measured
+frequencies would cost nothing.
+
+Derivatives are those across the curve (:func:`bdamper.response.sensitivity.across`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.closing_conditions import Plane
+from bdamper.harmonic_balance.equations import OK, Correction, Equations, norm2
+from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.residual_mode_alignment import like
+from bdamper.importers.measurements import Measured, Measurement
+from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.highest_peak import highest_peak
+from bdamper.response.peak import Family, Peak
+from bdamper.response.quasi_static_sweep import sweep_of
+from bdamper.response.resonance_interval import linear_peak, peak_interval
+from bdamper.response.response_curve import track
+from bdamper.response.sensitivity import across, sensitivities
+from bdamper.util import validation
+from bdamper.util.errors import BdamperError, ModelError, SettingError
+
+T = TypeVar("T")
+FORCE = "force_factor"
+"""The parameter by which all excitations differ from those of the tests."""
+NEAR = 5.0
+"""Frequency steps of a test around a jump within which points are compared with the whole curve."""
+LOST = 10.0
+"""Residual of a point where no response is found."""
+STEP = 1e-5
+"""Relative, of the differences of the resonance without damper."""
+EDGE = 1e-6
+"""Relative: what curves go beyond the measured frequencies; a step or a distance that counts as none."""
+
+
+@validation.spelt
+@dataclass(frozen=True)
+class Test(validation.Checked):
+    """A measured response over frequency, and how it was measured.
+
+    Parameters
+    ----------
+    data : Measurement
+        In a unit of length; of the response that the study asks for, relative to the excitation where it has a phase
+        (``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i omega t))``).
+    preload : float, N
+        On the damper.
+    force : float, N, optional
+        Amplitude of the excitation; by default that of the study.
+    sweep : {"up", "down"}
+        Whether the frequency rose or fell.
+    """
+
+    __test__ = False  # no test of pytest
+    data: Measurement
+    preload: validation.Force
+    force: Annotated[float, validation.Limits(above=0.0, unit="N")] | None = None
+    sweep: Literal["up", "down"] = "up"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        validation.instance("data", self.data, Measurement, "a Measurement, as bdamper.importers.read_response reads it")
+        name, least = self.data.name, min(self.data.frequency.min(), self.data.amplitude.min())
+        validation.require(len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer")
+        validation.require(least > 0.0 < self.data.metres, name, "frequencies and amplitudes above 0", f"{least:g}")
+
+    def __str__(self) -> str:
+        force = "" if self.force is None else f", {self.force:g} N"
+        return f"{self.data.name} ({self.preload:g} N{force}, {self.sweep})"
+
+
+class Variations:
+    """A problem at values of parameters and beside them, with unknowns that mean the same.
+
+    Parameters
+    ----------
+    problem : Problem
+    values : mapping of name to float
+        ``"force_factor"`` is no setting: it multiplies the excitation of every test.
+    """
+
+    def __init__(self, problem: Problem, values: dict[str, float]) -> None:
+        self.problem, self.values = problem, values
+        self.own = self._at(values)
+        _ = self.own.bases, self.own.static_states  # made here, so that all tests share them
+        self._beside: dict[tuple[str, float], Problem] = {}
+
+    def _at(self, values: dict[str, float]) -> Problem:
+        return vary(self.problem, {name: value for name, value in values.items() if name != FORCE})
+
+    def beside(self, name: str, value: float) -> Problem:
+        """The problem at another value of one parameter."""
+        if name == FORCE or value == self.values[name]:
+            return self.own
+        if (name, value) not in self._beside:
+            found = like(self._at(self.values | {name: value}), self.own)
+            _ = found.static_states
+            self._beside[name, value] = found
+        return self._beside[name, value]
+
+    def under(self, force: float | None, problem: Problem | None = None, gain: float | None = None) -> Problem:
+        """The problem under the excitation of a test."""
+        gain = self.values.get(FORCE, 1.0) if gain is None else gain
+        given = self.problem.settings.excitation.amplitude if force is None else force
+        return vary(problem or self.own, {"excitation.amplitude": gain * given})
+
+    def families(self, force: float | None, preload: float) -> dict[str, tuple[Family, float]]:
+        """The equations at one preload as functions of each parameter."""
+
+        def family(name: str) -> Callable[[float], Equations]:
+            def at(value: float) -> Equations:
+                gain = value if name == FORCE else None
+                return self.under(force, self.beside(name, value), gain).system(preload)
+
+            return at
+
+        return {name: (family(name), value) for name, value in self.values.items()}
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Residuals of one set of data, and how to find their derivatives.
+
+    Parameters
+    ----------
+    place : (n,) float, Hz
+    measured, model : (n,) complex
+    residual : (n, 2) float
+        Of amplitude and phase, of amplitude and frequency for resonances; 0 where there is nothing to compare.
+    slopes : callable
+        (n, 2, n_parameters) derivatives with respect to the parameters.
+    lost : (n,) bool
+        No response was found.
+    reason : str
+        Error of the solver, if one ended the search.
+    """
+
+    place: NDArray
+    measured: NDArray
+    model: NDArray
+    residual: NDArray
+    slopes: Callable[[], NDArray]
+    lost: NDArray
+    reason: str = ""
+
+
+def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
+    """Return the result of a computation, or None and the reason if the solver fails; mistakes of the user are raised."""
+    try:
+        return compute(), ""
+    except (SettingError, ModelError):
+        raise
+    except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return None, str(error)
+
+
+def of_test(varied: Variations, test: Test, noise: float) -> Separation:
+    """Residuals of a swept response; of points without a response ``LOST``."""
+    f, measured = test.data.frequency, test.data.metres * test.data.response
+    problem, n = varied.under(test.force), len(f)
+    phase = bool(np.any(test.data.response.imag))
+    model, residual, lost = np.full(n, np.nan + 0j), np.zeros((n, 2)), np.ones(n, bool)
+    normal, points, scale = np.full((n, 2), np.nan), [], []
+    residual[:, 0] = LOST
+    step = float(np.median(np.diff(np.unique(np.log(f)))))
+    band = f.min() * (1.0 - EDGE), f.max() * (1.0 + EDGE)
+    search, reason = attempt(lambda: _Swept(problem, test, band))
+    if search is None or not len(search.curve):
+        reason = reason if search is None else search.curve.reason
+        return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
+    for i in range(n):
+        found, place = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
+        if search.jumps(f[i], NEAR * step):
+            found = search.nearest(place, np.array([step, noise]))
+            if found is not None:
+                gap, way = search.away(found, place, np.array([step, noise]))
+                normal[i] = np.array([-way[1], way[0]]) / norm2(way)
+                residual[i] = gap @ normal[i], 0.0
+        if found is None and (found := search.at(f[i])) is not None:
+            ratio = search.first(found) / measured[i]
+            residual[i] = np.log(abs(ratio)) / noise, phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / noise
+        if found is not None:
+            lost[i], model[i] = False, search.first(found)
+            points.append(found)
+            scale.append(search.scale)
+
+    def slopes() -> NDArray:
+        out = np.zeros((n, 2, len(varied.values)))
+        if not points:
+            return out
+        own = varied.families(test.force, test.preload)
+        for j, s in enumerate(across(search.system, points, np.array(scale), own).values()):
+            relative = s.at_frequency / model[~lost]
+            turned = np.cos(0.5 * np.angle(model[~lost] / measured[~lost]))
+            vertical = np.array([relative.real, phase * turned * relative.imag]).T / noise
+            sideways = np.array([s.frequency / f[~lost] / step, (s.response / model[~lost]).real / noise]).T
+            distance = (sideways * normal[~lost]).sum(axis=1)
+            near = np.isfinite(normal[~lost, 0])
+            out[~lost, :, j] = np.where(near[:, None], np.pad(distance[:, None], ((0, 0), (0, 1))), vertical)
+        return np.nan_to_num(out, posinf=0.0, neginf=0.0)
+
+    return Separation(f, measured, model, residual, slopes, lost)
+
+
+class _Swept:
+    """Solutions near points of a tracking curve: on the branch of a sweep, and nearest to a measured point."""
+
+    def __init__(self, problem: Problem, test: Test, band: tuple[float, float]) -> None:
+        self.system, self.curve = system, curve = problem.system(test.preload), track(problem, test.preload, band)
+        self.sense = 1.0 if test.sweep == "up" else -1.0
+        self.sweep = sweep_of(curve, test.sweep)
+        self.y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
+        top = self.y[int(np.argmax(curve.amplitude))] if len(curve) else np.ones(system.n_unknowns + 1)
+        self.scale = system.units(top, float(np.pi * np.ptp(curve.frequency)))
+        options = ContinuationOptions()
+        self.tolerance, self.most = options.tolerance, 2 * options.max_iterations
+
+    def first(self, c: Correction) -> complex:
+        return complex(self.system.rows.value(c.y))
+
+    def jumps(self, frequency: float, within: float) -> bool:
+        """Whether the sweep jumps or ends within a relative distance of a frequency."""
+        return any(abs(np.log(frequency / jump.frequency)) <= within for jump in self.sweep.jumps)
+
+    def at(self, frequency: float) -> Correction | None:
+        """The solution at a frequency (Hz) on the branch of the sweep."""
+        k = int(np.searchsorted(self.sense * self.sweep.frequency, self.sense * frequency))
+        if not 0 < k < len(self.sweep.point):
+            return None
+        j, f, branch = int(self.sweep.point[k]), self.curve.frequency, self.curve.branch
+        beside = [i for i in (j - 1, j + 1) if 0 <= i < len(f) and branch[i] == branch[j]]
+        beside = [i for i in beside if (f[i] - frequency) * (f[j] - frequency) <= 0.0]
+        if not beside:
+            return None
+        i = min(beside, key=lambda i: abs(i - int(self.sweep.point[k - 1])))
+        share = (frequency - f[i]) / (f[j] - f[i]) if f[j] != f[i] else 0.0
+        between = self.y[i] + share * (self.y[j] - self.y[i])
+        apart = norm2((self.y[j] - self.y[i]) / self.scale) + self.tolerance
+        for guess, search in ((between, 0), (between, 1), (self.y[i], 1), (self.y[j], 1)):  # a corner may lie between
+            omega = 2.0 * np.pi * frequency
+            c = self.system.correct_at(guess[:-1], omega, self.scale, self.tolerance, self.most, search)
+            if c.status == OK and norm2((c.y - between) / self.scale) <= apart:
+                return c
+        return None
+
+    def away(self, c: Correction, place: NDArray, units: NDArray) -> tuple[NDArray, NDArray]:
+        """From a measured place to a point of the curve, and the change of place along the curve there."""
+        first, along = self.first(c), c.tangent * self.scale
+        way = np.array([along[-1] / c.y[-1], (self.system.rows.value(along) / first).real]) / units
+        here = np.array([np.log(c.y[-1] / (2.0 * np.pi)), np.log(abs(first))]) / units
+        return here - place, way
+
+    def nearest(self, place: NDArray, units: NDArray) -> Correction | None:
+        """The point of the curve that is nearest to a measured one, by steps along its tangent from that of the curve."""
+        logs = np.log([self.curve.frequency, self.curve.amplitude]).T / units
+        i = int(np.argmin(((logs - place) ** 2).sum(axis=1)))
+        before, after = (min(max(k, 0), len(logs) - 1) for k in (i - 1, i + 1))
+        chord = (self.y[after] - self.y[before]) / self.scale
+        longest = max(norm2(chord), 1e-300)
+        c = self.system.solve(self.y[i], Plane(chord / longest), self.scale, self.tolerance, self.most)
+        for _ in range(self.most):
+            gap, way = self.away(c, place, units)
+            size = norm2(way)
+            if c.status != OK or size < EDGE:  # the mean alone drifts along the curve
+                return None
+            step = -float(gap @ way) / size**2
+            if abs(step) * size < EDGE:
+                break
+            move = float(np.clip(step, -longest, longest)) * c.tangent * self.scale
+            c = self.system.solve(c.y + move, Plane(c.tangent), self.scale, self.tolerance, self.most)
+        return c if c.status == OK else None
+
+
+def of_resonances(varied: Variations, data: Measured, noise: float) -> Separation:
+    """Residuals of resonances over load, relative to those without load, in amplitude and frequency.
+
+    Noise of the amplitude hides the place of a maximum of the relative width w up to ``w sqrt(2 noise)``, which is the
+    standard deviation of its frequency: that of a flat peak says little.
+    """
+    loads, n = np.unique(data.load[data.load > 0.0]), int((data.load > 0.0).sum())
+    problem, band = varied.under(None), peak_interval(varied.own, None, float(loads[-1]))
+    order = np.argsort(data.load)[-n:]
+    rest = int(np.argmin(data.load))
+    source, least = data.source or "resonances", float(data.load[rest])
+    validation.require(least == 0.0, source, "a row of load 0, the reference", f"{least:g} N as the least load")
+    measured = np.array([data.amplitude, data.frequency]).T[order] / [data.amplitude[rest], data.frequency[rest]]
+    peaks, reasons = {}, []
+    for load in loads:
+        peaks[load], reason = attempt(partial(highest_peak, problem, load, band))
+        reasons += [reason] if reason else []
+
+    def reference(problem: Problem) -> NDArray:
+        free = linear_peak(problem, band, 0.0, stuck=False)
+        return np.log([free.amplitude, free.frequency])
+
+    def ratio(peak: Peak) -> NDArray:
+        return np.log([peak.amplitude, peak.frequency]) - reference(problem)
+
+    rows = [peaks[load] for load in data.load[order]]
+    lost = np.array([peak is None or not peak.converged for peak in rows])
+    units, model = np.full((n, 2), noise), np.full((n, 2), np.nan)
+    for i, p in enumerate(rows):
+        if p is not None and p.converged:
+            width = abs(p.tangent[-1] * p.scale[-1]) / p.y[-1] / np.sqrt(max(-p.curvature, 1e-300))
+            units[i, 1], model[i] = max(width * np.sqrt(2.0 * noise), EDGE), ratio(p)
+    residual = np.where(lost[:, None], [LOST, 0.0], np.nan_to_num((model - np.log(measured)) / units))
+
+    def slopes() -> NDArray:
+        out = np.zeros((n, 2, len(varied.values)))
+        for j, name in enumerate(varied.values):
+            value = varied.values[name]
+            above, below = (varied.under(None, varied.beside(name, value * s)) for s in (1.0 + STEP, 1.0 - STEP))
+            own = (reference(above) - reference(below)) / (2.0 * STEP * value)
+            if name == FORCE:
+                own = np.array([1.0 / value, 0.0])
+            for i, p in enumerate(rows):
+                if p is None or lost[i]:
+                    continue
+                s = sensitivities(p, {name: varied.families(None, p.parameter)[name]})[name]
+                rate = np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency]) - own
+                out[i, :, j] = np.where(np.isfinite(measured[i]), rate / units[i], 0.0)
+        return out
+
+    size, frequency = np.exp(reference(problem))
+    place = frequency * np.where(np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1]))
+    found, expected = size * measured[:, 0] + 0j, size * np.exp(model[:, 0]) + 0j
+    return Separation(place, found, expected, residual, slopes, lost, "; ".join(reasons))

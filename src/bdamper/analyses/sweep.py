@@ -1,0 +1,404 @@
+"""Sweeps: one question asked of many variants of a problem, on any executor, with results that survive a crash.
+
+Every point is computed from the problem and its own settings alone, so results do not depend on order, workers or
+interruptions.  Finished points can be kept in a file (:mod:`bdamper.util.checkpoint_file`).
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import closing, nullcontext
+from dataclasses import dataclass, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.analyses.executors import check_executor, recorded, run_stored
+from bdamper.harmonic_balance.parameters import check_name, study_fingerprint, vary
+from bdamper.harmonic_balance.plausibility import check_question
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_dispatch import Asking, problem_of
+from bdamper.response.highest_peak import highest_peak
+from bdamper.response.optimal_curve import optimal_curve, preload_values
+from bdamper.util import plausible_ranges, validation
+from bdamper.util.checkpoint_file import ResultsFile
+from bdamper.util.cost import Cost
+from bdamper.util.display import Plottable
+from bdamper.util.errors import SettingError
+from bdamper.util.formatting import UNITS, amount, spaced
+from bdamper.util.short_repr import brief, short
+from bdamper.util.status import FAILED, NOT_RUN, all_complete, word
+from bdamper.util.storage import Recorded, Storable, enter_former
+from bdamper.util.tables import Column, Tabular
+from bdamper.util.threading import one_thread
+from bdamper.util.versions import HERE
+
+Values = Mapping[str, Any]
+Task = Callable[[Any, float | None], Values]
+"""The question: a function of a study (of a problem where that is swept) and a preload (None if the sweep has none) that
+returns named numbers, texts or lists of numbers.
+
+An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts those that are not.  An answer
+named ``"cost"`` that is a :class:`bdamper.util.cost.Cost` is kept as the cost of the point.
+"""
+
+
+@dataclass(frozen=True)
+class PeakTask(validation.Checked):
+    """The highest resonance peak.
+
+    Parameters
+    ----------
+    preload : float, N, optional
+        Where the sweep itself does not vary it.
+    frequency : (low, high), Hz, optional
+        Around the free and the stuck resonance of ``mode`` by default.
+    mode : int
+    """
+
+    preload: validation.Force | None = None
+    frequency: validation.Interval | None = None
+    mode: validation.Count = 1
+
+    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
+        at: Any = self.preload if preload is None else preload
+        peak = highest_peak(problem_of(study), at, self.frequency, mode=self.mode)
+        stick, slip, separation = (float(s) for s in peak.shares)
+        amplitude, frequency = (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
+        return {
+            "amplitude": amplitude, "frequency": frequency, "residual": peak.residual, "stick": stick,
+            "slip": slip, "open": separation, "scan": peak.scan,
+            "warning": "" if peak.scan == "complete" else f"scan {peak.scan}", "cost": peak.cost,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class OptimalTask(validation.Checked):
+    """Optimal curve and optimum.
+
+    Parameters
+    ----------
+    preload : tuple of float, N
+        Two ends, or all values.
+    n : int
+        Values between two ends.
+    frequency : (low, high), Hz, optional
+    mode : int
+    """
+
+    preload: tuple[float, ...] = (10.0, 25e3)
+    n: int = 24
+    frequency: validation.Interval | None = None
+    mode: validation.Count = 1
+
+    def __post_init__(self) -> None:
+        preload_values(self.preload, self.n)
+        super().__post_init__()
+
+    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
+        curve = optimal_curve(problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode)
+        o = curve.optimum
+        return {
+            "curve_preload": curve.preload.tolist(), "curve_amplitude": curve.amplitude.tolist(),
+            "curve_frequency": curve.frequency.tolist(), "optimum_preload": o.preload, "optimum_amplitude": o.amplitude,
+            "optimum_frequency": o.frequency, "optimum_kind": o.kind, "optimum_uncertainty": o.uncertainty,
+            "optimum_status": o.status, "free_frequency": curve.free.frequency, "free_amplitude": curve.free.amplitude,
+            "stuck_frequency": curve.stuck.frequency, "stuck_amplitude": curve.stuck.amplitude,
+            "warning": "; ".join(curve.warnings), "cost": curve.cost,
+        }  # fmt: skip
+
+
+@brief
+@dataclass(frozen=True)
+class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
+    """Answers at all points of a sweep.
+
+    ``plot`` draws one answer over the last setting (:func:`bdamper.plot.plot_sweep`).
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the settings.
+    points : tuple of mapping
+        Settings of each point.
+    values : tuple of mapping
+        Answers at each point, empty where there is none.
+    status : tuple of str
+        "complete", "failed: " with the reason, or "not run" where the sweep was interrupted before, with the reason where
+        that was the end of its executor.
+    seconds : (n,) float
+        Spent on each point.
+    shape : tuple of int
+        Of the grid of settings, the last name fastest; one number if points were given in a list.
+    settings : mapping
+        Of the problem that was varied.
+    model_hash : str
+    cost : tuple of Cost
+        Of each point: as measured by the question, otherwise the time alone.
+    """
+
+    names: tuple[str, ...]
+    points: tuple[dict[str, Any], ...]
+    values: tuple[dict[str, Any], ...]
+    status: tuple[str, ...]
+    seconds: NDArray
+    shape: tuple[int, ...]
+    cost: tuple[Cost, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def check_rows(self) -> None:
+        """Raise ValueError unless there are settings, answers, status and time of each point of the grid."""
+        counts = [int(np.prod(self.shape)), *map(len, (self.points, self.values, self.status, self.seconds))]
+        if len(set(counts)) > 1:
+            raise ValueError(f"grid, points, values, status and seconds of {counts} points")
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is an answer at every point; what it leaves open stands in ``warnings``."""
+        return all_complete(self.status)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of the result at each point, empty where there is none."""
+        return tuple(str(value.get("warning", "")) for value in self.values)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names of the answers."""
+        return tuple(dict.fromkeys(name for value in self.values for name in value))
+
+    def array(self, quantity: str) -> NDArray:
+        """Answers as an array on the grid of settings, NaN where there is none.
+
+        Raises
+        ------
+        SettingError
+            If there is no such answer.
+        """
+        validation.choice("quantity", quantity, self.quantities)
+        known = next(np.asarray(value[quantity]) for value in self.values if quantity in value)
+        if known.dtype.kind not in "fiub":
+            flat = [value.get(quantity, "") for value in self.values]
+            return np.array(flat, object).reshape(self.shape)
+        rows = [np.asarray(value.get(quantity, np.full(known.shape, np.nan)), float) for value in self.values]
+        return np.array(rows).reshape(*self.shape, *known.shape)
+
+    def _grid(self) -> dict[str, Any]:
+        if len(self.shape) != len(self.names) or any(isinstance(v, (list, dict)) for p in self.points for v in p.values()):
+            return {}
+        grid = {name: list(dict.fromkeys(point[name] for point in self.points)) for name in self.names}
+        for (name, values), n in zip(grid.items(), self.shape):
+            if len(values) != n:
+                raise SettingError(
+                    f"to_xarray of a sweep: expected each value of '{name}' once, as coordinates are, found {n} values of "
+                    f"which {len(values)} differ; to_pandas takes them all"
+                )
+        return grid
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each point: its settings, its answers, status and time; answers that are lists for xarray."""
+        settings = {name: np.array([str(p[name]) if isinstance(p[name], dict) else p[name] for p in self.points])
+                    for name in self.names}  # fmt: skip
+        out = {name: Column(values, UNITS.get(name, "")) for name, values in settings.items()}
+        for name in self.quantities:
+            values = self.array(name).reshape(len(self), -1)
+            key, unit = name if name not in out else f"answer_{name}", UNITS.get(name.removeprefix("curve_"), "")
+            single = values.shape[1] == 1
+            out[key] = Column(values[:, 0], unit) if single else Column(values, unit, ("point", f"{key}_index"))
+        return out | {"run": Column(np.array(self.status)), "seconds": Column(self.seconds, "s")}
+
+    def bottom_line(self) -> str:
+        name = next(
+            (q for q in self.quantities if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)), ""
+        )
+        known = self.array(name).ravel() if name else np.empty(0)
+        failed = sum(word(s) == FAILED for s in self.status)
+        head = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}, {failed} failed"
+        if left := sum(word(s) == NOT_RUN for s in self.status):
+            head += f", {left} not run"
+        if not np.isfinite(known).any():
+            return f"{head}."
+        i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
+        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in (i, j))
+        return f"{head}. {spaced(name).capitalize()} from {' to '.join(ends)}."
+
+
+def as_words(point: Mapping[str, Any]) -> str:
+    """Settings of a point with their values and units."""
+    texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short(v) for n, v in point.items()}
+    return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
+
+
+def _named(task: Any) -> str:
+    """Stable identifier of a callable."""
+    if is_dataclass(task) and not isinstance(task, type):
+        return repr(task)
+    return f"{getattr(task, '__module__', '')}.{getattr(task, '__qualname__', type(task).__qualname__)}"
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What all points have in common."""
+
+    study: Asking | Problem
+    evaluate: Task
+
+    def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
+        return recorded(lambda: self._answers(settings))
+
+    def _answers(self, settings: Mapping[str, Any]) -> Values:
+        own = {name: value for name, value in settings.items() if name != "preload"}
+        preload = settings.get("preload")
+        return self.evaluate(vary(self.study, own) if own else self.study, None if preload is None else float(preload))
+
+
+def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
+    validation.that(isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over)
+    names = tuple(over)
+    columns: list[list[Any]] = []
+    for name in names:
+        if isinstance(over[name], (str, bytes)) or not isinstance(over[name], (Sequence, np.ndarray)):
+            raise SettingError(f"over '{name}': expected a sequence of values, found {over[name]!r}")
+        columns.append([v.item() if isinstance(v, np.generic) else v for v in over[name]])
+        validation.require(columns[-1], f"over '{name}'", "at least one value", "none")
+    if combine == "product":
+        return names, [dict(zip(names, row)) for row in itertools.product(*columns)], tuple(len(c) for c in columns)
+    if combine == "zip":
+        lengths = {len(c) for c in columns}
+        validation.require(len(lengths) == 1, 'combine="zip"', "as many values of each setting", [len(c) for c in columns])
+        return names, [dict(zip(names, row)) for row in zip(*columns)], (len(columns[0]),)
+    raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')
+
+
+def _check_names(problem: Problem, over: Mapping[str, Any]) -> None:
+    """Whether the settings of a sweep can be varied."""
+    for value in over.get("preload", ()):
+        validation.number("over 'preload'", value, unit="N")
+    for name in over:
+        if name != "preload":
+            check_name(problem, name)
+
+
+def _question(
+    evaluate: Any, names: Sequence[str], preload: float | None, frequency: tuple[float, float] | None, mode: int
+) -> Task:
+    """The question that is asked: the one given, or that for the highest peak."""
+    if evaluate is not None and (preload is not None or frequency is not None or mode != 1):
+        raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
+    task: Task = PeakTask(preload, frequency, mode) if evaluate is None else evaluate
+    good = callable(task) and not isinstance(task, type)
+    validation.that(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
+    if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
+        raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
+    return task
+
+
+def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) -> None:
+    """Warn once, of the whole sweep, unless it varies what the warning is about."""
+    varied = any(name.startswith("excitation") for name in over)
+    if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
+        preload = validation.numbers("preload", np.atleast_1d(over.get("preload", evaluate.preload)), unit="N")
+        if "preload" not in over:
+            plausible_ranges.check("sweep", "preload", preload, problem.sizes)
+        check_question(problem, preload, evaluate.frequency)
+
+
+def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
+    """What identifies a sweep in its results file."""
+    return {
+        "format": "bdamper-sweep-results", "version": 4, **HERE.attributes(),
+        "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate), "combine": combine,
+        "over": {name: list(values) for name, values in over.items()},
+    }  # fmt: skip
+
+
+@validation.spelt
+@one_thread
+def sweep(
+    study: Asking | Problem,
+    over: Mapping[str, Sequence[Any] | NDArray],
+    evaluate: Task | None = None,
+    *,
+    combine: str = "product",
+    preload: float | None = None,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    executor: Executor | None = None,
+    resume: str | Path | None = None,
+    progress: bool = False,
+) -> SweepResult:
+    """Ask one question of many variants of a problem.
+
+    Parameters
+    ----------
+    study : Study
+    over : mapping of name to sequence of values
+        "preload" and the settings of :mod:`bdamper.harmonic_balance.parameters`.
+    evaluate : callable, optional
+        ``evaluate(study, preload)`` returns named answers: numbers, texts, lists of numbers; the highest peak by default.
+        Processes need a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
+    combine : {"product", "zip"}
+        All combinations of the values, or the first with the first and so on.
+    preload, frequency, mode
+        Of the default question.
+    executor : concurrent.futures.Executor, optional
+        Threads, processes, ``dask.distributed.Client(...).get_executor()``, ``mpi4py.futures.MPIPoolExecutor``; left open.
+    resume : path, optional
+        File to which finished points are appended, and from which an interrupted sweep goes on.
+    progress : bool
+
+    Returns
+    -------
+    SweepResult
+        After Ctrl-C, or the death of a worker, with the points that were finished by then; the others are "not run".
+
+    Raises
+    ------
+    SettingError
+        For a name or value that cannot be varied; BdamperError if the results file is of another sweep.
+    """
+    names, points, shape = _points(over, combine)
+    problem = problem_of(study)
+    _check_names(problem, over)
+    check_executor(executor)
+    validation.flag("progress", progress)
+    evaluate = _question(evaluate, names, preload, frequency, mode)
+    _check_plausible(problem, evaluate, over)
+    job = _Job(study, evaluate)
+    if executor is not None:
+        _ = problem.stiffness  # which variants share is made before the job is sent out
+    kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
+    with kept as store:
+        ordered = run_stored(job, points, range(len(points)), executor, store, progress, "sweep", "point")
+    values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
+    return SweepResult(
+        names, tuple(points), values, status, np.array(seconds), shape, cost, **problem.recorded()
+    )  # fmt: skip
+
+
+def sweep_fields(
+    over: Mapping[str, Sequence[Any]], answers: Mapping[str, Sequence[Any]], status: Sequence[str], seconds: NDArray
+) -> dict[str, Any]:
+    """Fields of a sweep over a list of points from columns of settings and answers."""
+    points, values = (tuple(dict(zip(columns, row)) for row in zip(*columns.values())) for columns in (over, answers))
+    fields = {"names": tuple(over), "points": points, "values": values, "status": tuple(status), "seconds": seconds}
+    return fields | {"shape": (len(points),)}
+
+
+def _of_check(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the sweep that the check of an advice in a file of version 0.6 or before is."""
+    rows = [json.loads(group[key][()]) for key in ("whole", "lean")]
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    name, status, seconds = (columns.pop(own) for own in ("name", "status", "seconds"))
+    return sweep_fields({"name": name}, columns, status, np.array(seconds))
+
+
+enter_former("bdamper-advice-check", "lean", SweepResult, _of_check)

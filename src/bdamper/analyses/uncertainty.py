@@ -1,0 +1,285 @@
+"""Optimal curves under uncertainty: percentile bands, and the preload that is best for nearly all of a sample.
+
+Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), from a scrambled Sobol
+sequence, whose averages converge faster than those of independent draws.  The optimal curve of every draw is one point of
+a :func:`bdamper.sweep`, so executors and results files work as they do there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import scipy  # scipy.stats is loaded where it is used: half a second
+from numpy.typing import NDArray
+
+from bdamper.analyses.sweep import OptimalTask, sweep
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_dispatch import Asking
+from bdamper.response.optimal_curve import preload_values
+from bdamper.util import validation
+from bdamper.util.display import Plottable
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.formatting import amount
+from bdamper.util.short_repr import brief
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_RUN, all_complete, because, word
+from bdamper.util.storage import Recorded, Storable
+from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
+
+
+def draw(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
+    """Values of settings drawn from independent distributions, by a scrambled Sobol sequence.
+
+    Parameters
+    ----------
+    distributions : mapping of setting to distribution
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.  For "slip_offset" its standard
+        deviation (m), with which every draw gets offsets of its own at all contact points.
+    n : int
+        A power of two.
+    seed : int
+        Equal seeds give equal draws.
+
+    Returns
+    -------
+    mapping of setting to (n,) float
+    """
+    if not isinstance(distributions, Mapping) or not distributions:
+        raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
+    given, distributions = distributions, {k: d for k, d in distributions.items() if k != "slip_offset"}
+    for name, distribution in distributions.items():
+        if not callable(getattr(distribution, "ppf", None)):
+            raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
+    n, seed = validation.whole("n", n, least=2), validation.whole("seed", seed)
+    validation.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
+    drawn = {}
+    if "slip_offset" in given:
+        spread = validation.number("slip_offset", given["slip_offset"], least=0.0, unit="m")
+        drawn = {"slip_offset": np.full(n, spread), "slip_offset_seed": np.arange(n) + float(n * seed)}
+    unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
+    # keep away from the ends, where a ppf may be infinite
+    unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
+    return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
+
+
+@brief
+@dataclass(frozen=True)
+class RobustOptimum:
+    """The preload at which a percentile of the resonance amplitude over a sample is least.
+
+    Parameters
+    ----------
+    preload : float, N
+    amplitude : float, m
+        The percentile there.
+    percentile : float
+    uncertainty : float
+        Relative half-width of the last bracket of the preload.
+    kind : {"interior", "end"}
+        Whether the preload lies within the range or at one end of it.
+    warnings : int
+        Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
+    status : str
+        "complete"; "incomplete" if the bracket was not narrowed further, or "interrupted", where the preload is known no
+        better than ``uncertainty``.  With the reason where the executor ended.
+    """
+
+    preload: float
+    amplitude: float
+    percentile: float
+    uncertainty: float
+    kind: str
+    warnings: int = 0
+    status: str = COMPLETE
+
+
+@brief
+@dataclass(frozen=True)
+class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncertain", row="preload"):
+    """Optimal curves of a sample.
+
+    ``plot`` draws percentile bands (:func:`bdamper.plot.plot_uncertain`).
+
+    Parameters
+    ----------
+    preload : (m,) float, N
+    amplitude, frequency : (n, m) float
+        Of each draw, m and Hz; NaN where no peak was found, and of draws that were not run.
+    samples : mapping of setting to (n,) float
+    status : tuple of str
+        Of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`.
+    settings : mapping
+        Of the problem that was varied.
+    model_hash : str
+    warnings : tuple of str
+        What the optimal curve of each draw leaves open, an empty text where it leaves nothing open.
+    """
+
+    preload: Newtons
+    amplitude: Annotated[NDArray, Quantity("m", dims=("draw", ROW))]
+    frequency: Annotated[NDArray, Quantity("Hz", dims=("draw", ROW))]
+    samples: dict[str, NDArray]
+    status: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.amplitude)
+
+    def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
+        """Percentiles over the sample at every preload: (m,) or (len(q), m).
+
+        Draws without a peak at a preload are left out there.
+        """
+        validation.choice("quantity", quantity, ("amplitude", "frequency"))
+        validation.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
+        return np.nanpercentile(getattr(self, quantity), q, axis=0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is an optimal curve of every draw."""
+        return all_complete(self.status)
+
+    def columns(self) -> dict[str, Column]:
+        """Percentiles at each preload; the curves of all draws for xarray."""
+        bands = {
+            f"{name}_{q}": Column(self.percentile(float(q), name), unit)
+            for name, unit in (("amplitude", "m"), ("frequency", "Hz"))
+            for q in (5, 25, 50, 75, 95)
+        }
+        samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
+        return super().columns() | bands | samples
+
+    def bottom_line(self) -> str:
+        if not np.isfinite(self.amplitude).any():
+            return f"No peak at any preload of {len(self)} draws."
+        _, mid, high = self.percentile([5.0, 50.0, 95.0])
+        k = int(np.nanargmin(high))
+        return (
+            f"At a preload of {amount(self.preload[k], 'N')} 95 % of {len(self)} draws of {', '.join(self.samples)} "
+            f"stay below {amount(high[k], 'm')}, half below {amount(mid[k], 'm')}: least of the preloads tried."
+        )
+
+
+@validation.spelt
+def uncertain_curve(
+    study: Asking | Problem,
+    samples: Mapping[str, Sequence[float] | NDArray],
+    preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
+    n: int = 24,
+    *,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    executor: Executor | None = None,
+    resume: str | Path | None = None,
+    progress: bool = False,
+) -> UncertainCurve:
+    """Optimal curves of a sample of settings.
+
+    Parameters
+    ----------
+    study : Study
+    samples : mapping of setting to (n_draws,) float
+        From :func:`draw`, or given otherwise.
+    preload, n, frequency, mode
+        As in :func:`bdamper.response.optimal_curve.optimal_curve`; the same preloads serve all draws.
+    executor, resume, progress
+        As in :func:`bdamper.sweep`.
+    """
+    validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
+    validation.require("preload" not in samples, "samples", "settings other than the preload", "'preload'")
+    values = preload_values(preload, n)
+    task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
+    done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
+    nothing = [np.nan] * len(values)
+    return UncertainCurve(
+        preload=values,
+        amplitude=np.array([v.get("curve_amplitude", nothing) for v in done.values], float),
+        frequency=np.array([v.get("curve_frequency", nothing) for v in done.values], float),
+        samples={name: np.asarray(column, float) for name, column in samples.items()},
+        status=done.status,
+        settings=done.settings,
+        model_hash=done.model_hash,
+        warnings=done.warnings,
+    )
+
+
+@validation.spelt
+def robust_optimum(
+    study: Asking | Problem,
+    samples: Mapping[str, Sequence[float] | NDArray],
+    preload: tuple[float, float] = (10.0, 25e3),
+    *,
+    percentile: float = 95.0,
+    n: int = 12,
+    tolerance: float = 1e-3,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    executor: Executor | None = None,
+    progress: bool = False,
+) -> RobustOptimum:
+    """The preload that minimises a percentile of the resonance amplitude over a sample.
+
+    Every percentile is taken over peaks computed at that preload, none is interpolated in the preload; the grid is narrowed
+    around its least value until it is as fine as asked for.
+
+    Parameters
+    ----------
+    study : Study
+    samples : mapping of setting to (n_draws,) float
+    preload : (low, high), N
+    percentile : float
+        From 0 to 100.
+    n : int
+        Preloads in a grid, at least 5.
+    tolerance : float
+        Relative, on the preload.
+    frequency, mode, executor, progress
+        As in :func:`uncertain_curve`.
+
+    Returns
+    -------
+    RobustOptimum
+        After Ctrl-C that of the last whole grid.
+
+    Raises
+    ------
+    BdamperError
+        If a draw has no peak at any preload of a grid, or the executor ended within the first.
+    KeyboardInterrupt
+        If the first grid was interrupted.
+    """
+    percentile = validation.number("percentile", percentile, least=0.0, most=100.0)
+    n = validation.whole("n", n, least=5)
+    tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
+    ends = preload_values(preload, 2)[[0, -1]]
+    low, high = (float(p) for p in ends)
+    found: RobustOptimum | None = None
+    rounds = 0
+    while True:
+        curve = uncertain_curve(
+            study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
+        )
+        left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]
+        if left:
+            if found is None:
+                raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
+            return replace(found, status=f"{INTERRUPTED}{left[0]}")
+        height = np.percentile(curve.amplitude, percentile, axis=0)
+        if not np.isfinite(height).all():
+            bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
+            raise BdamperError(f"robust optimum: draw {bad} has no peak at every preload from {low:g} to {high:g} N")
+        rounds += 1
+        k = int(np.argmin(height))
+        p = curve.preload
+        width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
+        kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
+        warned = sum(bool(w) for w in curve.warnings)
+        status = COMPLETE if width <= tolerance else because(INCOMPLETE, "bracket not narrowed further")
+        found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
+        if width <= tolerance or rounds >= 30:
+            return found
+        low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])

@@ -1,0 +1,597 @@
+"""Quasi-static contact analysis: normal load, gap and slider at every contact point under the load of the damper.
+
+The mean equations of the harmonic balance without vibration, paper section 3.1::
+
+    K q + G^T F(x) = P f + f_0,      x = G q + P s + s_0 = (u1, u2, v),
+    N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
+
+Interference and the loads ``f_0``, ``s_0`` grow first, together from nothing; then P grows.  All grow together if a free
+body has no equilibrium without P.  Every point has a state for
+each tangential direction (stick, slip in one of two senses, open), and between changes of state the motion is linear in the
+load.  A load step solves for the states at its end and starts from the sliders of the step before.  It is exact if the
+forces are linear along the straight line between both motions, and is shortened to the first change of state otherwise
+(:func:`linear_range`).  The number of steps then has no effect, but the history of loading has, as friction does.
+Bonded points always stick, with springs that push and pull.
+Points with laws of their own (``bdamper.contact.user_laws``) count as open without any stiffness, as stuck with that of
+their springs, and as slipping in between.
+
+Friction acts along each of the two contact axes independently here, whatever law the vibration follows; this keeps the
+equations linear between changes of state.  Where a point slips along both axes its friction may then be larger than
+``mu N``, by up to the root of two, and its slider is not admissible under the coupled law; the evaluation of that law moves
+such a slider to the edge of the admissible disk (``csrc/bd_coulomb.c``).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import get_lapack_funcs
+
+from bdamper.contact.point_parameters import PointArrays
+from bdamper.contact.user_laws import OwnLaws
+from bdamper.util.cost import Cost
+from bdamper.util.display import Plottable
+from bdamper.util.formatting import amount
+from bdamper.util.short_repr import brief
+from bdamper.util.storage import Storable, enter_former
+from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
+
+_getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
+
+STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
+
+
+@brief
+@dataclass(frozen=True)
+class StaticSystem:
+    """Arrays of the static problem.
+
+    Parameters
+    ----------
+    stiffness : (n_modes,) float
+        Modal stiffness, zero for rigid-body modes.
+    G : (n_points, 3, n_modes) float
+    kt, kn, mu, n0 : (n_points, 2), (n_points,), (n_points,), (n_points,) float
+    force : (n_modes,) float
+        Modal force per newton of load.
+    shift : (n_points, 3) float
+        Part of (u1, u2, v) per newton of load that the modes do not carry.
+    constant_force : (n_modes,) float
+        Modal force that does not scale with the load.
+    bonded : (n_points,) bool, optional
+        Points of linear springs, ``T_d = kt_d u_d`` and ``N = n0 + kn v`` of either sign; none by default.
+    cubic : (n_points, 2) float, N/m3, optional
+        Springs ``k u^3`` along both tangential directions.
+    constant_shift : (n_points, 3) float, optional
+        Part of (u1, u2, v) that does not scale with the load; none by default.
+    own : OwnLaws, optional
+    """
+
+    stiffness: NDArray
+    G: NDArray
+    kt: NDArray
+    kn: NDArray
+    mu: NDArray
+    n0: NDArray
+    force: NDArray
+    shift: NDArray
+    constant_force: NDArray
+    bonded: NDArray | bool = False
+    cubic: NDArray | float = 0.0
+    constant_shift: NDArray | float = 0.0
+    own: OwnLaws | None = None
+
+    def shift_at(self, load: float) -> NDArray:
+        """(n_points, 3) part of (u1, u2, v) under a load (N) that the modes do not carry."""
+        return load * self.shift + self.constant_shift
+
+    @property
+    def scales(self) -> bool:
+        """Whether nothing acts without the load: its states at all loads are then in proportion, except for gaps."""
+        pressed = np.any(self.n0 + self.kn * self.shift_at(0.0)[:, 2] > 0.0)
+        return not (pressed or np.any(self.constant_force) or np.any(self.constant_shift))
+
+
+@brief
+@dataclass(frozen=True)
+class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="contact_point"):
+    """Static state under a load.
+
+    ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_static`).
+
+    Parameters
+    ----------
+    load : float, N
+    q : (n_modes,) float
+        Modal coordinates of the mean.
+    slider : (n_points, 2) float, m
+    force : (n_points, 3) float, N
+        T1, T2, N.
+    closing : (n_points,) float, m
+        Penetration of the contact spring if positive, gap if negative, initial gap included.
+    status : (n_points, 2) int
+        0 stick, 1 slip +, 2 slip -, 3 open.
+    residual : float
+        Largest violation of modal equilibrium, relative to the modal load.
+    steps, iterations : int
+    converged : bool
+    note : str
+    cost : Cost
+    interface : tuple of str
+        Name of the interface of each contact point, where it is known.
+    memory : (n_points, width) float, optional
+        Latest motion and state of points with laws of their own.
+    points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float
+        Of the surfaces, and friction coefficients; None in states of files of version 0.6 and before.
+    """
+
+    load: float
+    q: NDArray
+    slider: NDArray
+    force: Annotated[NDArray, Quantity("N", parts=("t1", "t2", "n"))]
+    closing: Metres
+    status: PerRow
+    residual: float
+    steps: int
+    iterations: int
+    converged: bool
+    note: str = ""
+    cost: Cost = field(default_factory=Cost)
+    interface: Annotated[tuple[str, ...], Quantity()] = ()
+    memory: NDArray | None = None
+    points: Places | None = None
+    frame: PerRow | None = None
+    area: SquareMetres | None = None
+    friction: PerRow | None = None
+    _told = ("contact_area",)
+
+    @property
+    def state(self) -> Kinds:
+        """(n_points,) str: "stick", "slip" in some direction, or "open"."""
+        stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
+        return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
+
+    def bottom_line(self) -> str:
+        stuck, slipping, apart = (self.state.count(name) for name in ("stick", "slip", "open"))
+        open_ = "" if self.converged else f" Not converged: {self.note}."
+        forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
+        return (
+            f"Under a load of {amount(self.load, 'N')}, of {len(self.status)} contact points {stuck} stick, "
+            f"{slipping} slip, {apart} are open; normal forces: {', '.join(forces)}.{open_}"
+        )
+
+    @property
+    def normal_force(self) -> dict[str, float]:
+        """Total normal force (N) on each interface, on all of them together where their names are not known."""
+        names = np.array(self.interface or ["in all"] * len(self.force))
+        return {str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)}
+
+    @property
+    def pressure(self) -> Pascals | None:
+        """(n_points,) float, Pa."""
+        return None if self.area is None else self.force[:, 2] / self.area
+
+    @property
+    def contact_area(self) -> dict[str, float]:
+        """Area in contact on each interface, m2; empty where areas are not known."""
+        if self.area is None:
+            return {}
+        names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
+        return {str(name): float(self.area[closed & (names == name)].sum()) for name in dict.fromkeys(names)}
+
+
+def _of_map(group: h5py.Group) -> dict[str, Any]:
+    """Fields of the static state that a contact map in a file of version 0.6 or before is."""
+    names = group["interfaces"][()] if "interfaces" in group else group.attrs["interfaces"]
+    names, owner = json.loads(names) if isinstance(names, bytes | str) else names, group["owner"][()]
+    return {
+        "interface": tuple(str(names[i]) for i in owner),
+        "closing": -group["distance"][()],
+        "q": np.zeros(0),
+        "slider": np.full((len(owner), 2), np.nan),
+        "residual": np.nan,
+        "steps": 0,
+        "iterations": 0,
+        "converged": True,
+    }
+
+
+enter_former("bdamper-contact-map", "owner", PreloadState, _of_map)
+
+
+EQUILIBRIUM = 1e-10
+"""On modal equilibrium, relative to the largest of all modal loads."""
+AT_LIMIT = 1e-12
+"""A force is at its limit if it is this close to it, relative to the largest spring force before any cancellation."""
+SHORTEST = 1e-7
+"""Load step, relative to the whole change of load, below which a change of state is a jump (a loose body that lands)."""
+STALLS = 6
+"""Consecutive steps without a reduction of the residual after which an iteration stops.  Of 1478 iterations that converge
+one has more than 4."""
+
+
+def limited_forces(level: NDArray, trial: NDArray, mu: NDArray) -> tuple[NDArray, NDArray]:
+    """One-dimensional friction along each axis, its limit with the normal force.
+
+    Parameters
+    ----------
+    level : (..., n_points) float, N
+        Force of the normal springs; negative where the surfaces are apart.
+    trial : (..., n_points, 2) float, N
+        Force of the tangential springs, were it not limited.
+    mu : (n_points,) float
+
+    Returns
+    -------
+    force : (..., n_points, 3) float, N
+        T1, T2, N.
+    status : (..., n_points, 2) int
+    """
+    force = np.empty((*level.shape, 3))
+    normal = np.maximum(level, 0.0, out=force[..., 2])
+    limit = (mu * normal)[..., None]
+    np.minimum(np.maximum(trial, -limit), limit, out=force[..., :2])
+    status = SLIP_PLUS * (trial > limit) + SLIP_MINUS * (trial < -limit)
+    status[level <= 0.0] = OPEN
+    return force, status
+
+
+def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArray:
+    """(n_points, 3, 3) derivative of the contact force with respect to the motion in the given states (n_points, 2)."""
+    tangent = np.zeros((len(status), 3, 3))
+    closed = ~(status == OPEN).any(axis=1)
+    tangent[closed, 2, 2] = kn[closed]
+    for d in range(2):
+        stick = closed & (status[:, d] == STICK)
+        tangent[stick, d, d] = kt[stick, d]
+        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
+            slip = closed & (status[:, d] == state)
+            tangent[slip, d, 2] = sign * mu[slip] * kn[slip]
+    return tangent
+
+
+def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
+    """(..., n_points, 3) forces and states at motions x for sliders w, and what points remember, before the step."""
+    level = system.n0 + system.kn * x[..., 2]
+    trial = system.kt * (x[..., :2] - w[:, :2])
+    force, status = limited_forces(level, trial, system.mu)
+    b = np.broadcast_to(system.bonded, len(system.kn))
+    force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
+    if np.any(system.cubic):
+        force[..., :2] += system.cubic * x[..., :2] ** 3
+    if system.own is not None:
+        for at in np.ndindex(x.shape[:-2]):
+            F, D, _ = system.own.step(x[at], w[:, 2:])
+            force[at][system.own.held] = F[system.own.held]
+            slips = np.abs(D[:, [0, 1], [0, 1]] - system.kt) > 1e-9 * system.kt
+            stiff = np.abs(D).max(axis=(1, 2)) > 1e-12 * np.maximum(system.kt.max(axis=1), system.kn)
+            kinds = np.where(stiff[:, None], np.where(slips, SLIP_PLUS, STICK), OPEN)
+            status[at][system.own.held] = kinds[system.own.held]
+    return force, status
+
+
+def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Forces, states, sliders after the step and closing at motion x for sliders w before it."""
+    force, status = _forces(system, x, w)
+    safe = np.where(system.kt > 0.0, system.kt, 1.0)
+    slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / safe, x[:, :2])
+    slider = np.where(np.broadcast_to(system.bonded, len(slider))[:, None], w[:, :2], slider)
+    if system.own is not None:
+        slider = np.hstack([slider, system.own.step(x, w[:, 2:])[2]])
+    level = system.n0 + system.kn * x[:, 2]
+    closing = np.where(system.kn > 0.0, level / np.where(system.kn > 0.0, system.kn, 1.0), 0.0)
+    return force, status, slider, closing
+
+
+def _jacobian(
+    system: StaticSystem, G: NDArray, status: NDArray, x: NDArray | None = None, w: NDArray | None = None
+) -> NDArray:
+    """(n_modes, n_modes) derivative of modal equilibrium in the given states, with G as (3 n_points, n_modes).
+
+    Cubic springs have the tangent of the motion x (n_points, 3), none at rest; laws of their own that of the step from w,
+    springs of a stuck point without it.
+    """
+    B = law_tangent(system.kt, system.kn, system.mu, status)
+    if x is not None:
+        B[:, [0, 1], [0, 1]] += 3.0 * system.cubic * x[:, :2] ** 2
+    if system.own is not None and x is not None and w is not None:
+        B[system.own.held] = system.own.step(x, w[:, 2:])[1][system.own.held]
+    return np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
+
+
+def _solve(J: NDArray, r: NDArray) -> NDArray:
+    """Least-norm solution where the contact leaves a rigid-body motion undetermined."""
+    size = np.abs(np.diag(J))
+    if not size.any():  # nothing touches and nothing is constrained
+        return np.zeros(len(r))
+    scale = 1.0 / np.sqrt(np.maximum(size, 1e-12 * size.max()))
+    A = J * scale[:, None] * scale
+    factors, pivot, info = _getrf(A)
+    if info == 0 and _gecon(factors, float(np.abs(A).sum(axis=0).max()))[0] > 1e-12:
+        return scale * _getrs(factors, pivot, scale * r)[0]
+    return scale * np.linalg.lstsq(A, scale * r, rcond=1e-12)[0]
+
+
+def _size(system: StaticSystem, loads: tuple[float, ...], w: NDArray) -> float:
+    """Return the largest modal force (N) of all loads: preload, constant loads, and interference of undeformed surfaces."""
+    pressing = [_law(system, system.shift_at(load), w)[0] for load in loads]
+    modal = [load * system.force for load in loads] + [np.einsum("pdm,pd->m", system.G, F) for F in pressing]
+    return max(float(np.abs(f).max(initial=0.0)) for f in (*modal, system.constant_force, np.array(1e-300)))
+
+
+def _step(
+    system: StaticSystem, load: float, w: NDArray, status: NDArray, size: float
+) -> tuple[NDArray, NDArray, int, float]:
+    """Newton on the states at one load; returns coordinates, states, iterations and residual relative to ``size`` (N)."""
+    force = load * system.force + system.constant_force
+    shift = system.shift_at(load)
+    G = system.G.reshape(-1, system.G.shape[2])
+
+    def residuals(*q: NDArray) -> tuple[NDArray, NDArray]:
+        """At several q, bit for bit as at one: rounding decides the states of points at their limit."""
+        x = np.array([G @ one for one in q]).reshape(len(q), -1, 3) + shift
+        F, new_status = _forces(system, x, w)
+        r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]
+        return np.array(r), new_status
+
+    if system.own is not None:
+        status = np.where(system.own.held[:, None] & (status != OPEN), STICK, status)
+    # the first linear solution takes the states as given: the law is linear in them
+    level = system.n0 + system.kn * shift[:, 2]
+    per_level = law_tangent(system.kt, np.ones(len(level)), system.mu, status)
+    F0 = per_level @ np.concatenate([shift[:, :2] - w[:, :2], level[:, None]], axis=1)[..., None]
+    q = _solve(_jacobian(system, G, status), force - G.T @ F0.ravel())
+    (r,), (status,) = residuals(q)
+    stalls = 0
+    # fractions of a Newton step that are tried where the full step does not reduce the residual
+    shorter = 0.5 ** np.arange(1, 10)
+    for iteration in range(1, 61):
+        norm = float(np.abs(r).max())
+        if norm <= EQUILIBRIUM * size or stalls == STALLS:
+            return q, status, iteration, norm / size
+        dq = _solve(_jacobian(system, G, status, (G @ q).reshape(-1, 3) + shift, w), -r)
+        trial = q + dq
+        (r_trial,), (status_trial,) = residuals(trial)
+        now = float(np.abs(r_trial).max())
+        helps = now < (1.0 - 1e-3) * norm
+        if not helps:  # shorter steps, up to the first that is short enough; the best of all counts
+            trials = q + shorter[:, None] * dq
+            r_all, status_all = residuals(*trials)
+            size_all = np.abs(r_all).max(axis=1)
+            enough = np.flatnonzero(size_all < (1.0 - 1e-3 * shorter) * norm)
+            helps = len(enough) > 0
+            k = int(np.argmin(size_all[: enough[0] + 1] if helps else size_all))
+            if not now <= size_all[k]:
+                trial, r_trial, status_trial = trials[k], r_all[k], status_all[k]
+        stalls = 0 if helps else stalls + 1
+        q, r, status = trial, r_trial, status_trial
+    return q, status, iteration, float(np.abs(r).max()) / size
+
+
+def _creep(
+    system: StaticSystem, load: float, state: PreloadState, size: float
+) -> tuple[NDArray, NDArray, int, float]:
+    """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
+
+    Used for load steps in which the updates of the states do not end.  ``D`` is the stiffness with every point
+    closed and stuck, so the unit of time is the time constant; the implicit steps grow while Newton converges fast.
+
+    Returns
+    -------
+    coordinates, sliders, iterations and residual
+    """
+    force = load * system.force + system.constant_force
+    shift = system.shift_at(load)
+    G = system.G.reshape(-1, system.G.shape[2])
+    springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
+    D = np.diag(system.stiffness) + G.T @ (springs * G)
+    q, w = state.q.copy(), _remembered(system, state)
+    dt, iterations, norm = 0.1, 0, np.inf
+    for _ in range(400):
+        trial = q.copy()
+        for k in range(12):
+            F, status, slider, _ = _law(system, (G @ trial).reshape(-1, 3) + shift, w)
+            r = system.stiffness * trial + G.T @ F.ravel() - force
+            total = r + D @ (trial - q) / dt
+            iterations += 1
+            if float(np.abs(total).max()) <= 0.1 * EQUILIBRIUM * size:
+                break
+            x = (G @ trial).reshape(-1, 3) + shift
+            trial = trial + _solve(_jacobian(system, G, status, x, w) + D / dt, -total)
+        else:
+            dt *= 0.25
+            if dt < 1e-8:
+                break
+            continue
+        q, w, norm = trial, slider, float(np.abs(r).max()) / size
+        if norm <= EQUILIBRIUM:
+            return q, w, iterations, norm
+        dt *= 2.0 if k < 6 else 1.0
+    return q, w, iterations, norm
+
+
+def _remembered(system: StaticSystem, state: PreloadState) -> NDArray:
+    """(n_points, 2 or more) sliders, and what points with laws of their own remember."""
+    if system.own is None:
+        return state.slider.copy()
+    kept = np.zeros((len(state.slider), system.own.width)) if state.memory is None else state.memory
+    return np.hstack([state.slider, kept])
+
+
+def _before_loading(system: StaticSystem) -> PreloadState:
+    """Return the unloaded initial state: touching points stick, others are open."""
+    n, m = system.G.shape[0], system.G.shape[2]
+    apart = (system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0) & np.logical_not(system.bonded)
+    status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
+    if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
+        status[:] = STICK
+    return PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
+
+
+def _together(system: StaticSystem, load: float) -> StaticSystem:
+    """Return the system whose load is the share of the constant loads, of the interference and of a load (N)."""
+    pressed = (system.n0 > 0.0) & (system.kn > 0.0)
+    if system.own is not None:  # these laws have the interference themselves
+        pressed &= ~system.own.held
+    shift = np.array(np.broadcast_to(system.constant_shift, (len(pressed), 3)))
+    shift[pressed, 2] += system.n0[pressed] / system.kn[pressed]
+    n0, none = np.where(pressed, 0.0, system.n0), np.zeros_like(system.force)
+    force, shift = load * system.force + system.constant_force, load * system.shift + shift
+    return replace(system, n0=n0, force=force, shift=shift, constant_force=none, constant_shift=0.0)
+
+
+def linear_range(
+    points: StaticSystem | PointArrays, x0: NDArray, x1: NDArray, w: NDArray, close: float
+) -> tuple[float, float]:
+    """Find the first change of state on the straight line from motion ``x0`` to ``x1``.
+
+    Parameters
+    ----------
+    points : StaticSystem or PointArrays
+        Only ``kt``, ``kn``, ``mu`` and ``n0`` are used.
+    x0, x1 : (n_points, 3) float, m
+        Both in equilibrium, for sliders ``w`` (n_points, 2) m at ``x0``.
+    close : float, N
+        A force within this of a limit is at it, since rounding must not make a new change of state.
+
+    Returns
+    -------
+    within, beyond : float
+        Place of the first change up to ``x1`` (0 at ``x0``, 1 at ``x1``) and beyond it, infinite if there is none.
+    """
+    level = points.n0 + points.kn * np.array([x0[:, 2], x1[:, 2]])
+    trial, limit = points.kt * (np.array([x0, x1])[..., :2] - w), (points.mu * level)[..., None]
+    # each is negative before a change of state: closing, opening, slip in both senses
+    before, after = np.concatenate([level[..., None], -level[..., None], trial - limit, -trial - limit], axis=2)
+    rising = (before < -close) & (after > before)
+    before, after = before[rising], after[rising]
+    place = before / (before - after)
+    return place[after > close].min(initial=np.inf), place[after < -close].min(initial=np.inf)
+
+
+def static_state(
+    system: StaticSystem, load: float, *, steps: int = 8, start: PreloadState | None = None, offset: NDArray | None = None
+) -> PreloadState:
+    """State of the contact after the load has grown to ``load``.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    load : float, N
+    steps : int
+        Load steps at least; matters only for cubic springs and laws of a user's own.
+    start : PreloadState, optional
+        Earlier state to continue from, loading or unloading; by default constant loads come first, then the load.
+    offset : (n_points, 2) float, m, optional
+        Sliders before any load; zero by default.
+
+    Returns
+    -------
+    PreloadState
+        ``converged`` is False, with a note, if some step could not be solved; it then holds the last state that was.
+    """
+    if start is not None:
+        return _loaded(system, load, start, steps)
+    assembly = system if system.scales else _together(system, 0.0)
+    state = _before_loading(assembly)
+    if offset is not None:
+        state = replace(state, slider=offset)
+    if not system.scales:
+        before, state = state, replace(_loaded(assembly, 1.0, state, steps), load=0.0)
+        if not state.converged and load > 0.0:  # the constant loads alone do not hold a free body
+            return replace(_loaded(_together(system, load), 1.0, before, steps), load=load)
+    elif load == 0.0:
+        force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), _remembered(system, state))
+        memory = None if system.own is None else slider[:, 2:]
+        return replace(state, force=force, status=status, slider=slider[:, :2], closing=closing, memory=memory)
+    return _loaded(system, load, state, steps) if state.converged else state
+
+
+def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) -> PreloadState:
+    """Return the state after the load has changed to ``load``, from change of state to change of state."""
+    change, left, longest = load - state.load, 1.0, 1.0 / steps
+    size, step, least = _size(system, (state.load, load), _remembered(system, state)), longest, SHORTEST
+    free = np.logical_not(system.bonded | (False if system.own is None else system.own.held))
+    frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
+    springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
+    displaced = np.abs(system.shift_at(state.load)) + np.abs(system.shift_at(load))
+    x, slope = system.G @ state.q + system.shift_at(state.load), None
+    while change and left:
+        step = left if min(step, longest) > left - SHORTEST else min(step, longest)
+        at, before = load - (left - step) * change, _remembered(system, state)
+        # the states may be a dead end; then all points that touch are taken as stuck, and then all points
+        apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
+        stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
+        ahead = () if slope is None else (_law(system, x + step * slope, before)[1],)
+        iterations, starts = 0, (*ahead, state.status, stuck, np.full_like(stuck, STICK))
+        for first_status in {s.tobytes(): s for s in starts}.values():
+            q, status, tried, residual = _step(system, at, before, first_status, size)
+            iterations += tried
+            if residual <= EQUILIBRIUM:
+                break
+        within, beyond, crept = np.inf, np.inf, not residual <= EQUILIBRIUM
+        moved = system.G @ q + system.shift_at(at)
+        if not crept:
+            close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
+            within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
+        elif step > least:
+            step = max(1e-3 * step, least)
+            continue
+        else:  # the path ends here: the states jump
+            q, before, iterations, residual = _creep(system, at, state, size)
+            moved = system.G @ q + system.shift_at(at)
+            if not residual <= EQUILIBRIUM:
+                note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
+                return replace(state, converged=False, note=note)
+        if within < 1.0 and step > least:
+            step = max(0.1 * within * step, least)
+            continue
+        least *= 2.0 if step <= least else 1.0  # so that many jumps come to an end
+        jumped = within < 1.0 or crept  # then the way so far does not lead on
+        x, slope = moved, None if jumped else (moved - x) / step
+        force, status, slider, closing = _law(system, x, before)
+        state = PreloadState(
+            at, q, slider[:, :2], force, closing, status, residual, state.steps + 1, state.iterations + iterations, True,
+            memory=None if system.own is None else slider[:, 2:],
+        )  # fmt: skip
+        left, step = left - step, least if jumped else max(step * (beyond - 1.0), least)
+    return state
+
+
+def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> PreloadState | None:
+    """State at another load by homogeneity, or None where that does not hold.
+
+    Without initial gaps everything but the states themselves is proportional to the load.  Points with a gap do not matter
+    as long as they stay open up to the larger of both loads.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    state : PreloadState
+        Reached from zero load.
+    load : float, N
+    """
+    if not (state.converged and state.load > 0.0 and load > 0.0):
+        return None
+    if not system.scales or np.any(system.cubic) or system.own:
+        return None
+    ratio = load / state.load
+    x = ratio * ((system.G @ state.q) + state.load * system.shift)
+    gapped = system.n0 < 0.0
+    if np.any(state.status[gapped] != OPEN) or np.any((system.n0 + system.kn * x[:, 2])[gapped] >= 0.0):
+        return None
+    force, _, _, closing = _law(system, x, ratio * state.slider)
+    r = system.stiffness * (ratio * state.q) + system.G.reshape(-1, len(state.q)).T @ force.ravel() - load * system.force
+    residual = float(np.abs(r).max(initial=0.0)) / max(load * float(np.abs(system.force).max(initial=0.0)), 1e-300)
+    if not residual <= EQUILIBRIUM:
+        return None
+    slider = np.where((state.status == OPEN) | (system.kt == 0.0), x[:, :2], ratio * state.slider)
+    return replace(
+        state, load=load, q=ratio * state.q, slider=slider, force=force, closing=closing, residual=residual, steps=0,
+        iterations=0,
+    )  # fmt: skip

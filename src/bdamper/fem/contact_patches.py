@@ -1,0 +1,433 @@
+r"""Contact points as averages over patches of the faces of two bodies whose meshes need not match.
+
+Each patch is one contact point.  Displacement and force of patch i with area :math:`A_i` are exchanged by
+
+.. math:: B_i = \frac{1}{A_i}\int_{A_i} N\,dA, \qquad u_i = B_i u, \qquad f = \textstyle\sum_i B_i^T F_i ,
+
+so a force is spread evenly over its patch and works on the mean displacement.  Receptances between single nodes
+diverge when a mesh is refined, those between patches converge.
+
+Facets of both bodies are projected onto the plane of the face and cut with each other and with the patch
+(Sutherland-Hodgman); each piece lies in one facet of either body.  It is split into triangles with seven integration
+points each, at which the shape functions of both facets are taken: both bodies are averaged over the very same area.
+The map from the square or triangle of a facet to the plane is that of its corners and is inverted by Newton's method.
+The weights of a patch are divided by their sum, so a rigid motion is averaged to its value at the mean position up to
+rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.fem.element_faces import Facets, area_vectors, corner_count
+from bdamper.fem.fe_matrices import check
+
+
+def _seven_points() -> tuple[NDArray, NDArray]:
+    """Barycentric coordinates (7, 3) and weights (7,), sum 1, on a triangle; exact for degree 5."""
+    root = np.sqrt(15.0)
+    near, far = (6.0 - root) / 21.0, (6.0 + root) / 21.0
+    points = [np.full((1, 3), 1.0 / 3.0)] + [np.full((3, 3), a) + (1.0 - 3.0 * a) * np.eye(3) for a in (near, far)]
+    return np.concatenate(points), np.repeat([0.225, (155.0 - root) / 1200.0, (155.0 + root) / 1200.0], (1, 3, 3))
+
+
+_BARYCENTRIC, _WEIGHTS = _seven_points()
+
+SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+"""Corners of the square from which facets are mapped."""
+
+SIDES = np.array([[0, -1], [0, 1], [1, 0], [-1, 0]], float)
+"""Directions of the sides of a rectangle: left, right, bottom, top, counter-clockwise."""
+
+SMALL_CELL = 0.02
+"""Covered share of a grid cell below which its covered part is added to the neighbouring patch."""
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Rectangular patches in planes, all of one interface.
+
+    Parameters
+    ----------
+    centre : (n, 3) float, m
+    frame : (n, 3, 3) float
+        Rows t1, t2, n.
+    size : (n, 2) float, m
+        Edges along t1 and t2.
+    """
+
+    centre: NDArray
+    frame: NDArray
+    size: NDArray
+
+    @property
+    def area(self) -> NDArray:
+        """Areas (n,), m2."""
+        return self.size.prod(axis=1)
+
+    def turned(self, rotation: NDArray) -> Patches:
+        """The patches after a rotation (3, 3)."""
+        return Patches(self.centre @ rotation.T, self.frame @ rotation.T, self.size)
+
+
+@dataclass(frozen=True)
+class PatchMeans:
+    """Patches laid over a face of one body, or over what two faces have in common.
+
+    Parameters
+    ----------
+    area : (n,) float, m2
+    frame : (n, 3, 3) float
+        Rows t1, t2, n.
+    points_a, points_b : (n, 3) float, m
+        Mean positions on either body (b is None if there is no second body).
+    matrix_a, matrix_b : (3 n, 3 n_nodes) sparse
+        From nodal displacements to patch means along t1, t2, n.
+    """
+
+    area: NDArray
+    frame: NDArray
+    points_a: NDArray
+    points_b: NDArray | None
+    matrix_a: sp.csr_matrix
+    matrix_b: sp.csr_matrix | None
+
+    @property
+    def distance(self) -> NDArray:
+        """(n,) mean normal distance of the two faces, m; zero without a second one."""
+        if self.points_b is None:
+            return np.zeros(len(self.area))
+        return np.einsum("ij,ij->i", self.frame[:, 2], self.points_b - self.points_a)
+
+
+def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tuple[int, int]:
+    """Number of patches along the two edges of a face.
+
+    A plain number is split into two factors so that the patches come as close to squares as they can.
+    """
+    if not isinstance(points, (int, np.integer)):
+        return int(points[0]), int(points[1])
+    check(points >= 1, f"points must be at least 1, not {points}")
+    factors = [n for n in range(1, points + 1) if points % n == 0]
+    n_s = min(factors, key=lambda n: (abs(np.log(length / n / (width / (points // n)))), n))
+    # Nine points are meant as three by three, although longer patches would be closer to squares then.
+    root = round(np.sqrt(points))
+    return (root, root) if root * root == points else (n_s, points // n_s)
+
+
+def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
+    """Contact axes (3, 3), rows t1, t2, n, of a face: n its mean outward normal, t2 against the axis Z.
+
+    For a face normal to the axis, t1 is the direction in which its centre would move in a rotation toward +X.
+
+    Raises
+    ------
+    ValueError
+        If the normals of the facets contradict each other.
+    """
+    vectors = area_vectors(facets, nodes)
+    total = vectors.sum(axis=0)
+    area = np.linalg.norm(vectors, axis=1).sum()
+    expected = "expected one face, with all facets seen from outside counter-clockwise"
+    check(np.linalg.norm(total) > 0.5 * area, f"the normals of its facets do not point to one side: {expected}")
+    n = total / np.linalg.norm(total)
+    axial = np.array([0.0, 0.0, 1.0])
+    t2 = n * n[2] - axial
+    if np.linalg.norm(t2) > 0.1:
+        t2 /= np.linalg.norm(t2)
+        return np.array([np.cross(t2, n), t2, n])
+    centre = nodes[facets.nodes].mean(axis=0)
+    angle = np.arctan2(centre[0], centre[1])
+    t1 = np.array([np.cos(angle), -np.sin(angle), 0.0])
+    t1 -= n * (n @ t1)
+    t1 /= np.linalg.norm(t1)
+    return np.array([t1, np.cross(n, t1), n])
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Shape functions
+
+
+def serendipity(xi: NDArray) -> NDArray:
+    """Shape functions (m, 8) of the quadrilateral: corners as in ``SQUARE``, then middles of the edges."""
+    a, b = xi[:, :1], xi[:, 1:]
+    sa, sb = SQUARE[:, 0], SQUARE[:, 1]
+    corners = 0.25 * (1 + a * sa) * (1 + b * sb) * (a * sa + b * sb - 1)
+    bottom, top = 0.5 * (1 - a**2) * (1 - b), 0.5 * (1 - a**2) * (1 + b)
+    right, left = 0.5 * (1 + a) * (1 - b**2), 0.5 * (1 - a) * (1 - b**2)
+    return np.hstack([corners, bottom, right, top, left])
+
+
+def _bilinear(xi: NDArray) -> NDArray:
+    """Shape functions (m, 4) of the corners of the quadrilateral."""
+    return 0.25 * (1 + xi[:, :1] * SQUARE[:, 0]) * (1 + xi[:, 1:] * SQUARE[:, 1])
+
+
+def shape_functions(xi: NDArray, n_nodes: int) -> NDArray:
+    """Shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
+    if n_nodes in (4, 8):
+        return _bilinear(xi) if n_nodes == 4 else serendipity(xi)
+    return xi if n_nodes == 3 else np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
+
+
+def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
+    """Coordinates on the square (m, 2), or barycentric (m, 3), of points ``x`` (m, 2) in a facet."""
+    if len(corner) == 3:
+        edges = np.stack([corner[1] - corner[0], corner[2] - corner[0]], axis=1)
+        st = np.linalg.solve(edges, (x - corner[0]).T).T
+        return np.column_stack([1.0 - st.sum(axis=1), st])
+    xi = np.zeros_like(x)
+    for _ in range(20):
+        d_xi = 0.25 * SQUARE[:, 0] * (1 + xi[:, 1:] * SQUARE[:, 1]) @ corner
+        d_eta = 0.25 * SQUARE[:, 1] * (1 + xi[:, :1] * SQUARE[:, 0]) @ corner
+        r = x - _bilinear(xi) @ corner
+        det = d_xi[:, 0] * d_eta[:, 1] - d_xi[:, 1] * d_eta[:, 0]
+        along_xi, along_eta = r[:, 0] * d_eta[:, 1] - r[:, 1] * d_eta[:, 0], d_xi[:, 0] * r[:, 1] - d_xi[:, 1] * r[:, 0]
+        step = np.stack([along_xi / det, along_eta / det], axis=-1)
+        xi += step
+        if np.abs(step).max() < 1e-14:
+            break
+    return xi
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Polygons
+
+
+def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
+    """Part (m, 2) of a convex polygon where the distance ``inside`` of its corners from a line is not negative."""
+    if inside.min() >= 0.0:
+        return polygon
+    out = []
+    for k in range(len(polygon)):
+        a, b, da, db = polygon[k - 1], polygon[k], inside[k - 1], inside[k]
+        if da * db < 0.0:
+            out.append(a + (b - a) * da / (da - db))
+        if db >= 0.0:
+            out.append(b)
+    return np.array(out) if len(out) >= 3 else np.empty((0, 2))
+
+
+def rectangle(low: NDArray, high: NDArray) -> NDArray:
+    """Points (4, 2) on the sides of the rectangle from ``low`` (2,) to ``high`` (2,), which run along ``SIDES``."""
+    return np.array([low, high, low, high])
+
+
+def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = None) -> NDArray:
+    """Part (m, 2) of a convex polygon in a convex, counter-clockwise ``window`` (k, 2).
+
+    ``sides`` (k, 2) lead from its corners to the next ones by default.
+    """
+    for a, side in zip(window, np.roll(window, -1, axis=0) - window if sides is None else sides):
+        if len(polygon) == 0:
+            return polygon
+        polygon = _cut(polygon, side[0] * (polygon[:, 1] - a[1]) - side[1] * (polygon[:, 0] - a[0]))
+    return polygon
+
+
+def overlaps(
+    polygons: Sequence[NDArray], windows: Sequence[NDArray], sides: NDArray | None = None
+) -> Iterator[tuple[int, int, NDArray]]:
+    """Parts (m, 2) of convex polygons in windows as of :func:`clip_to_polygon`, each after the numbers of both."""
+    low, high = (np.array([end(window, axis=0) for window in windows]).reshape(-1, 2) for end in (np.min, np.max))
+    for k, polygon in enumerate(polygons):
+        near = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
+        for m in np.flatnonzero(near).tolist():
+            part = clip_to_polygon(polygon, windows[m], sides)
+            if len(part) >= 3:
+                yield k, m, part
+
+
+def polygon_area(polygon: NDArray) -> float:
+    """Signed area of a polygon (m, 2)."""
+    x, y = polygon[:, 0], polygon[:, 1]
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
+    """Points (m, 2) and weights (m,) on a convex polygon."""
+    triangles = np.stack([np.broadcast_to(polygon[0], polygon[2:].shape), polygon[1:-1], polygon[2:]], axis=1)
+    d1, d2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    area = 0.5 * np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])
+    return (_BARYCENTRIC @ triangles).reshape(-1, 2), np.outer(area, _WEIGHTS).ravel()
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Patches over faces
+
+
+class _Flat(NamedTuple):
+    """Facets of one body projected onto a plane: their nodes and their convex, counter-clockwise corners."""
+
+    nodes: list[NDArray]
+    corner: list[NDArray]
+
+
+def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, what: str) -> _Flat:
+    """Project facets; those seen from behind are turned around, folded ones are refused."""
+    rows, corners = [], []
+    for row in facets.each():
+        n = corner_count(len(row))
+        x = (nodes[row[:n]] - origin) @ frame[:2].T
+        if polygon_area(x) < 0.0:
+            row = Facets((row[None],)).flipped().groups[0][0]
+            x = (nodes[row[:n]] - origin) @ frame[:2].T
+        ahead, behind = np.roll(x, -1, axis=0) - x, x - np.roll(x, 1, axis=0)
+        bend = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
+        if not polygon_area(x) > 0.0 or bend.min() < -1e-6 * bend.max():
+            raise ValueError(f"a facet of {what} at {nodes[row[:n]].mean(axis=0)} m is folded or seen edge-on")
+        rows.append(row)
+        corners.append(x)
+    return _Flat(rows, corners)
+
+
+class _Piece(NamedTuple):
+    polygon: NDArray
+    a: int
+    b: int
+
+
+def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
+    """Intersections of the facets of both faces."""
+    if flat_b is None:
+        return [_Piece(corner, k, -1) for k, corner in enumerate(flat_a.corner)]
+    return [_Piece(part, k, m) for k, m, part in overlaps(flat_a.corner, flat_b.corner)]
+
+
+def _means(
+    cells: list[list[_Piece]], frames: NDArray, flats: tuple[_Flat, _Flat | None], bodies: tuple[NDArray, NDArray | None]
+) -> PatchMeans:
+    """Integrate the shape functions of both bodies over the pieces of each cell."""
+    n = len(cells)
+    area = np.zeros(n)
+    data: list[list[tuple[int, int, float]]] = [[], []]
+    for i, pieces in enumerate(cells):
+        weight: list[dict[int, float]] = [{}, {}]
+        for piece in pieces:
+            x, w = _quadrature(piece.polygon)
+            area[i] += w.sum()
+            for side, (flat, index) in enumerate(zip(flats, (piece.a, piece.b))):
+                if flat is None:
+                    continue
+                row = flat.nodes[index]
+                values = w @ shape_functions(inverse_map(flat.corner[index], x), len(row))
+                for node, value in zip(row.tolist(), values.tolist()):
+                    weight[side][node] = weight[side].get(node, 0.0) + value
+        for side in (0, 1):
+            total = sum(weight[side].values())
+            data[side] += [(i, node, value / total) for node, value in weight[side].items()]
+    turn_rows = sp.block_diag(list(frames), format="csr")
+
+    def on_body(entries: list[tuple[int, int, float]], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
+        rows, columns, values = (np.array(part) for part in zip(*entries))
+        mean = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
+        return mean @ nodes, (turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr()
+
+    points_a, matrix_a = on_body(data[0], bodies[0])
+    points_b, matrix_b = (None, None) if bodies[1] is None else on_body(data[1], bodies[1])
+    return PatchMeans(area, frames, points_a, points_b, matrix_a, matrix_b)
+
+
+def patches_on_rectangles(
+    patches: Patches, nodes: NDArray, facets: Facets, what: str = "the surface of the body"
+) -> PatchMeans:
+    """Means over given rectangles on the surface of one body.
+
+    Parameters
+    ----------
+    patches : Patches
+        In one plane, with one frame.
+    nodes : (n_nodes, 3) float, m
+    facets : Facets
+        Any part of the surface that contains the patches; facets out of the plane of a patch are left out.
+    what : str
+        Name of the surface in messages.
+
+    Raises
+    ------
+    ValueError
+        If the surface does not cover a patch.
+    """
+    origin, frame = patches.centre[0], patches.frame[0]
+    height = np.abs((nodes - origin) @ frame[2])
+    flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
+    groups = [g[flat_enough[corners].all(axis=1)] for g, corners in zip(facets.groups, facets.corners)]
+    flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
+    middles = ((centre - origin) @ frame[:2].T for centre in patches.centre)
+    windows = [rectangle(middle - 0.5 * size, middle + 0.5 * size) for middle, size in zip(middles, patches.size)]
+    cells: list[list[_Piece]] = [[] for _ in windows]
+    for k, i, part in overlaps(flat.corner, windows, SIDES):
+        cells[i].append(_Piece(part, k, -1))
+    for i, (cell, area) in enumerate(zip(cells, patches.area)):
+        total = sum(polygon_area(p.polygon) for p in cell)
+        wrong = f"patch {i} at {patches.centre[i]} m has an area of {area:.6g} m2, but {what} covers {total:.6g} m2 of it"
+        check(abs(total - area) <= 1e-6 * area, wrong)
+    return _means(cells, np.array(patches.frame), (flat, None), (nodes, None))
+
+
+def patches_on_faces(
+    points: int | tuple[int, int], nodes_a: NDArray, facets_a: Facets, nodes_b: NDArray | None = None,
+    facets_b: Facets | None = None, frame: NDArray | None = None, what: tuple[str, str] = ("face a", "face b"),
+) -> PatchMeans:  # fmt: skip
+    """A grid of patches over a face, or over what two faces have in common.
+
+    Parameters
+    ----------
+    points : int or (int, int)
+        Patches in all, or along t1 and t2.
+    nodes_a, nodes_b : (n_nodes, 3) float, m
+        Of both bodies, at the place where they touch.
+    facets_a, facets_b : Facets
+    frame : (3, 3) float, optional
+        Rows t1, t2, n; by default those of `mean_frame` of face a.
+    what : (str, str)
+        Names of the faces in messages.
+
+    Raises
+    ------
+    ValueError
+        If a face is folded, or the faces have nothing in common.
+    """
+    if frame is None:
+        frame = mean_frame(facets_a, nodes_a)
+    origin = nodes_a[facets_a.nodes].mean(axis=0)
+    flat_a = _flatten(facets_a, nodes_a, origin, frame, what[0])
+    flat_b = None
+    if nodes_b is not None and facets_b is not None:
+        flat_b = _flatten(facets_b, nodes_b, origin, frame, what[1])
+    pieces = [p for p in _pieces(flat_a, flat_b) if polygon_area(p.polygon) > 0.0]
+    check(pieces, f"{what[0]} and {what[1]} have no area in common")
+    whole = sum(polygon_area(p.polygon) for p in pieces)
+    low = np.min([p.polygon.min(axis=0) for p in pieces], axis=0)
+    high = np.max([p.polygon.max(axis=0) for p in pieces], axis=0)
+    n_1, n_2 = patch_grid(points, *(high - low))
+    check(min(n_1, n_2) >= 1, f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
+    edges = [np.linspace(low[k], high[k], n + 1) for k, n in enumerate((n_1, n_2))]
+    corners = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1)
+    windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
+    cells: list[list[_Piece]] = [[] for _ in windows]
+    for k, m, part in overlaps([piece.polygon for piece in pieces], windows, SIDES):
+        if polygon_area(part) > 1e-13 * whole:
+            cells[m].append(_Piece(part, pieces[k].a, pieces[k].b))
+    cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
+    frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
+    return _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))
+
+
+def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:
+    """Join cells of which a face covers hardly anything to the nearest of the others."""
+    area = np.array([sum(polygon_area(p.polygon) for p in cell) for cell in cells])
+    kept = np.flatnonzero(area > SMALL_CELL * full)
+    if len(kept) == 0:
+        kept = np.array([int(area.argmax())])
+    place = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
+    for small in np.setdiff1d(np.flatnonzero(area > 0.0), kept):
+        nearest = kept[np.abs(place[kept] - place[small]).sum(axis=1).argmin()]
+        cells[nearest].extend(cells[small])
+    return [cells[k] for k in kept]

@@ -1,0 +1,198 @@
+"""The bodies of a model from reduced structures: modes, receptances and loads at contact points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.fem.cyclic_symmetry import CyclicSector
+from bdamper.fem.element_faces import Facets, corner_count
+from bdamper.fem.fe_matrices import Structure, hermitian
+from bdamper.fem.free_body import FreeBody
+from bdamper.fem.rotation import Rotation, spin_displacement
+from bdamper.model.rigid_motions import fix_phase
+from bdamper.model.rotation import SpinStatic
+from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
+
+LEAST = 1e-8
+"""Energy of a residual shape, over that of the static shape of its force, and of a combination of such over that of the
+others, that counts as rounding."""
+
+PICTURED_MODES = 10
+"""Number of mode shapes at each nodal diameter that a model stores for plots."""
+
+
+def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
+    """Nodal diameters of the harmonics 0 to ``harmonics`` of an engine order, folded to at most N/2."""
+    orders = (engine_order * h % n_blades for h in range(harmonics + 1))
+    return tuple(sorted({min(d, n_blades - d) for d in orders}))
+
+
+Place = int | NDArray
+"""Where forces act: the index of a node, or a field (n_nodes, 3) complex of forces (N)."""
+
+
+def nodes_of(place: Place) -> NDArray:
+    """Indices of the nodes at which forces act."""
+    return np.flatnonzero(place.any(axis=1)) if isinstance(place, np.ndarray) else np.array([place])
+
+
+def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
+    """Unit forces (n_dof, 3) along X, Y and Z at a node; the real and the imaginary part of a field, and zeros."""
+    if isinstance(place, np.ndarray):
+        return sp.csc_matrix(np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1))
+    return sp.csc_matrix((np.ones(3), (3 * place + np.arange(3), np.arange(3))), shape=(n_dof, 3))
+
+
+def location_rows(places: Mapping[str, Place], shapes: NDArray) -> dict[str, NDArray]:
+    """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes): motion of a node; work of the real
+    and of the imaginary part of a field of forces, and zeros."""
+    return {name: place_loads(place, len(shapes)).T @ shapes for name, place in places.items()}
+
+
+def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
+    """The loads (3 n_nodes, n) of several places that are not zero."""
+    loads = sp.hstack([place_loads(place, body.n_dof) for place in places], format="csc")
+    return loads[:, np.diff(loads.indptr) > 0]
+
+
+def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
+    """Quadrilaterals of a surface by its corners, triangles with their last corner twice, for pictures.
+
+    ``shapes`` are mode shapes (n_nodes, 3, n_modes) by nodal diameter.
+    """
+    quads = np.concatenate([g[:, [0, 1, 2, 3 if corner_count(g.shape[1]) == 4 else 2]] for g in surface.groups])
+    used, compact = np.unique(quads, return_inverse=True)
+    modes = {d: values[used] for d, values in shapes.items()}
+    return SurfaceMesh(nodes[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Locations, contact points and number of modes for the reduction of a body.
+
+    Parameters
+    ----------
+    ports : tuple of Port
+    contact : (3 n_points, 3 n_nodes) sparse
+        From nodal displacements to the contact points of all ports.
+    locations : mapping of name to node index, or to a field (n_nodes, 3) complex of forces (N)
+    n_modes : int
+    damping_ratio : float
+        Of all elastic modes.
+    static_shapes : bool
+        Whether a sector has static shapes of forces at its locations besides; stored models of reference have none.
+    """
+
+    ports: tuple[Port, ...]
+    contact: sp.csr_matrix
+    locations: Mapping[str, Place]
+    n_modes: int
+    damping_ratio: float
+    static_shapes: bool = False
+
+    def shapes(self, sector: CyclicSector) -> tuple[NDArray, NDArray, int | None]:
+        """Squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and how many of the last are no modes."""
+        omega2, modes = sector.modes(self.n_modes)
+        if not (self.static_shapes and self.locations):
+            return omega2, modes, None
+        loads = location_loads(sector.body, self.locations.values())
+        found, static = residual_shapes(sector.body, modes, loads, sector.transformation @ sector.static_response(loads))
+        return np.append(omega2, found), np.hstack([modes, static]), len(found)
+
+    def basis(
+        self, omega2: NDArray, shapes: NDArray, flexibility: NDArray | None = None, static: int | None = None
+    ) -> ModalBasis:
+        """Mass-normalised modes (3 n_nodes, n) of squared frequencies (n,) at the contact points and locations."""
+        return ModalBasis(
+            omega2=omega2.copy(),
+            damping_ratio=np.where(omega2 > 0.0, self.damping_ratio, 0.0),
+            contact_modes=(self.contact @ shapes).reshape(-1, 3, len(omega2)),
+            locations=location_rows(self.locations, shapes),
+            flexibility=flexibility,
+            static_shapes=static,
+        )
+
+
+def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static: NDArray) -> tuple[NDArray, NDArray]:
+    r"""What kept shapes leave out of static ones: :math:`(K^{-1} - \Phi \Omega^{-2} \Phi^H) f`, made orthogonal.
+
+    Parameters
+    ----------
+    body : Structure
+    kept : (3 n_nodes, n_kept)
+        Orthogonal in the stiffness.
+    loads, static : (3 n_nodes, n) sparse, (3 n_nodes, n)
+        Forces and their static shapes.
+
+    Returns
+    -------
+    omega2 : (m,) float, ascending
+    shapes : (3 n_nodes, m)
+        Mass-normalised, orthogonal to those kept in the stiffness and to each other in mass and stiffness; fewer than the
+        loads where these leave fewer.
+    """
+    own, rest = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real, static
+    for _ in range(2):  # twice, for rounding
+        rest = rest - (kept / own) @ (kept.conj().T @ (body.stiffness @ rest))
+    energy = np.einsum("ij,ij->j", rest.conj(), body.stiffness @ rest).real
+    left = energy > LEAST * loads.multiply(static.conj()).sum(axis=0).A1.real
+    rest = rest[:, left] / np.sqrt(energy[left])
+    size, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.stiffness @ rest)))
+    real = size > LEAST * size.max(initial=0.0)
+    rest = rest @ (V[:, real] / np.sqrt(size[real]))
+    square, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.mass @ rest)))
+    return 1.0 / square[::-1], fix_phase((rest @ V / np.sqrt(square))[:, ::-1], body.mass)
+
+
+def constrained_body(
+    name: str, wanted: Wanted, sector: Callable[[int], CyclicSector], nodal_diameters: Iterable[int],
+    rotation: Rotation | None = None, seen: Callable[[CyclicSector, NDArray, NDArray], None] = lambda *_: None,
+) -> Body:  # fmt: skip
+    """A sector that is held somewhere, at several nodal diameters.
+
+    Parameters
+    ----------
+    name : str
+    wanted : Wanted
+    sector : function of the nodal diameter
+    nodal_diameters : iterable of int
+    rotation : Rotation, optional
+        What changes with the speed of rotation.
+    seen : function of a sector, squared frequencies (n,) and shapes (3 n_nodes, n), optional
+        Called at each nodal diameter.
+    """
+    bases = {}
+    for d in nodal_diameters:
+        reduced = sector(d)
+        omega2, shapes, static = wanted.shapes(reduced)
+        seen(reduced, omega2, shapes)
+        bases[d] = wanted.basis(omega2, shapes, reduced.receptance(wanted.contact), static)
+        if rotation is not None:
+            bases[d] = rotation.basis(bases[d], reduced, shapes, wanted.contact)
+    spin = None
+    if rotation is not None:
+        moved = spin_displacement(sector(0))
+        theory: Literal["linear", "stiffened"] = "linear" if rotation.omega_ref == 0.0 else "stiffened"
+        at_points = (wanted.contact @ moved).reshape(-1, 3)
+        spin = SpinStatic(at_points, location_rows(wanted.locations, moved), theory, rotation.omega_ref)
+    return Body(name, "constrained", wanted.ports, bases, spin=spin)
+
+
+def free_body(name: str, wanted: Wanted, free: FreeBody, radial: NDArray) -> Body:
+    """A free body with its rigid-body and elastic modes, under centrifugal load along ``radial`` (3,).
+
+    The six rigid-body modes are among those wanted.
+    """
+    omega2, shapes = free.modes(wanted.n_modes)
+    force = free.centrifugal_load(radial)
+    basis = wanted.basis(omega2, shapes, free.receptance(wanted.contact))
+    moved = (wanted.contact @ free.elastic_response(force)).reshape(-1, 3)
+    load = BodyLoad(direction=radial, generalised=shapes.T @ force, displacement=moved)
+    mass, centre, inertia = free.total_mass, free.centre, free.inertia
+    return Body(name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load)

@@ -1,0 +1,92 @@
+"""Models that come with the package, or, where they are large, are made by `bdamper.fem` on first use and kept.
+
+In: a name and a number of contact points.  Out: the model, from the wheel; from the folder that the environment variable
+BDAMPER_MODELS names; from ``models/`` of a checkout; or from the user's cache folder, where the first that asks makes it.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+from bdamper.model.model_file import load_model, save_model
+from bdamper.model.structure import Model
+from bdamper.util import validation
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.versions import HERE
+
+CONTACT_POINTS = {
+    "turbine_blade": (9,),
+    "bladed_disk": (9, 24, 48),
+    "paper_disk": (24, 9, 48),
+    "blade_to_ground": (24,),
+    "test_rig": (24,),
+    "shrouded_blade": (4,),
+}
+
+
+def reference_model(name: str = "bladed_disk", contact_points: int | None = None) -> Model:
+    """A model that comes with the package, made by ``tools/make_reference_model.py`` from :mod:`bdamper.fem`.
+
+    "bladed_disk" and "paper_disk" with 24 or 48 points are too large for the wheel: the first use makes them, in minutes,
+    and keeps them in the user's cache folder.  That needs the extra ``bdamper[fe]``.
+
+    Parameters
+    ----------
+    name : str
+        "turbine_blade": 60 blades of 100 mm with light wedge dampers, the typical case, for any harmonic of engine order 5.
+        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for engine order 5 up to its
+        seventh harmonic; with 9 points for engine orders 3 to 10 up to their third, with data over rotor speed, stress
+        rows, and a local basis for mistuned wheels.
+        "paper_disk": another disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
+        driven at "tip_trailing_edge") finds the numbers of its Figs 8 and 9; with 9 and 48 points modes of one harmonic.
+        "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
+        settings of a study (``fixed_loads``, ``gap``).
+        "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
+        "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for engine order 4.
+    contact_points : int, optional
+        Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 (default), 9 or 48 for "paper_disk", 9 for
+        "turbine_blade", 4 for "shrouded_blade", 24 for the others.
+
+    Raises
+    ------
+    SettingError
+        If there is no such model.
+    BdamperError
+        If it must be made, and scikit-fem is not installed.
+    """
+    validation.choice("reference model", name, sorted(CONTACT_POINTS))
+    points = CONTACT_POINTS[name][0] if contact_points is None else contact_points
+    if points not in CONTACT_POINTS[name]:
+        raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {points}")
+    package = Path(__file__).resolve().parents[1]
+    folders = (package / "data", Path(os.environ.get("BDAMPER_MODELS", package / "data")), package.parents[1] / "models")
+    paths = (folder / f"{name}_{points}.h5" for folder in folders)
+    found = next((path for path in paths if path.is_file()), None)
+    return _kept(name, points) if found is None else load_model(found)
+
+
+def _kept(name: str, points: int) -> Model:
+    """From the cache folder of this version."""
+    folder = user_cache_path("bdamper", version=HERE.bdamper)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}_{points}.h5"
+    with open(path.with_suffix(".lock"), "w") as lock:
+        with suppress(ImportError):  # on Windows two may make it at once, each a whole file
+            import fcntl
+
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        if path.is_file():
+            return load_model(path)
+        try:
+            from bdamper.fem.generated_models import MAKERS
+        except ImportError as error:
+            raise BdamperError(
+                f"reference model '{name}' with {points} contact points: not in the wheel, and making it needs scikit-fem: "
+                f"pip install 'bdamper[fe]', or name a folder that has {path.name} in BDAMPER_MODELS"
+            ) from error
+        save_model(MAKERS[name](points, progress=True), path)
+    return load_model(path)

@@ -1,0 +1,224 @@
+r"""The two faces at which a sector repeats, and how the motion of one follows from that of the other.
+
+With R the rotation by one pitch, :math:`\varphi = 2\pi d/N` the phase of nodal diameter d and :math:`s = \pm 1` the side on
+which the dependent face lies (+1 toward +X),
+
+.. math:: u_{dep} = e^{i s \varphi} R^s\, W u_{ind} .
+
+Row i of W has a single one where node i of the dependent face is the image of a node of the independent face.  Where the
+meshes of the faces differ, it holds the shape functions of the facet of the independent face on which node i lies; the
+finer face is the dependent one, as every one of its nodes is tied then.  Nodes on the axis of rotation are their own
+images: they can move as :math:`u = e^{i \varphi} R\, u` lets them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from bdamper.fem.contact_patches import SQUARE, inverse_map, shape_functions
+from bdamper.fem.element_faces import Facets, corner_count, facets_on_nodes
+from bdamper.fem.fe_matrices import check
+from bdamper.model.structure import turn
+
+MOST_SECTORS = 1000
+"""Sectors up to which :func:`find_faces` looks for the number of sectors."""
+
+
+@dataclass(frozen=True)
+class SectorFaces:
+    """The faces of a sector.
+
+    Parameters
+    ----------
+    n_sectors : int
+    independent, dependent : (k,), (m,) int
+        Nodes; none of an acyclic structure.
+    weights : (m, k) sparse
+        W of the module's docstring.
+    side : {1, -1}
+        Whether the dependent face is the one toward +X.
+    distance : float, m
+        Largest distance of a dependent node from the independent face.
+    axis : (n,) int
+        Nodes on the axis of rotation, none of the dependent ones.
+    """
+
+    n_sectors: int
+    independent: NDArray
+    dependent: NDArray
+    weights: sp.csr_matrix
+    side: int = 1
+    distance: float = 0.0
+    axis: NDArray = field(default_factory=lambda: np.empty(0, int))
+
+    @property
+    def nodes(self) -> NDArray:
+        """All nodes of both faces, once each."""
+        return np.unique(np.concatenate([self.independent, self.dependent, self.axis]))
+
+    @property
+    def matching(self) -> bool:
+        """Whether each node of one face is the image of a node of the other."""
+        return self.weights.nnz == len(self.dependent) == len(self.independent)
+
+    def tie(self, nodal_diameter: int) -> tuple[complex, NDArray]:
+        """Phase factor and rotation (3, 3) from the independent to the dependent face."""
+        phase = sector_phase(self.n_sectors, nodal_diameter)
+        return np.conj(phase) if self.side < 0 else phase, turn(self.side * 2.0 * np.pi / self.n_sectors)
+
+    def among(self, known: NDArray) -> SectorFaces:
+        """The part of the dependent face whose motion follows from known nodes (n_nodes,) bool, itself among them."""
+        unknown = abs(self.weights) @ (~known[self.independent]).astype(float) > 0.0
+        rows = known[self.dependent] & ~unknown
+        return replace(self, dependent=self.dependent[rows], weights=self.weights[rows])
+
+    def images(self, held: NDArray) -> NDArray:
+        """Nodes (n_nodes,) bool that are held because they lie where the other face is held, those given included."""
+        out, size = held.copy(), abs(self.weights)
+        out[self.dependent] |= (size > 1e-4) @ (~held[self.independent]).astype(float) == 0.0  # positions are rounded
+        out[self.independent] |= (size > 0.5).T @ held[self.dependent].astype(float) > 0.0  # the nearest one
+        return out
+
+
+def no_faces() -> SectorFaces:
+    """Sector faces of an acyclic structure: none."""
+    nothing = np.empty(0, int)
+    return SectorFaces(1, nothing, nothing, sp.csr_matrix((0, 0)))
+
+
+def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
+    """Factor ``exp(2 pi i d/N)`` from one sector to the next; +1 or -1, hence real, for d = 0 and d = N/2."""
+    if 2 * nodal_diameter % n_sectors == 0:
+        return -1.0 if nodal_diameter % n_sectors else 1.0
+    return np.exp(2j * np.pi * nodal_diameter / n_sectors)
+
+
+def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, tolerance: float = 1e-8) -> SectorFaces:
+    """Faces whose meshes match: rotation by one pitch carries the nodes ``left`` onto ``right``.
+
+    Raises
+    ------
+    ValueError
+        If the faces do not match node by node within ``tolerance`` (m).
+    """
+    check(len(left) and len(right), f"sector faces with {len(left)} and {len(right)} nodes: none may be empty")
+    pitch = 2.0 * np.pi / n_sectors
+    distance, index = cKDTree(nodes[right]).query(nodes[left] @ turn(pitch).T)
+    if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
+        found = f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
+        raise ValueError(f"sector faces do not match under rotation by {pitch:.6g} rad: {found}")
+    on_axis = left == right[index]
+    own, image = left[~on_axis], right[index][~on_axis]
+    return SectorFaces(n_sectors, own, image, sp.identity(len(own), format="csr"), 1, float(distance.max()), left[on_axis])
+
+
+def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_sectors: int) -> SectorFaces:
+    """Faces whose meshes differ, tied by interpolation; ``distance`` tells how well they lie on each other.
+
+    Parameters
+    ----------
+    nodes : (n_nodes, 3) float, m
+    surface : Facets
+        Outer faces of the elements.
+    left, right : (k,), (m,) int
+        Nodes of the face toward -X and of that toward +X.
+    n_sectors : int
+
+    Raises
+    ------
+    ValueError
+        If the nodes of the coarser face are not the corners of any face of an element.
+    """
+    side = 1 if len(right) >= len(left) else -1
+    independent, dependent = (left, right) if side > 0 else (right, left)
+    axis = np.intersect1d(left, right)
+    dependent = np.setdiff1d(dependent, axis)
+    facets = facets_on_nodes(surface, independent)
+    check(len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one")
+    target = nodes[dependent] @ turn(-side * 2.0 * np.pi / n_sectors).T
+    weights, distance = interpolation(nodes, facets, target)
+    own = facets.nodes
+    return SectorFaces(n_sectors, own, dependent, weights[:, own].tocsr(), side, float(distance.max()), axis)
+
+
+def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.csr_matrix, NDArray]:
+    """Shape functions of facets at the places nearest to points.
+
+    Parameters
+    ----------
+    nodes : (n_nodes, 3) float, m
+    facets : Facets
+    points : (n, 3) float, m
+
+    Returns
+    -------
+    weights : (n, n_nodes) sparse
+        Each row sums to one.
+    distance : (n,) float, m
+        Of the points from where the facets interpolate; beside the facets at most some tens of per cent too large.
+    """
+    rows = facets.each()
+    centres = np.array([nodes[row].mean(axis=0) for row in rows])
+    size = np.array([np.ptp(nodes[row], axis=0).max() for row in rows])
+    near = np.atleast_2d(cKDTree(centres).query(points, k=min(6, len(rows)))[1].reshape(len(points), -1))
+    distance, found = np.full(len(points), np.inf), [(np.empty(0, int), np.empty(0))] * len(points)
+    for k in np.unique(near):
+        row, own = rows[k], np.flatnonzero((near == k).any(axis=1))
+        corner = nodes[row[: corner_count(len(row))]]
+        across = np.linalg.svd(corner - corner.mean(axis=0))[2][:2].T
+        aim = points[own] @ across
+        for _ in range(20):  # the map is that of the corners; nodes between them bend it
+            at = inverse_map(corner @ across, aim)
+            miss = points[own] @ across - shape_functions(at, len(row)) @ (nodes[row] @ across)
+            aim += np.clip(miss, -size[k], size[k])
+            if np.abs(miss).max() < 1e-12 * size[k]:
+                break
+        at = np.clip(at, SQUARE.min(), SQUARE.max())
+        if len(corner) == 3:
+            at = np.maximum(at, 0.0) / np.maximum(at, 0.0).sum(axis=1, keepdims=True)
+        values = shape_functions(at, len(row))
+        away = np.linalg.norm(values @ nodes[row] - points[own], axis=1)
+        for i, d, value in zip(own.tolist(), away.tolist(), values):
+            if d < distance[i]:
+                distance[i], found[i] = d, (row, value)
+    pointer = np.cumsum([0, *(len(row) for row, _ in found)])
+    columns, data = (np.concatenate(part) for part in zip(*found))
+    weights = sp.csr_matrix((data, columns, pointer), shape=(len(points), len(nodes)))
+    weights.eliminate_zeros()
+    return weights, distance
+
+
+def find_faces(nodes: NDArray, surface: Facets, n_sectors: int | None, tolerance: float) -> SectorFaces | None:
+    """The faces at which a sector repeats, from its geometry: nodes that one rotation carries onto other nodes.
+
+    The rotations are those by ``2 pi/N``, from the largest one on; with smaller ones than its pitch a regular mesh may lie
+    upon itself, too.
+
+    Parameters
+    ----------
+    nodes, surface
+        As in :func:`tie_faces`.
+    n_sectors : int, optional
+        Found, too, if it is not given.
+    tolerance : float, m
+
+    Returns
+    -------
+    SectorFaces or None
+        None if no rotation carries a whole face of an element onto another one.
+    """
+    outer = surface.nodes
+    tree = cKDTree(nodes[outer])
+    for n in range(2, MOST_SECTORS + 1) if n_sectors is None else (n_sectors,):
+        distance, index = tree.query(nodes[outer] @ turn(2.0 * np.pi / n).T, distance_upper_bound=tolerance)
+        on = np.isfinite(distance)
+        left, right = outer[on], outer[index[on]]
+        whole = all(len(facets_on_nodes(surface, face)) for face in (left, right))
+        if whole and len(np.union1d(left, right)) > len(left):  # more than nodes on the axis
+            return match_faces(nodes, left, right, n, tolerance)
+    return None

@@ -1,0 +1,202 @@
+r"""What happens at the contacts in one cycle of a solution: motions and forces over time, and the energy that is lost.
+
+With the motion ``x`` of a contact point and its force ``f`` as complex amplitudes of each harmonic, the work of a cycle is
+
+.. math:: \oint f\,dx = \pi \sum_l l\,\mathrm{Im}(f_l \bar x_l),
+
+without any error of truncation, since the motion has no other harmonics than those that are solved for.  It is the energy
+that friction takes from the cycle; normal springs give back what they take.  Multiplying the harmonic-balance equations by
+the velocities gives the balance that a solution satisfies as well as it satisfies the equations,
+
+.. math::
+    \pi \sum_l l\,\mathrm{Im}(e_l^T \bar q_l)
+    = \pi \sum_l l^2 \omega\, \bar q_l^T C q_l + \sum_\text{points} \oint f\,dx,
+
+work of the excitation, loss to the damping of the modes, loss to the contacts; all of it for one sector.
+
+The histories of the friction force come from the law itself, event by event, and not from its harmonics, which ring at the
+transitions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.law_codes import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_USER
+from bdamper.contact.residual_flexibility import RESIDUAL
+from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.sector import Sector, segments
+
+MOST_PERIODS = 100
+"""Periods within which the sliders of a coupled law settle in a given motion."""
+
+
+def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None) -> dict[str, Any]:
+    """Work of the excitation and its losses in one cycle, J, of one sector.
+
+    Parameters
+    ----------
+    system : Equations[Sector]
+    u : (n_unknowns,) float
+        A solution.
+    omega : float, rad/s
+    contacts : (n_points,) bool, optional
+        Points whose equivalent stiffness is asked for, where others are springs of the bodies; all of them by default.
+
+    Returns
+    -------
+    "contact" : (n_points,) float
+        Lost at each contact point of the equations.
+    "damping", "excitation" : float
+        Lost to the damping of the modes; work of the excitation.
+    "kinetic" : float
+        Kinetic energy if all modes and harmonics passed through rest together.
+    "stiffness" : complex, N/m
+        Of the contacts with the elasticity around them, seen from the response: the force there that does the work of all
+        contact forces on the fundamental harmonic (:func:`bodily_motion`), over the fundamental harmonic of the response.
+        Its real part is an equivalent spring, its imaginary part the angular frequency times an equivalent viscous damper.
+        NaN where the response is at rest.
+    """
+    X, F, _ = system.contact(u)
+    counted = np.ones(system.n_points, bool) if contacts is None else contacts
+    l = np.arange(1, system.n_harmonics + 1)
+    x, f = (a[..., 1::2] - 1j * a[..., 2::2] for a in (X, F))
+    damping = excitation = kinetic = 0.0
+    for n in range(1, system.n_harmonics + 1):
+        q, e = (system.layout.amplitudes(a, n) for a in (u, system.structure.force))
+        basis = system.structure.bases[n]
+        excitation += np.pi * n * float((e * q.conj()).imag.sum())
+        damping += np.pi * n**2 * omega * float(basis.damping @ np.abs(q) ** 2)
+        kinetic += 0.5 * (n * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
+    first = float(np.abs(system.layout.amplitudes(u, 1) @ system.response_rows[1]))
+    work = complex((bodily_motion(system, u).conj() * f[..., 0])[counted].sum())
+    return {
+        "contact": np.pi * (l * (f * x.conj()).imag).sum(axis=(1, 2)),
+        "damping": damping,
+        "excitation": excitation,
+        "kinetic": kinetic,
+        "stiffness": work / first**2 if first > 0.0 else complex(np.nan, np.nan),
+    }
+
+
+def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
+    """(n_points, 3) complex, m: fundamental harmonic of the relative motion that the modes of the bodies carry.
+
+    Residual modes are left out: they are the elasticity around the contacts, in series with the contact elements.
+    """
+    basis = system.structure.bases[1]
+    own = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
+    return np.asarray(basis.G[..., own] @ system.layout.amplitudes(u, 1)[own])
+
+
+def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
+    """(..., n_theta) values of trigonometric polynomials (..., n_coef): mean, then cosine and sine of each harmonic."""
+    l = np.arange(1, coefficients.shape[-1] // 2 + 1)
+    wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(2 * len(l), len(theta))
+    return np.asarray(coefficients[..., :1] + coefficients[..., 1:] @ wave)
+
+
+def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[NDArray, NDArray]:
+    """Relative motion (m) and force (N) at all contact points of the equations over a cycle.
+
+    Parameters
+    ----------
+    system : Equations[Sector]
+    u : (n_unknowns,) float
+        A solution.
+    theta : (n_theta,) float, rad
+        Angles of the excitation from 0 to 2 pi, ascending; coupled laws are marched from one to the next.
+
+    Returns
+    -------
+    two (n_points, 3, n_theta) float
+        Along the axes in which friction acts and along the normal, closing and pressure positive.
+    """
+    coefficients, forces, share = system.contact(u)
+    p = system.structure.arrays
+    X, F = at_angles(coefficients, theta), np.zeros((system.n_points, 3, len(theta)))
+    two_sided = np.isin(p["law"], (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED))
+    normal = p["n0"][:, None] + p["kn"][:, None] * X[:, 2]
+    F[:, 2] = np.where(two_sided[:, None], normal, np.maximum(normal, 0.0))
+    coupled = np.isin(p["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT))
+    for i in np.flatnonzero(~coupled & (p["law"] != LAW_USER)).tolist():
+        F[i, :2] = _separable(p, i, coefficients[i], forces[i], theta)
+    rests = coupled & (share[:, 0] > 1.0 - 1e-9)  # one of many sliders, that of the equations
+    F[rests, :2] = at_angles(forces[rests, :2], theta)
+    if (moves := coupled & ~rests).any():
+        F[moves, :2] = _coupled({k: p[k][moves] for k in ("kt", "mu", "w", "law", "load")}, X[moves], F[moves, 2])
+    if system.structure.points.own is not None:
+        _march_own(system, X, F)
+    return X, F
+
+
+def _march_own(system: Equations[Sector], X: NDArray, F: NDArray) -> None:
+    """Forces of points with laws of their own, marched over the cycle until what they remember repeats."""
+    own, memory = system.structure.points.own, system.structure.points.memory
+    assert own is not None and memory is not None
+    for _ in range(MOST_PERIODS):
+        before = memory
+        for k in range(X.shape[2]):
+            forces, _, memory = own.step(X[..., k], memory)
+            F[own.held, :, k] = forces[own.held]
+        if (np.abs(memory - before) <= 1e-9 * np.abs(memory).max(axis=0)).all():
+            break
+
+
+def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray) -> NDArray:
+    """(2, n_theta) friction forces of one point with independent sliders: exact at every angle."""
+    law, kt, load = int(p["law"][i]), p["kt"][i], float(p["load"][i])
+    if law == LAW_BONDED:
+        return at_angles(f[:2], theta)
+    if law == LAW_CUBIC:
+        return np.asarray(kt[:, None] * at_angles(x[:2], theta) ** 3)
+    kn, mu, n0 = (float(p[name][i]) for name in ("kn", "mu", "n0"))
+
+    def limit(angles: NDArray) -> NDArray:
+        if law == LAW_CONSTANT:
+            return np.full(len(angles), mu * max(load, 0.0))
+        return mu * np.maximum(n0 + kn * at_angles(x[2], angles), 0.0)
+
+    out = np.zeros((2, len(theta)))
+    # the events are those of the law, also where the equations were solved with samples
+    for d, parts in enumerate(segments(x, kt, kn, mu, n0, p["w"][i], law, "exact", load)):
+        if kt[d] == 0.0 or not parts:  # without friction
+            continue
+        moving = next((k for k, part in enumerate(parts) if part[2] != STICK), None)
+        if moving is None:
+            out[d] = at_angles(f[d], theta)
+            continue
+        w = np.nan  # where the slider is when a part begins
+        for start, end, state in parts[moving:] + parts[:moving]:
+            within = (theta - start) % (2.0 * np.pi) <= end - start
+            if state == STICK:
+                out[d, within] = kt[d] * (at_angles(x[d], theta[within]) - w)
+            else:
+                sense, last = {SLIP_PLUS: 1.0, SLIP_MINUS: -1.0, OPEN: 0.0}[state], np.array([end])
+                out[d, within] = sense * limit(theta[within])
+                w = float((at_angles(x[d], last) - sense * limit(last) / kt[d])[0])
+    return out
+
+
+def _coupled(p: dict[str, Any], X: NDArray, normal: NDArray) -> NDArray:
+    """(n, 2, n_theta) friction forces within disks: sliders marched over the cycle until they settle."""
+    load = np.where((p["law"] == LAW_COUPLED_CONSTANT)[:, None], np.maximum(p["load"], 0.0)[:, None], normal)
+    reach, w, kt = p["mu"][:, None] * load, p["w"].copy(), p["kt"]
+    out = np.zeros((len(w), 2, X.shape[2]))
+    size = max(float(np.ptp(X[:, :2], axis=2).max(initial=0.0)), 1e-300)
+    for _ in range(MOST_PERIODS):
+        before = w
+        for k in range(X.shape[2]):
+            u = X[:, :2, k]
+            pull = kt * (u - w)
+            length = np.linalg.norm(pull, axis=1)
+            share = np.where(length > reach[:, k], reach[:, k] / np.where(length > 0.0, length, 1.0), 1.0)
+            w = u - share[:, None] * (u - w)
+            out[..., k] = kt * (u - w)
+        if np.abs(w - before).max() <= 1e-9 * size:
+            break
+    return out

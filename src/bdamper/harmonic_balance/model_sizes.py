@@ -1,0 +1,87 @@
+"""Sizes of a model, such as its extent and stiffness, on which plausible ranges of settings depend."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bdamper.model.structure import Interface
+from bdamper.util.errors import ModelError
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of a model under its settings, which bound plausible values.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+
+    problem: Any
+
+    @property
+    def lumped(self) -> bool:
+        """Whether the model is one of masses, which has no extent."""
+        return any(body.kind == "lumped" for body in self.problem.model.bodies.values())
+
+    @property
+    def size(self) -> float:
+        """Largest extent of contact points and locations along an axis, m."""
+        model = self.problem.model
+        places = [face.points for face in model.interfaces.values()]
+        places += [place.position[None] for place in model.locations.values()]
+        extent = float(np.ptp(np.concatenate(places), axis=0).max())
+        return np.inf if self.lumped or extent == 0.0 else extent
+
+    @property
+    def least_order(self) -> float:
+        """1 for a wheel, 0 for a structure without sectors."""
+        return float(self.problem.model.n_blades > 1)
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the excitation (N) that a preload is compared with; 0 without a force at a location or a load."""
+        settings = self.problem.settings
+        return settings.excitation.amplitude if settings.acts_at_location and self.problem.carries_load else 0.0
+
+    @property
+    def body_stiffness(self) -> float:
+        """Mean stiffness of the bodies at a component of a contact point (N/m); NaN if the model does not contain it."""
+        try:
+            flexibility = self.problem.coupling.residual_flexibility(1).diagonal().real.reshape(-1, 3)
+        except ModelError:
+            return np.nan
+        rows = self.problem.friction_points
+        return float(np.mean(1.0 / flexibility[rows])) if rows.any() and flexibility[rows].min() > 0.0 else np.nan
+
+    def faces(self, name: str) -> list[Interface]:
+        """Interface with a name, or those of a body with the name."""
+        faces = self.problem.model.interfaces
+        return [faces[name]] if name in faces else [f for f in faces.values() if name in (f.body_a, f.body_b)]
+
+    def bearable(self, name: str) -> float:
+        """Load (N) of a body or an interface under a mean pressure of 1 GPa."""
+        area = sum(float(face.area.sum()) for face in self.faces(name))
+        return np.inf if self.lumped or not area else 1e9 * area
+
+    def volume(self, name: str) -> float:
+        """Volume (m3) of a box around the contact points of a body."""
+        size = np.ptp(np.concatenate([face.points for face in self.faces(name)]), axis=0)
+        return float(np.prod(np.maximum(size, 0.1 * size.max())))
+
+    def deflecting(self, location: str) -> float:
+        """Static force (N) at a location that deflects it by a tenth of the extent of the model."""
+        omega2 = self.problem.modal_bases[1].omega2
+        motion = np.linalg.norm(self.problem.coupling.location_modes(location, 1), axis=0)
+        flexibility = float(np.sum(motion[omega2 > 0.0] ** 2 / omega2[omega2 > 0.0]))
+        return 0.1 * self.size / flexibility if flexibility > 0.0 else np.inf
+
+    def critical_drag(self, name: str | None) -> float:
+        """Twice the mass of a body, or of the heaviest free body, times the first angular frequency, N s/m."""
+        bodies, omega2 = self.problem.model.bodies, self.problem.modal_bases[1].omega2
+        names = [name] if name else self.problem.settings.free_bodies
+        mass = max((bodies[body].mass or 0.0 for body in names), default=0.0)
+        return 2.0 * mass * float(np.sqrt(omega2[omega2 > 0.0].min(initial=np.inf))) or np.inf

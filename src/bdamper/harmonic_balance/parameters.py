@@ -1,0 +1,187 @@
+"""A problem with settings changed by name, as sweeps, samples and sensitivities change them.
+
+Names are those of the settings of a :class:`bdamper.Study`, with a dot for the parts of excitation and response
+(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and factors on what is not a single
+number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios, not the damping of the damper),
+``"damper_mass_factor"`` (the density of free bodies, at the same shape and stiffness and the same static load) and
+``"damper_mass"`` (the same at a rotor speed, where the faces stay displaced as this speed displaces them under any load of
+the damper: the load belongs to the mass), ``"frequency_factor"`` (all natural frequencies, by the density of all bodies)
+and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`` and ``"gap_factor.left"``, one direction
+of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``, one load,
+``"loads.rear"`` and ``"fixed_loads.shroud"``, or one free body, ``"damper_mass_factor.rear"`` and ``"damper_mass.rear"``;
+the latter has its share of the preload in proportion.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.rotor_speed import Conditions, under
+from bdamper.harmonic_balance.study_dispatch import asked
+from bdamper.model.structure import Body, Model, feed_digest
+from bdamper.model.validation import as_checked
+from bdamper.util import validation
+
+FACTORS = (
+    "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor", "frequency_factor", "gap_factor"
+)  # fmt: skip
+OF_LOAD = ("loads", "fixed_loads")
+OF_MASS = ("damper_mass_factor", "damper_mass")
+SIDES = ("tangential", "normal")
+
+
+def setting_names(problem: Problem) -> list[str]:
+    """All names that :func:`vary` understands."""
+    names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
+    names += [f"excitation.{f.name}" for f in fields(problem.settings.excitation) if f.name != "beside"]
+    names += [f"response.{f.name}" for f in fields(problem.settings.excitation) if f.name in ("location", "direction")]
+    faces = problem.settings.friction_faces
+    names += [f"{setting}.{face.name}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
+    names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
+    names += [f"{item}.{part}" for item in OF_LOAD for part in problem.settings.loaded]
+    return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
+
+
+def check_name(problem: Problem, name: str) -> None:
+    """Raises a SettingError that lists the names there are."""
+    validation.choice("setting to vary", name, setting_names(problem))
+
+
+def study_fingerprint(problem: Problem) -> str:
+    """Digest of the model and of all settings of a problem."""
+    digest = hashlib.sha256(problem.model.hash.encode())
+    for item in fields(problem.settings):
+        if item.name != "model":
+            feed_digest(digest, item.name, getattr(problem.settings, item.name))
+    return digest.hexdigest()
+
+
+@asked
+def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
+    """The problem with settings replaced by name.
+
+    Parameters
+    ----------
+    problem : Problem
+    settings : mapping of name to value
+
+    Raises
+    ------
+    SettingError
+        If there is no setting of that name, or its value does not fit.
+    """
+    for name in settings:
+        check_name(problem, name)
+    if settings.get("speed") is not None:
+        speed = validation.number("speed", settings["speed"], above=0.0, unit="rad/s")
+        problem = under(problem, speed, Conditions())
+    plain = {name: value for name, value in settings.items() if "." not in name and name not in (*FACTORS, "speed")}
+    if plain:
+        problem = problem.with_(**plain)
+    for part in ("excitation", "response"):
+        inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
+        if inner:
+            place: Any = problem.settings.excitation if part == "excitation" else problem.settings.response_location
+            problem = problem.with_(**{part: replace(place, **inner)})
+    for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
+        head, _, part = name.partition(".")
+        if head == "friction_coefficient" and part:
+            mu = problem.settings.friction_by_interface()
+            own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
+            problem = problem.with_(friction_coefficient=own)
+        elif head in OF_LOAD and part:
+            problem = problem.with_(**{head: {**problem.settings.given_loads(head), part: value}})
+        elif head in FACTORS:
+            problem = _scaled(problem, head, part, value)
+    return problem
+
+
+def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
+    factor = validation.number(f"{name}.{part}" if part else name, factor, above=0.0)
+    if name == "gap_factor":
+        faces, gap = problem.coupling.interfaces, problem.point_gaps
+        changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
+        return problem.with_(gap=changed)
+    if name in OF_MASS:
+        return _of_mass(problem, name, part, factor)
+    if part:
+        expected = "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
+        validation.require(problem.contact.residual is None, f"{name}.{part}", expected, "residual modes")
+        way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
+        kinds = problem.settings.law_by_interface()
+        values = {f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()}
+        return problem.with_(contact_stiffness=values, contact_stiffness_factor=1.0)
+    if name == "contact_stiffness_factor":
+        return problem.with_(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
+    if name == "damping_factor":
+        if problem.settings.damping_ratio is not None:
+            return problem.with_(damping_ratio=factor * problem.settings.damping_ratio)
+        bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
+        return problem.with_(model=as_checked(replace(problem.model, bodies=bodies)))
+    whole = denser(problem.model, factor**-2, tuple(problem.model.bodies), whole=True)  # frequency_factor
+    return problem.with_(model=as_checked(whole))
+
+
+def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
+    """The mass of all free bodies multiplied, or of one, which "damper_mass" then gives its load in proportion."""
+    settings = problem.settings
+    names = (part,) if part else settings.free_bodies
+    validation.require(names, "mass of the damper", "a model with a free body", "none")
+    model, one = denser(problem.model, factor, names), len(names) < len(settings.free_bodies)
+    if name == "damper_mass_factor":
+        expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{part}"
+        validation.require(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
+        # the displacement by rotation stays what it is at this load
+        spun = [(key, body, body.spin) for key, body in model.bodies.items()]
+        moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
+        model = replace(model, bodies=moved if not one else model.bodies)
+    elif part and settings.speed is None:
+        loads = settings.given_loads("loads").items()
+        scaled = {key: factor * share if key == part else share for key, share in loads}
+        return problem.with_(model=as_checked(model), loads=scaled or None)
+    return problem.with_(model=as_checked(model))
+
+
+def _damped(body: Body, factor: float) -> Body:
+    bases = {
+        d: replace(
+            basis,
+            damping_ratio=factor * basis.damping_ratio,
+            drag=None if basis.drag is None else factor * basis.drag,
+        )
+        for d, basis in body.bases.items()
+    }
+    return replace(body, bases=bases)
+
+
+def denser(model: Model, factor: float, names: Sequence[str], whole: bool = False) -> Model:
+    """The model with the density of some bodies multiplied: mass-normalised modes shrink, flexibility stays."""
+    chosen = [model.bodies[name] for name in names if model.bodies[name].bases]
+    bodies, root = dict(model.bodies), 1.0 / np.sqrt(factor)
+    for body in chosen:
+        bases = {
+            d: replace(
+                basis,
+                omega2=basis.omega2 / factor,
+                contact_modes=root * basis.contact_modes,
+                locations={name: root * modes for name, modes in basis.locations.items()},
+                drag=None if basis.drag is None else basis.drag / (factor if whole else 1.0),
+                speed=basis.speed if not whole else None,
+            )
+            for d, basis in body.bases.items()
+        }
+        own: dict[str, Any] = {"bases": bases}
+        if body.load is not None:
+            own["load"] = replace(body.load, generalised=root * body.load.generalised)
+        if body.constant_force is not None:
+            own["constant_force"] = root * body.constant_force
+        if body.mass is not None and body.inertia is not None:
+            own |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
+        bodies[body.name] = replace(body, **own, local=None if whole else body.local)
+    return replace(model, bodies=bodies)

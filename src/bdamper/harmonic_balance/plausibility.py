@@ -1,0 +1,138 @@
+"""Warnings of implausible settings, by the table of ranges, and of intervals in radians per second."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.stiffness import PerArea
+from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.util import plausible_ranges, validation
+from bdamper.util.threading import one_thread
+from bdamper.util.warn import implausible
+
+ALONG = 0.12
+"""Part of a mode's motion at the place of the excitation that should lie along the force: 83 degrees between them."""
+
+
+def check_settings(problem: Problem) -> None:
+    """Warn of implausible settings of a problem."""
+    sizes = problem.sizes
+    for owner, name, value, item in _given(problem):
+        plausible_ranges.check(owner, name, value, sizes, item)
+    settings = problem.settings
+    own, faces = settings.own_laws(), settings.friction_faces
+    default = next(f.default for f in fields(settings) if f.name == "friction_coefficient")
+    unused = faces and len(own) == len(faces) and not sizes.lumped
+    if unused and settings.friction_coefficient is not default and settings.friction_coefficient != default:
+        found = "one that no interface uses: parameters of the law suspected"
+        implausible("friction_coefficient", "none, since every friction interface has a ContactLaw", found)
+    flow, n = settings.aerodynamic_damping, max(problem.model.n_blades, 1)
+    used = sorted({problem.engine_order * harmonic % n for harmonic in settings.harmonic_numbers})
+    if isinstance(flow, Mapping) and not set(flow) & set(used):
+        implausible("aerodynamic_damping", f"at one of the nodal diameters {used} of the study", f"at {sorted(flow)} alone")
+
+
+def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
+    """Yield owner and name in the table, value and name in a warning of all settings."""
+    settings, sizes = problem.settings, problem.sizes
+    of_modes = [b.damping_ratio.max(initial=0.0) for b in problem.modal_bases]
+    effective = {
+        "friction_coefficient": settings.friction_values(),
+        "damping_ratio": max(of_modes, default=0.0) if settings.damping_ratio is None else settings.damping_ratio,
+        "gap": {name: problem.point_gaps[problem.coupling.rows(name)] for name in problem.coupling.interfaces},
+        "contact_stiffness": None,
+    }
+    for field in fields(settings):
+        yield "Study", field.name, effective.get(field.name, getattr(settings, field.name)), ""
+    for force in (settings.excitation, *settings.excitation.beside):
+        place = settings.model.locations.get(force.location)
+        if place is not None and place.kind is None:
+            yield "Excitation", "amplitude", {force.location: force.amplitude}, "excitation amplitude"
+    for body in problem.model.bodies.values():
+        if body.kind == "free" and body.ports and sizes.volume(body.name) > 0.0:
+            yield "Body", f"mass.{body.name}", body.mass or 0.0, ""
+    given = settings.contact_stiffness
+    rows = problem.friction_points
+    if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "patterns")):
+        stiffness = problem.point_stiffness[rows]
+        item = f"contact_stiffness of {type(given).__name__}" if isinstance(given, PerArea) else ""
+        if stiffness.any() and np.isfinite(sizes.body_stiffness):
+            yield "Study", "contact_stiffness", float(stiffness.mean()), item
+
+
+@one_thread
+def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None) -> None:
+    """Warn of an interval (Hz, not checked yet) that a user requests at one or several preloads (N).
+
+    Public functions call this once for the whole range of preloads.
+    """
+    if frequency is not None:
+        frequency = validation.interval("frequency", frequency)
+        check_interval(problem, frequency, float(np.max(preload)) if problem.carries_load else 0.0)
+
+
+def check_unloaded(problem: Problem) -> None:
+    """Warn of fixed loads on all bodies whose load is about to be varied: the optimum is one of the rest of the load."""
+    settings = problem.settings
+    varied = {name for name, share in settings.given_loads("loads").items() if share}
+    held = {name: load for name, load in settings.given_loads("fixed_loads").items() if name in varied and np.any(load)}
+    if varied and set(held) == varied:
+        found = f"{', '.join(f'{float(np.sum(load)):g} N on {name!r}' for name, load in held.items())}, in addition to it"
+        implausible("fixed_loads", "none on a body whose preload is varied", found)
+
+
+def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:
+    """Warn of an interval (Hz) that holds the free and the stuck resonance of a mode if it is taken for radians per second.
+
+    An interval that holds resonances as it is given is taken so, unless the structure answers them far less.
+    """
+    state = problem.static(preload)
+    if not state.converged:
+        return
+    sector, springs = problem.sector(preload), (None, stuck_springs(problem, state))
+    low, high = frequency
+    _check_direction(problem, sector, frequency)
+    found = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
+    mistaken = [(w, k) for w, k in found if low < w < high]
+    if len({id(k) for _, k in mistaken}) < 2 and any(low < w / (2.0 * np.pi) < high for w, _ in found):
+        return
+
+    def answer(resonances: list[tuple[float, NDArray | None]]) -> float:
+        rows = sector.response_rows[1]
+        return max((abs(sector.linear.response(w, k) @ rows) for w, k in resonances), default=0.0)
+
+    given = answer([(w, k) for w, k in found if low < w / (2.0 * np.pi) < high])
+    # how many times more than in an interval in Hz the structure must answer where it is taken for rad/s, for that to
+    # be meant; 333 and more for first modes of blades under a tangential force at the tip
+    weaker = 20.0
+    if mistaken and answer(mistaken) > weaker * given:
+        near = ", ".join(f"{f:.4g}" for f in sorted({w / (2.0 * np.pi) for w, _ in mistaken})[:3])
+        weak = f"where it answers {answer(mistaken) / given:.2g} times less" if given else "without one"
+        implausible(
+            "frequency",
+            f"an interval in Hz around resonances of the model, such as {near} Hz",
+            f"({low:g}, {high:g}) {weak}, 2 pi times an interval that has them: radians per second suspected",
+        )
+
+
+def _check_direction(problem: Problem, sector: Sector, frequency: tuple[float, float]) -> None:
+    """Warn of a force across the motion that all modes without contact in an interval (Hz) have at its place."""
+    omega, modes = sector.linear.modes(None)
+    hertz, at = omega / (2.0 * np.pi), problem.settings.excitation
+    within = (frequency[0] < hertz) & (hertz < frequency[1])
+    motion = np.linalg.norm(problem.location_modes(at.location, 1) @ modes[:, within], axis=0)
+    along = np.abs(problem.modal_force(1).conj() @ modes[:, within]) / at.amplitude
+    if within.any() and (along <= ALONG * motion).all():
+        share = np.max(along / np.where(motion > 0.0, motion, 1.0))
+        modes_at = ", ".join(f"{f:.4g}" for f in hertz[within][:3])
+        implausible(
+            "excitation direction",
+            f"along the motion of a mode in the interval ({modes_at} Hz)",
+            f"{at.direction} at '{at.location}', along which these have {100.0 * share:.2g} % of their motion there",
+        )

@@ -1,0 +1,567 @@
+"""A problem: one model under one set of settings, and the equations that follow from them.
+
+Everything is made once and kept: the bases of the harmonics, contact stiffness, static states under the preload.  The
+equations of the harmonic balance at one preload are ``system(preload)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import InitVar, dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.law_codes import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER
+from bdamper.contact.point_parameters import PointArrays
+from bdamper.contact.residual_flexibility import ResidualModes, joined
+from bdamper.contact.static_state import OPEN, PreloadState, StaticSystem, scaled_state, static_state
+from bdamper.contact.stiffness import Contact, check_method
+from bdamper.contact.user_laws import OwnLaws
+from bdamper.contact.wedge_statics import WedgeFriction, wedge_friction
+from bdamper.harmonic_balance.closed_contact import without_separation
+from bdamper.harmonic_balance.effects import Effects
+from bdamper.harmonic_balance.equations import Equations, Layout
+from bdamper.harmonic_balance.model_sizes import Sizes
+from bdamper.harmonic_balance.normal_loads import approach, assembly_offsets, at_points, carried, gaps, normal_loads
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.settings import Settings, check_history
+from bdamper.harmonic_balance.stiffness_choice import contact_of
+from bdamper.model.kinematics import (
+    Coordinate,
+    Coupling,
+    HarmonicBasis,
+    centrifugal_arms,
+    damper_drag,
+    in_flow,
+    standard_rigid_modes,
+)  # fmt: skip
+from bdamper.model.loads import Response, direction_vector
+from bdamper.model.patch_merging import unite_contact_points, united_mean
+from bdamper.model.residual_vectors import completed
+from bdamper.model.structure import ContactStiffness, Model
+from bdamper.util import validation
+from bdamper.util.cost import CostMeter
+from bdamper.util.errors import ModelError, SettingError, StaticError
+from bdamper.util.threading import one_thread
+from bdamper.util.warn import say
+
+T = TypeVar("T")
+FORCES = (1e-100, 1e100)
+"""Modal forces between which the squares of responses are numbers, neither 0 nor infinite."""
+
+
+def made_once(make: Callable[[Any], T]) -> cached_property[T]:
+    """A cached property without the lock of Python 3.11, which all problems share: threads would wait for each other."""
+    made = cached_property(make)
+    made.lock = nullcontext()  # type: ignore[attr-defined]
+    return made
+
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A model with settings, and everything derived from them.
+
+    Problems are told apart by identity; what two of them have in common is seen in the settings of their results.
+
+    Parameters
+    ----------
+    settings : Settings
+    """
+
+    settings: Settings
+    _given: InitVar[Mapping[str, Any] | None] = None
+
+    def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
+        for name, part in (_given or {}).items():
+            object.__setattr__(self, name, part)
+        _ = self.modal_bases  # the nodal diameters that the harmonics need
+        _ = self.point_gaps
+        self._check_stiffness()
+
+    def _check_stiffness(self) -> None:
+        """Names and the user's own values; what a method needs of the model is found when it is used."""
+        method = self.settings.contact_stiffness
+        if method is None:
+            return
+        if not (isinstance(method, str) and method == "model"):
+            check_method(method)
+        if not isinstance(method, ResidualModes) and (not isinstance(method, str) or method == "model"):
+            _ = self.contact
+
+    @property
+    def model(self) -> Model:
+        """Model of the structure."""
+        return self.settings.model
+
+    @property
+    def engine_order(self) -> int:
+        """Engine order of the fundamental harmonic."""
+        return self.settings.engine_order
+
+    @property
+    def harmonic_numbers(self) -> tuple[int, ...]:
+        """Harmonics besides the mean, ascending."""
+        return self.settings.harmonic_numbers
+
+    # ---- what results keep of it ----
+
+    def record(self, options: object = None) -> dict[str, Any]:
+        """All settings as results keep them, with ``options`` of the continuation beside them."""
+        return self.settings.record(self.stiffness_method, options)
+
+    def recorded(self, options: object = None) -> dict[str, Any]:
+        """Settings, as :meth:`record` returns them, and hash of the model, for results."""
+        return {"settings": self.record(options), "model_hash": self.model.hash}
+
+    # ---- other settings ----
+
+    def with_(self, /, **settings: Any) -> Problem:
+        """The same problem under other settings, given by name.
+
+        Raises
+        ------
+        SettingError
+            If a value does not fit.
+        """
+        return Problem(replace(self.settings, **settings))
+
+    def given(self, **parts: Any) -> Problem:
+        """The same problem with parts that were made elsewhere, by name, and its own others as far as they are made."""
+        made = {name: part for name, part in vars(self).items() if name not in ("settings", "_sectors")}
+        return Problem(self.settings, made | parts)
+
+    def with_effects(self, effects: Effects) -> Problem:
+        """The same problem with other effects."""
+        return self.with_(**validation.instance("effects", effects, Effects).settings())
+
+    # ---- parts, made once ----
+
+    @made_once
+    def static_states(self) -> dict[tuple[float, ...], PreloadState]:
+        """Static states so far, by preload and load history."""
+        return {}
+
+    @made_once
+    def coupling(self) -> Coupling:
+        """The model with the retained modes and interfaces."""
+        bodies = {
+            name: standard_rigid_modes(self.model, body) if body.kind == "free" else body
+            for name, body in self.model.bodies.items()
+        }
+        model = replace(self.model, bodies=bodies)
+        if self.settings.contact_points is not None:
+            model = unite_contact_points(model, self.settings.contact_points)
+        blade_modes = min(self.settings.blade_modes, self.settings.most_modes("constrained"))
+        modes = blade_modes, self.settings.by_body("damper_modes"), self.settings.rigid_modes
+        model, kept = completed(model, self.settings.places, *modes)
+        return Coupling(model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.single_basis)
+
+    @made_once
+    def body_loads(self) -> Mapping[str, float] | None:
+        """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times radius."""
+        if self.settings.speed is None:
+            return self.settings.loads
+        arms = centrifugal_arms(self.model)
+        return {name: arm / next(iter(arms.values())) for name, arm in arms.items()}
+
+    @made_once
+    def static_basis(self) -> HarmonicBasis:
+        """Modes of the static state."""
+        return self._with_residual(self.coupling.basis(0), 0)
+
+    def _with_residual(self, basis: HarmonicBasis, harmonic: int) -> HarmonicBasis:
+        residual = self.contact.residual
+        if residual is None:
+            return basis
+        own = residual.basis(harmonic)
+        return joined(basis, replace(own, omega2=float(self.settings.contact_stiffness_factor) * own.omega2))
+
+    @made_once
+    def modal_bases(self) -> list[HarmonicBasis]:
+        """Modes of the bodies for each harmonic, from the mean on."""
+        return [
+            self.coupling.basis(l) if l in self.settings.active_harmonics else self.coupling.no_basis()
+            for l in range(self.harmonic_numbers[-1] + 1)
+        ]
+
+    @made_once
+    def bases(self) -> list[HarmonicBasis]:
+        """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
+        bases = [
+            self._with_residual(b, l) if l in self.settings.active_harmonics else b for l, b in enumerate(self.modal_bases)
+        ]
+        return [self.damped(b, int(self.engine_order) * l if l else None) for l, b in enumerate(bases)]
+
+    def damped(self, basis: HarmonicBasis, wave: int | None) -> HarmonicBasis:
+        """The modes of a harmonic with the damping that the settings ask for; ``wave`` None for a mean."""
+        if self.settings.damping_ratio is not None:
+            basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.settings.damping_ratio, 0.0))
+        if wave is not None and isinstance(flow := self.settings.aerodynamic_damping, Mapping):
+            basis = in_flow(basis, self.model, flow, wave)
+        own = self._damper_drag
+        return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
+
+    @made_once
+    def _damper_drag(self) -> dict[Coordinate, float]:
+        ratio, drag = (self.settings.by_body(name) for name in ("damper_damping_ratio", "damper_drag"))
+        if not (any(ratio.values()) or any(drag.values())):
+            return {}
+        held = (self.friction_points | self.coupling.spring_points)[:, None]
+        springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
+        return damper_drag(self.model, self.static_basis, springs, ratio, drag)
+
+    @made_once
+    def friction(self) -> NDArray:
+        """(n_points,) friction coefficients."""
+        mu = np.zeros(self.coupling.n_points)
+        for name, value in self.settings.friction_by_interface().items():
+            faces = self.coupling.model.interfaces[name], self.model.interfaces[name]
+            mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, *faces, united_mean)
+        return mu
+
+    @made_once
+    def contact(self) -> Contact:
+        """Contact stiffness by the method asked for, with residual modes if it has any."""
+        return contact_of(self.settings, self.coupling, self.friction)
+
+    @property
+    def stiffness_method(self) -> Any:
+        """The method or the values of the contact stiffness, the one in use where the study leaves it to the model."""
+        if self.settings.contact_stiffness is not None:
+            return self.settings.contact_stiffness
+        try:
+            return self.contact.method
+        except (ModelError, SettingError):  # no stiffness at all, which an analysis says
+            return "residual_modes"
+
+    @made_once
+    def stiffness(self) -> dict[str, ContactStiffness]:
+        """Contact stiffness of each interface."""
+        factor = float(self.settings.contact_stiffness_factor)
+        own = self.settings.own_laws()
+        kinds = {name: face.kind for name, face in self.model.interfaces.items()}
+        scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
+        made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
+        return made | {name: law.springs(len(made[name].stiffness), name) for name, law in own.items()}
+
+    @made_once
+    def own_laws(self) -> OwnLaws | None:
+        """Contact laws of the user's own at the points, if there are any."""
+        own = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
+        if not own:
+            return None
+        basis = self.bases[1]
+        G = basis.G.reshape(-1, basis.G.shape[-1])
+        K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
+        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1))[0]).reshape(-1, 3)  # stuck, at zero frequency
+        length = max(float(x[rows].max()) for rows, *_ in own)
+        return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
+
+    @made_once
+    def point_stiffness(self) -> NDArray:
+        """(n_points, 3) contact stiffness along t1, t2, n, N/m."""
+        return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
+
+    @made_once
+    def point_gaps(self) -> NDArray:
+        """(n_points,) initial distance of the surfaces, m; negative for interference, none where a load is given."""
+        return gaps(self.coupling, self.settings)
+
+    @made_once
+    def point_laws(self) -> NDArray:
+        """(n_points,) law of each contact point."""
+        law = np.full(self.coupling.n_points, LAW_NORMAL)
+        for name in self.coupling.interfaces:
+            kind = self.model.interfaces[name].kind
+            law[self.coupling.rows(name)] = {"cubic": LAW_CUBIC, "spring": LAW_BONDED}.get(kind, LAW_NORMAL)
+        for name, value in self.settings.law_by_interface().items():
+            rows = self.coupling.rows(name)
+            law[rows] = value if value in (LAW_BONDED, LAW_USER) else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
+        return law
+
+    @made_once
+    def bonded_points(self) -> NDArray:
+        """(n_points,) bool: points of linear springs."""
+        return self.point_laws == LAW_BONDED
+
+    @made_once
+    def tangential_stiffness(self) -> NDArray:
+        """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is neither friction nor bond."""
+        return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
+
+    @made_once
+    def friction_points(self) -> NDArray:
+        """(n_points,) bool: points of friction interfaces, whatever their coefficient."""
+        faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
+        return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
+
+    @made_once
+    def damper_load(self) -> tuple[NDArray, NDArray]:
+        """Modal force (n_modes,) per newton of preload, and motion (n_points, 3) of the points that the modes do not
+        carry."""
+        force, shift = self.coupling.load(self.body_loads)
+        arms = centrifugal_arms(self.model)
+        if self.settings.speed is not None and arms:
+            shift = shift + self.coupling.closing_by_rotation() / next(iter(arms.values()))
+        loads = normal_loads(self.coupling, self.settings, "loads")
+        return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "loads")
+
+    @made_once
+    def fixed_load(self) -> tuple[NDArray, NDArray]:
+        """Modal force (n_modes,) and motion (n_points, 3) of the points that the preload does not change."""
+        own = self.settings.fixed_loads or {}
+        force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in own.items()})
+        if self.settings.speed is not None and not centrifugal_arms(self.model):
+            shift = shift + self.settings.speed**2 * self.coupling.closing_by_rotation()
+        constant = self._padded(self.coupling.constant_force())
+        loads = normal_loads(self.coupling, self.settings, "fixed_loads")
+        beside = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
+        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, beside, "fixed_loads")
+        return constant + self._padded(force), shift
+
+    def _padded(self, force: NDArray) -> NDArray:
+        """Modal forces with those of residual modes, none."""
+        return np.pad(force, (0, self.static_basis.n_modes - len(force)))
+
+    def location_modes(self, location: str, harmonic: int) -> NDArray:
+        """(3, n_modes) motion of a location by the coordinates of one harmonic; residual modes do not move it."""
+        modes = self.coupling.location_modes(location, harmonic)
+        return np.pad(modes, ((0, 0), (0, self.bases[harmonic].n_modes - modes.shape[1])))
+
+    def modal_force(self, harmonic: int) -> NDArray:
+        """(n_modes,) complex modal excitation at an excited harmonic."""
+        forces = self.settings.excited[harmonic]
+        return np.sum([(along @ self.location_modes(at, harmonic)).conj() * force for at, along, force in forces], axis=0)
+
+    @made_once
+    def response_rows(self) -> list[NDArray]:
+        """(n_modes,) rows that give the response, for each harmonic from the mean on."""
+        return self.rows_at(self.settings.response_location)
+
+    def rows_at(self, place: Response) -> list[NDArray]:
+        """(n_modes,) rows that give the motion of a place, for each harmonic from the mean on."""
+        direction = direction_vector(place.direction, "response direction")
+        rows = [
+            direction @ self.location_modes(place.location, l) if l in self.settings.active_harmonics else np.zeros(0)
+            for l in range(self.harmonic_numbers[-1] + 1)
+        ]
+        rows[0] = rows[0].real
+        return rows
+
+    @property
+    def sizes(self) -> Sizes:
+        """Sizes of the model, which bound plausible settings."""
+        return Sizes(self)
+
+    # ---- static ----
+
+    @made_once
+    def _unloaded(self) -> StaticSystem:
+        """The static contact problem without any load."""
+        return StaticSystem(
+            stiffness=self.static_basis.omega2,
+            G=self.static_basis.G.real,
+            kt=self.tangential_stiffness,
+            kn=self.point_stiffness[:, 2],
+            mu=self.friction,
+            n0=-self.point_stiffness[:, 2] * self.point_gaps,
+            force=(none := np.zeros(self.static_basis.n_modes)),
+            shift=np.zeros((self.coupling.n_points, 3)),
+            constant_force=none,
+            bonded=self.bonded_points,
+            cubic=self.point_stiffness[:, :2] * (self.point_laws == LAW_CUBIC)[:, None],
+            own=self.own_laws,
+        )
+
+    @made_once
+    def static_system(self) -> StaticSystem:
+        """The same under the loads."""
+        (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
+        return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
+
+    @made_once
+    def _surfaces(self) -> dict[str, Any]:
+        """What static states say of their contact points, whatever the load."""
+        faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
+        places = {name: np.concatenate([getattr(f, name) for f in faces]) for name in ("points", "frame", "area")}
+        return places | {"interface": self.coupling.interface_of, "friction": self.friction}
+
+    @one_thread
+    def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
+        """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
+
+        Parameters
+        ----------
+        preload : float, N
+        history : sequence of float, optional
+            Load factors, up and down, through which the load passes from zero; ``load_history`` of the study by default.
+            The state is that at the last one.
+        """
+        preload = self.check_preload(preload)
+        factors = self.settings.load_history if history is None else check_history("history", history)
+        key = (preload, *factors)
+        if key not in self.static_states:
+            watch, system = CostMeter(), self.static_system
+            offset = assembly_offsets(self.settings.slip_offset, self.settings.slip_offset_seed, self.friction)
+            state = None
+            if len(factors) == 1 and preload > 0.0 and not (self.settings.slip_offset or self.settings.fixed_loads):
+                # always from one and the same load, so that results do not depend on what was asked before
+                unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), **self._surfaces)
+                self.static_states[(1.0, 1.0)] = unit
+                state = scaled_state(system, unit, factors[0] * preload)
+                if state is not None:
+                    self.static_states[key] = replace(state, cost=watch.read())
+                    return self.static_states[key]
+            for factor in factors:
+                state = static_state(system, factor * preload, start=state, offset=offset)
+                if not state.converged:
+                    break
+            assert state is not None
+            watch.count(state.iterations)
+            self.static_states[key] = replace(state, cost=watch.read(), **self._surfaces)
+        return self.static_states[key]
+
+    def equilibrium(self, preload: float) -> PreloadState:
+        """The static state that a result is built on, an error where there is none."""
+        state = self.static(preload)
+        if not state.converged:
+            raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
+        return state
+
+    def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
+        """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
+        return wedge_friction(self.coupling, self.friction, self.check_preload(preload), self.body_loads)
+
+    def check_preload(self, preload: float) -> float:
+        """The preload (N), refused where it is none or where nothing carries it."""
+        preload = validation.number("preload", preload, least=0.0, unit="N")
+        if preload > 0.0 and not self.carries_load:
+            raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
+        return preload
+
+    @made_once
+    def carries_load(self) -> bool:
+        """Whether the preload loads anything along a motion that the study has."""
+        return carried(self.coupling, self.settings, self.body_loads)
+
+    @property
+    def why_no_load(self) -> str:
+        """Why no load acts on a damper, if none does."""
+        loaded = [n for n, b in self.model.bodies.items() if b.load is not None and np.any(b.load.generalised)]
+        if not loaded:
+            return "no body of the model carries a load"
+        return f"the study leaves out the motions of {loaded} along the load (rigid_modes={self.settings.rigid_modes})"
+
+    # ---- harmonic balance ----
+
+    @property
+    def layout(self) -> Layout:
+        """Places of the harmonics among the unknowns of the harmonic balance."""
+        return Layout(np.array([basis.n_modes for basis in self.bases]))
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of unknowns of the harmonic balance."""
+        return self.layout.n_unknowns
+
+    @made_once
+    def _sectors(self) -> dict[float, Sector]:
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the equations, which other processes make again."""
+        return {name: value for name, value in self.__dict__.items() if name != "_sectors"}
+
+    def system(self, preload: float) -> Equations[Sector]:
+        """Harmonic balance equations at one preload (N), made once in each thread; see :meth:`sector`."""
+        return self.sector(preload).equations
+
+    def sector(self, preload: float) -> Sector:
+        """Data of the equations at one preload (N), computed once.
+
+        Raises
+        ------
+        StaticError
+            If no static state was found under it.
+        SettingError
+            If nothing is excited, or the force is not finite.
+        """
+        preload = self.check_preload(preload)
+        found = self._sectors.get(preload)
+        if found is None:
+            found = self._sector(preload)
+            for former in list(self._sectors)[:-15]:
+                self._sectors.pop(former, None)
+            self._sectors[preload] = found
+        return found
+
+    def _sector(self, preload: float) -> Sector:
+        forces = {harmonic: self.modal_force(harmonic) for harmonic in self.settings.excited}
+        vibration = max(float(np.abs(e).max()) for e in forces.values())
+        least, most = FORCES
+        if not least <= np.abs(forces[1]).max() <= vibration <= most:
+            at = self.settings.excitation
+            raise SettingError(
+                f"excitation: expected a force that works on the modes of harmonic 1, with modal forces from {least:g} to "
+                f"{most:g}, found {at.amplitude:g} N at '{at.location}', {at.direction}"
+            )
+        state = self.equilibrium(preload)
+        load, constant = self.damper_load[0], self.fixed_load[0]
+        layout = self.layout
+        force, mean = np.zeros(layout.n_unknowns), layout.slices(0)[0]
+        force[mean] = (state.load * load + constant)[mean]
+        for harmonic, e in forces.items():
+            force[np.r_[layout.slices(harmonic)]] = np.append(e.real, -e.imag)
+        shift = self.static_system.shift_at(state.load)
+        if not self.settings.bias:
+            shift = shift + self.static_basis.G.real @ state.q
+        points = PointArrays(
+            kt=self.point_stiffness[:, :2] * (self.point_laws != LAW_NORMAL)[:, None],
+            kn=self.point_stiffness[:, 2],
+            mu=self.friction,
+            n0=-self.point_stiffness[:, 2] * self.point_gaps,
+            slider=np.where(self.bonded_points[:, None], 0.0, state.slider),
+            law=self.point_laws.copy(),
+            shift=shift,
+            own=self.own_laws,
+            memory=state.memory,
+        )
+        bases = self.bases
+        if not self.settings.separation or not self.settings.variable_normal_load:
+            bases, points = without_separation(
+                bases, points, state, self.friction_points, constant_load=not self.settings.variable_normal_load
+            )
+        pressed = np.einsum("pdm,pd->m", self.static_basis.G.real, state.force)
+        static = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
+        validation.require(static <= most, "loads", f"static forces on the modes up to {most:g}", f"{static:.3g}")
+        scale = (static or 1.0, vibration or static or 1.0)
+        springs = self.point_stiffness * self.coupling.spring_points[:, None]
+        return Sector(bases, points, force, self.response_rows, self.settings.evaluation, scale, springs, self.bases)
+
+
+def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = False) -> NDArray:
+    """(n_points, 3) linear springs: points that the preload has closed do not slip.
+
+    With ``touching`` points that touch at assembly count as closed, too, where their interface has no free body and carries
+    nothing, with a warning.
+    """
+    closed = ~(state.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
+    for name in problem.coupling.friction_faces if touching else ():
+        rows, face = problem.coupling.rows(name), problem.model.interfaces[name]
+        bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
+        touch = problem.point_gaps[rows] <= 0.0
+        if any(body.load is not None for body in bodies):  # of lumped masses: the load may part them for good
+            touch &= state.closing[rows] >= 0.0
+        if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
+            closed[rows] = touch
+            say(
+                f"interface '{name}' touches without a normal load: it counts as stuck where it touches, although it "
+                "carries nothing at rest; loads=, fixed_loads= or a negative gap press it"
+            )
+    springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
+    return springs * closed[:, None]

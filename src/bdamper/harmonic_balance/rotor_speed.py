@@ -1,0 +1,203 @@
+"""A problem at a rotor speed: the model there, the preload of the damper's own mass, what else changes with speed.
+
+The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its own radial axis, with the radius ``r`` of
+its centre of mass at rest.  Speeds are in rad/s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.study_dispatch import asked
+from bdamper.model.kinematics import centrifugal_load
+from bdamper.model.validation import as_checked
+from bdamper.util import validation
+from bdamper.util.errors import SettingError
+from bdamper.util.short_repr import short
+from bdamper.util.warn import implausible
+
+RPM = 60.0 / (2.0 * np.pi)
+"""Revolutions per minute in one rad/s."""
+Table = Mapping[float, float] | Callable[[float], float]
+"""A function of one number, or its values: linear in between, and refused outside."""
+Excitations = Callable[[float, int], float] | Mapping[int, Any]
+
+
+def read(name: str, table: Table, at: float) -> float:
+    """The value of a function, or of a table interpolated linearly, at a number within it."""
+    if callable(table):
+        return validation.number(f"{name} at {at:g}", table(at))
+    places = sorted(table)
+    if not places[0] <= at <= places[-1]:
+        raise SettingError(f"{name}: expected a table that reaches {at:g}, found {places[0]:g} to {places[-1]:g}")
+    return float(np.interp(at, places, [table[x] for x in places]))
+
+
+def _table(name: str, table: Table) -> Table:
+    if isinstance(table, Mapping) and table:
+        validation.numbers(f"{name}, where its values are given", list(table))
+        validation.numbers(f"{name}, values", list(table.values()))
+    elif not callable(table):
+        raise validation.unfit(name, "a function, or a mapping of numbers to numbers", table)
+    return table
+
+
+def _excitation(name: str, given: Excitations) -> Excitations:
+    if isinstance(given, Mapping) and given:
+        for order, value in given.items():
+            item = f"{name} of engine order {validation.whole(f'{name}, engine order', order, least=1)}"
+            _ = _table(item, value) if isinstance(value, Mapping) else validation.number(item, value, above=0.0, unit="N")
+    elif not callable(given):
+        raise validation.unfit(name, "a function or a mapping of engine order to newtons", given)
+    return given
+
+
+@validation.spelt
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions that change with rotor speed besides structure and preload; others are those of the study.
+
+    Parameters
+    ----------
+    friction : mapping of number to number, or callable, optional
+        Friction coefficient of all friction faces over speed (rad/s), or over temperature where that is given.
+    temperature : mapping of number to number, or callable, optional
+        Temperature of the contacts over speed, in the unit that ``friction`` takes.
+    excitation : callable or mapping, optional
+        Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or by engine order a number or a mapping of
+        speed to newtons.
+    """
+
+    friction: Annotated[Table, _table] | None = None
+    temperature: Annotated[Table, _table] | None = None
+    excitation: Annotated[Excitations, _excitation] | None = None
+
+    def __post_init__(self) -> None:
+        validation.checked(self)
+        if self.temperature is not None and self.friction is None:
+            raise SettingError("temperature: expected friction with it, a function or table of temperature, found none")
+
+    def __repr__(self) -> str:  # the same from run to run
+        def named(value: object) -> str:
+            return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
+
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return f"Conditions({', '.join(f'{name}={named(v)}' for name, v in given.items() if v is not None)})"
+
+    def values(self, speeds: Iterable[float], engine_orders: Iterable[int]) -> tuple[tuple[float | None, ...], ...]:
+        """Friction and excitation of each order at speeds: what functions are known by, of which a name says little."""
+        orders = list(engine_orders)
+        return tuple((self.friction_at(w), *(self.excitation_at(w, order) for order in orders)) for w in speeds)
+
+    def reach(self, engine_order: int) -> tuple[float, float]:
+        """Speeds (rad/s) that the tables over speed reach."""
+        over = self.friction if self.temperature is None else self.temperature
+        force = self.excitation.get(engine_order) if isinstance(self.excitation, Mapping) else None
+        tables = [table for table in (over, force) if isinstance(table, Mapping)]
+        return max((min(t) for t in tables), default=0.0), min((max(t) for t in tables), default=float("inf"))
+
+    def friction_at(self, omega: float) -> float | None:
+        """Friction coefficient at a speed; None if it does not change."""
+        if self.friction is None:
+            return None
+        at = omega if self.temperature is None else read("temperature", self.temperature, omega)
+        return validation.number("friction", read("friction", self.friction, at), least=0.0)
+
+    def excitation_at(self, omega: float, engine_order: int) -> float | None:
+        """Amplitude of the excitation (N) at a speed; None if it does not change."""
+        given = self.excitation
+        if given is None:
+            return None
+        if callable(given):
+            force: Any = given(omega, engine_order)
+        elif engine_order not in given:
+            raise SettingError(f"excitation: expected one for engine order {engine_order}, found those of {list(given)}")
+        else:
+            force = given[engine_order]
+            force = read("excitation", force, omega) if isinstance(force, Mapping) else force
+        return validation.number(
+            f"excitation of engine order {engine_order} at {omega:g} rad/s", force, above=0.0, unit="N"
+        )
+
+
+def preload_at(problem: Problem, omega: float) -> float:
+    """Preload (N) of the damper's mass at a rotor speed (rad/s), 0 in a study whose damper is not loaded."""
+    return centrifugal_load(problem.model) * omega**2 if problem.carries_load else 0.0
+
+
+Speeds = Sequence[float] | NDArray | float
+"""One rotor speed or several."""
+
+
+def asked_speeds(
+    problem: Problem, speeds: Speeds | None, rpm: Speeds | None, check: Callable[..., Any] = validation.numbers
+) -> Any:
+    """The speeds (rad/s) of a user who gives them in rad/s or in revolutions per minute; a warning where those were meant.
+
+    Raises
+    ------
+    SettingError
+        Unless one of the two is given, and above 0.
+    """
+    if (speeds is None) == (rpm is None):
+        raise SettingError(f"rotor speed: expected it in rad/s or as rpm=, found {'none' if rpm is None else 'both'}")
+    if rpm is not None:
+        return check("rpm", rpm, above=0.0) / RPM
+    values = check("speeds" if check is validation.numbers else "rotor speed", speeds, above=0.0, unit="rad/s")
+    radius = max((float(np.hypot(*place.position[:2])) for place in problem.model.locations.values()), default=0.0)
+    # largest speed (m/s) of a point of a rotor: the longest blades of steam turbines, of titanium, come to some 750
+    tip_speed = 800.0
+    if radius * np.max(values) > tip_speed:
+        implausible(
+            "rotor speed",
+            f"at most {tip_speed / radius:.0f} rad/s, {tip_speed:g} m/s at a radius of {radius:.3g} m",
+            f"{np.max(values):g}: revolutions per minute suspected, which are given as rpm={short(speeds)}",
+        )
+    return values
+
+
+@asked
+@partial(validation.spelt, also=Conditions.__dataclass_fields__)
+def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | None = None, **conditions: Any) -> Problem:
+    """The same problem at a rotor speed: its model there, friction and excitation by speed where they are given.
+
+    Parameters
+    ----------
+    problem : Problem
+    omega : float, rad/s
+    rpm : float, revolutions per minute
+        Instead of ``omega``.
+    **conditions
+        ``friction``, ``temperature``, ``excitation`` of :class:`Conditions`.
+
+    Returns
+    -------
+    Problem or Study, as given
+        ``preload`` of such a study is that of the damper's mass at this speed; an analysis at another preload is still one
+        of this speed, with faces displaced as this preload goes with them.
+
+    Raises
+    ------
+    SettingError
+        If no free body carries a load, or a table does not reach the speed.
+    """
+    return under(problem, asked_speeds(problem, omega, rpm, validation.number), Conditions(**conditions))
+
+
+def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
+    """See :func:`at_speed`; for conditions that are made already."""
+    changes: dict[str, Any] = {"model": as_checked(problem.model.at_speed(omega)), "speed": omega}
+    mu = conditions.friction_at(omega)
+    if mu is not None:
+        changes["friction_coefficient"] = mu
+    force = conditions.excitation_at(omega, int(problem.engine_order))
+    if force is not None:
+        changes["excitation"] = replace(problem.settings.excitation, amplitude=force)
+    return problem.with_(**changes)

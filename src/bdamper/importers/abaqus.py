@@ -1,0 +1,435 @@
+"""CalculiX: mesh and sets of an input file or of results, stored matrices, modes of a cyclic run.
+
+``*FREQUENCY, SOLVER=MATRIXSTORAGE`` writes the upper triangles of stiffness and mass (``.sti``, ``.mas``: row, column,
+value) over the free components that ``.dof`` lists (``node.component``).  With ties of cyclic symmetry in the deck,
+``CYCMPC=INACTIVE`` keeps them out of the matrices.
+
+A cyclic ``.frd`` has for each mode the blocks DISP and DISPI, real and imaginary part of a travelling wave of either
+direction, scaled to a modal mass of one over the sector.  Positions in it have six digits: take the mesh from
+the input file where there is one.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.fem.element_faces import FACES, N_CORNER, oriented_facet
+from bdamper.importers.array_files import as_integers, read_dofs, triangle_to_full
+from bdamper.importers.deck_keywords import adds_to_matrices
+from bdamper.importers.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
+from bdamper.importers.reader_registry import LARGEST_COUNT, Included, Lines, data_lines, parsing, read_body, reader
+from bdamper.model.fields import check_all, require
+from bdamper.util.errors import mismatch
+from bdamper.util.storage import FilePath
+
+_SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
+_FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Input file
+
+
+def _plain(text: str) -> str:
+    """A keyword or the name of a parameter, in capitals without blanks, which do not count."""
+    return "".join(text.upper().split())
+
+
+class _Deck:
+    """Blocks of a deck: a keyword with its parameters, then data lines."""
+
+    def __init__(self, source: Path) -> None:
+        self.source = source
+        self.numbers: list[int] = []
+        self.positions: list[list[float]] = []
+        self.element_of: dict[int, list[int]] = {}
+        self.type_of: dict[int, str] = {}
+        self.sections: dict[str, str] = {}
+        self.elastic: dict[str, tuple[float, float]] = {}
+        self.material = ""
+        self.node_sets: dict[str, list[int]] = {}
+        self.element_sets: dict[str, list[int]] = {}
+        self.surfaces: dict[str, list[tuple[str, str]]] = {}
+        self.node_surfaces: dict[str, list[str]] = {}
+        self.notes: list[str] = []
+        self.included = Included()
+
+    def read(self, source: Path, depth: int = 0) -> None:
+        """One file, with those that it includes."""
+        for at, keyword, parameters, lines in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
+            item = f"{source}: {keyword} in line {at}"
+            if adds_to_matrices(keyword, parameters, item):
+                self.notes.append(f"{keyword} of the deck is not read: its stiffness or mass must be in the matrices")
+            elif keyword == "*INCLUDE":
+                self.read(self.included.path(parameters.get("INPUT", ""), source, depth, item), depth + 1)
+            else:
+                self._block(keyword, parameters, lines, item)
+
+    @staticmethod
+    def _blocks(deck: str) -> Iterator[tuple[int, str, dict[str, str], list[tuple[int, str]]]]:
+        """Line, keyword and parameters, in capitals without blanks, and data lines of each block."""
+        block = None
+        for number, text in data_lines(deck, "**"):
+            if text.startswith("*"):
+                if block:
+                    yield block
+                keyword, *words = text.split(",")
+                pairs = (word.partition("=")[::2] for word in words if word.strip())
+                parameters = {_plain(key): value.strip().strip('"') for key, value in pairs}
+                block = number, _plain(keyword), parameters, list[tuple[int, str]]()
+            elif block:
+                block[-1].append((number, text))
+        if block:
+            yield block
+
+    def _block(self, keyword: str, parameters: dict[str, str], lines: list[tuple[int, str]], item: str) -> None:
+        if keyword == "*NODE":
+            self._nodes(parameters, lines)
+        elif keyword == "*ELEMENT":
+            self._elements(parameters, lines, item)
+        elif keyword in ("*NSET", "*ELSET"):
+            sets = self.node_sets if keyword == "*NSET" else self.element_sets
+            self._set(sets, parameters.get(keyword[1:], ""), "GENERATE" in parameters, lines, item)
+        elif keyword == "*SURFACE":
+            name, kind = parameters.get("NAME", "").upper(), parameters.get("TYPE", "ELEMENT").upper()
+            require(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
+            if kind == "NODE":
+                self.node_surfaces[name] = [text.split(",")[0].strip() for _, text in lines]
+            else:
+                pairs = [tuple(w.strip() for w in text.split(",")[:2]) for _, text in lines]
+                good = all(len(pair) == 2 for pair in pairs)
+                require(good, item, "an element or set and the label of a face in every line", "another line")
+                self.surfaces[name] = pairs  # type: ignore[assignment]
+        elif keyword == "*MATERIAL":
+            self.material = parameters.get("NAME", "").upper()
+        elif keyword == "*ELASTIC" and lines and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
+            with parsing(self._line(lines[0][0]), "Young's modulus, Poisson's ratio", lines[0][1]):
+                young, poisson = (float(word) for word in lines[0][1].split(",")[:2])  # at the lowest temperature
+                self.elastic[self.material] = young, poisson
+        elif keyword == "*SOLIDSECTION":
+            self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
+
+    def _integers(self, lines: list[tuple[int, str]]) -> list[int]:
+        """The whole numbers of some lines."""
+        numbers: list[int] = []
+        for number, text in lines:
+            with parsing(self._line(number), "whole numbers", text):
+                numbers += [int(word) for word in text.split(",") if word.strip()]
+        return numbers
+
+    def _line(self, number: int) -> str:
+        """How messages name a line."""
+        return f"{self.source}: line {number}"
+
+    def _kinds(self) -> list[ElementKind]:
+        """Type and material of each element."""
+        elastic = {
+            element: self.elastic.get(material, ())
+            for name, material in self.sections.items()
+            for element in self.element_sets.get(name, ())
+        }
+        return [ElementKind(self.type_of[element], *elastic.get(element, ())) for element in self.element_of]
+
+    def _nodes(self, parameters: dict[str, str], lines: list[tuple[int, str]]) -> None:
+        added = []
+        for number, text in lines:
+            words = text.split(",")
+            with parsing(self._line(number), "a node number and its position", text):
+                if len(words) < 2 or len([w for w in words if w.strip()]) > 4:
+                    raise ValueError
+                position = [float(w) if w.strip() else 0.0 for w in words[1:4]]
+                added.append(int(words[0]))
+            self.numbers.append(added[-1])
+            self.positions.append(position + [0.0] * (3 - len(position)))
+        if parameters.get("NSET"):
+            self.node_sets.setdefault(parameters["NSET"].upper(), []).extend(added)
+
+    def _elements(self, parameters: dict[str, str], lines: list[tuple[int, str]], item: str) -> None:
+        kind = parameters.get("TYPE", "").upper()
+        plain = kind.rstrip("RIHM")
+        n = _SOLIDS.get(plain)
+        if n is None:
+            self.notes.append(f"elements of type {kind or '(none)'} are not read: solid elements only")
+            return
+        words = self._integers(lines)
+        expected = f"1 + {n} numbers for each element of type {kind}"
+        require(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers in all")
+        for k in range(0, len(words), n + 1):
+            self.element_of[words[k]] = words[k + 1 : k + n + 1]
+            self.type_of[words[k]] = plain + next((letter for letter in "RI" if letter in kind[len(plain) :]), "")
+        if parameters.get("ELSET"):
+            self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
+
+    def _set(self, sets: dict[str, list[int]], name: str, generate: bool, lines: list[tuple[int, str]], item: str) -> None:
+        require(bool(name), item, "a name of the set", "none")
+        members = sets.setdefault(name.upper(), [])
+        if generate:
+            for line in lines:
+                words = self._integers([line])
+                step = words[2] if len(words) > 2 else 1
+                good = len(words) > 1 and step > 0 and 0 <= (words[1] - words[0]) // step <= LARGEST_COUNT // 100
+                require(good, self._line(line[0]), "first, last and step", f"'{line[1][:50]}'")
+                members.extend(range(words[0], words[1] + 1, step))
+            return
+        for number, text in lines:
+            for word in (word.strip() for word in text.split(",") if word.strip()):
+                if word.lstrip("+-").isdigit():
+                    members += self._integers([(number, word)])
+                else:
+                    expected = f"a number or a set out of {sorted(sets)}"
+                    require(word.upper() in sets, self._line(number), expected, f"'{word[:30]}'")
+                    members.extend(sets[word.upper()])
+
+    def body(self) -> FEBody:
+        """The deck as a body without matrices."""
+        require(bool(self.numbers), str(self.source), "*NODE with at least one node", "none")
+        # A node given twice is the same node; the last one counts, as in the program.
+        unique = dict(zip(self.numbers, self.positions))
+        numbers = np.array(list(unique), dtype=np.int64)
+        nodes = np.array(list(unique.values()), float)
+        check_all(np.isfinite(nodes), nodes, "finite positions", f"{self.source}: *NODE")
+        sets = {name: np.unique(np.array(m, dtype=np.int64)) for name, m in self.node_sets.items() if m}
+        for name, members in self.node_surfaces.items():
+            known = [sets[m.upper()] for m in members if m.upper() in sets]
+            if known:
+                sets.setdefault(name, np.unique(np.concatenate(known)))
+        solids, faces = by_kind(self.element_of.values(), self._kinds()), self._face_sets(numbers, nodes)
+        notes = tuple(dict.fromkeys(self.notes))
+        return FEBody(numbers, nodes, **solids, node_sets=sets, face_sets=faces, source=str(self.source), notes=notes)
+
+    def _face_sets(self, numbers: NDArray, nodes: NDArray) -> dict[str, tuple[NDArray, ...]]:
+        index = {number: k for k, number in enumerate(numbers.tolist())}
+        out = {}
+        for name, pairs in self.surfaces.items():
+            item = f"{self.source}: *SURFACE, NAME={name}"
+            facets: dict[int, list[NDArray]] = {}
+            for who, label in pairs:
+                known = who.isdigit() or who.upper() in self.element_sets
+                require(known, item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
+                members = [int(who)] if who.isdigit() else self.element_sets[who.upper()]
+                for element in members:
+                    require(element in self.element_of, item, "solid elements of this deck", f"element {element}")
+                    own = self.element_of[element]
+                    faces = FACES[N_CORNER[len(own)]]
+                    labels = [f"S{k}" for k in range(1, len(faces) + 1)]
+                    require(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
+                    missing = [n for n in own if n not in index]
+                    require(not missing, item, "elements with existing nodes", f"nodes {missing}")
+                    rows = np.array([index[n] for n in own])
+                    facet = oriented_facet(rows[list(faces[labels.index(label.upper())])], rows, nodes)
+                    facets.setdefault(len(facet), []).append(numbers[facet])
+            if facets:
+                out[name] = tuple(np.array(f) for f in facets.values())
+        return out
+
+
+@reader("an input file of CalculiX", ".inp")
+def read_inp(path: Path) -> FEBody:
+    """Nodes, solid elements, node sets and surfaces of a CalculiX or Abaqus input file.
+
+    Names of sets are in capitals.  Elastic constants of isotropic materials are kept, steps and loads ignored.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    deck = _Deck(path)
+    deck.read(path)
+    return deck.body()
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Matrices
+
+
+@reader("lines of row, column, value")
+def _triplets(path: Path, n: int) -> sp.csr_matrix:
+    """Symmetric matrix (n, n) from lines of row, column, value."""
+    table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
+    require(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
+    row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
+    low, high = table[:, :2].min(initial=n), table[:, :2].max(initial=0)
+    good, expected = low >= 1 and high <= n, f"rows and columns 1 to {n}, as many as lines of the .dof file"
+    require(good and len(table), str(path), expected, f"{low:g} to {high:g}")
+    check_all(np.isfinite(table[:, 2]), table[:, 2], "finite numbers", str(path))
+    return triangle_to_full(row, column, table[:, 2], n)
+
+
+def _condensed(
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, internal: NDArray, body: FEBody
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Matrices without the amplitudes of the bubbles of C3D8I, nine to an element, for which CalculiX adds three nodes."""
+    n = sum(9 * len(e) for e, kind in zip(body.elements, body.element_kinds) if kind.name == "C3D8I")
+    found = int(internal.sum())
+    require(found == n, f"{body.source}: elements C3D8I", f"{n} rows of their internal nodes in the matrices", found)
+    outer, inner = np.flatnonzero(~internal), np.flatnonzero(internal)
+    own = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
+    require(own.data.shape[0] == n // 9, f"{body.source}: elements C3D8I", "one block of nine rows for each", len(own.data))
+    inverse = sp.bsr_matrix((np.linalg.inv(own.data), own.indices, own.indptr)).tocsr()
+    shapes = sp.vstack([sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr")
+    order = np.concatenate([outer, inner])
+    k, m = ((shapes.T @ matrix[order][:, order] @ shapes).tocsr() for matrix in (stiffness, mass))
+    return (0.5 * (k + k.T)).tocsr(), (0.5 * (m + m.T)).tocsr()
+
+
+def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()) -> FEBody:
+    """A body from a run with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
+
+    Parameters
+    ----------
+    job : path-like
+        ``job.sti``, ``job.mas`` and ``job.dof`` are read; an ending of the name is left aside.
+    mesh : path-like, optional
+        File with nodes and elements, of any kind that :func:`read_body` reads; by default ``job.inp``, else ``job.frd``.
+    modes : path-like or tuple of them
+        Result files (.frd) of modal analyses to compare with.
+
+    Returns
+    -------
+    FEBody
+    """
+    base = Path(job)
+    if base.suffix.lower() in (".inp", ".sti", ".mas", ".dof", ".frd"):
+        base = base.with_suffix("")
+    deck, results, table, *matrices = (base.with_name(base.name + end) for end in (".inp", ".frd", ".dof", ".sti", ".mas"))
+    mesh = mesh or (results if results.is_file() and not deck.is_file() else deck)
+    body = read_inp(mesh) if Path(mesh).suffix == "" else read_body(mesh)
+    dofs = read_dofs(table)
+    stiffness, mass = (_triplets(path, len(dofs)) for path in matrices)
+    internal = ~np.isin(dofs[:, 0], body.numbers)
+    if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
+        stiffness, mass = _condensed(stiffness, mass, internal, body)
+        dofs = dofs[~internal]
+    # Wedges of CalculiX have two integration points.
+    kinds = body.element_kinds or tuple(ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements)
+    own = {"element_kinds": tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)}
+    files = (modes,) if isinstance(modes, str | os.PathLike) else modes
+    found, source = [mode for path in files for mode in read_frd(path).modes], f"{base} (.sti, .mas, .dof), {mesh}"
+    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=source, **own)
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Results
+
+
+@reader("a result file of CalculiX in text form (.frd)", ".frd")
+def read_frd(path: Path) -> FEBody:
+    """Nodes, solid elements and modes of a result file in text form.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    return _Frd(path).body()
+
+
+@reader("a result file of CalculiX in text form (.frd)")
+def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
+    """Nodal stress of a result file in text form (``*EL FILE`` with ``S``), in the file's unit.
+
+    Returns
+    -------
+    list of (numbers, stress)
+        For each step or mode of the file: node numbers (n,), and (n, 6) components xx, yy, zz, xy, yz, xz, complex where
+        the file has an imaginary part.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    file = _Frd(path, stress=True)
+    file.body()
+    stress = [(own, values) for _, own, values in file.found["STRESS"]]
+    require(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
+    for k, (own, _) in enumerate(stress):
+        good = len(np.unique(own)) == len(own) and np.isin(own, file.numbers).all()
+        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", own)
+    return stress
+
+
+class _Frd:
+    def __init__(self, source: Path, stress: bool = False) -> None:
+        with open(source, "rb") as raw:
+            if b"\x00" in raw.read(100_000):
+                raise mismatch(str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text")
+        lines = Lines(source, "ascii")
+        self.source, self.lines = str(lines.source), lines
+        self.numbers: NDArray = np.empty(0, np.int64)
+        self.nodes: NDArray = np.empty((0, 3))
+        self.elements: list[list[int]] = []
+        # diameter, number and frequency of a mode or step, nodes, values; by the name of the result
+        self.found: dict[str, list[tuple[tuple[int, int, float], NDArray, NDArray]]] = {"DISP": []}
+        if stress:
+            self.found["STRESS"] = []
+
+    def _rows(self, head: str, n_values: int) -> tuple[NDArray, NDArray]:
+        """Node numbers and values of the lines up to the end of a block; the end of its first line tells the format."""
+        numbers, values = [], []
+        start = 8 if head.rstrip().endswith("0") else 13
+        while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
+            self.lines.require(line.startswith(" -1"), "a line of values (-1)", f"'{line[:40]}'")
+            with parsing(self.lines.item, f"a node number and {n_values} values", line):
+                numbers.append(int(line[3:start]))
+                values.append([float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)])
+        out = np.array(values, float).reshape(-1, n_values)
+        self.lines.require(np.isfinite(out).all(), "finite values in the block above", out[~np.isfinite(out)][:1])
+        return np.array(numbers, np.int64), out
+
+    def _element_block(self) -> None:
+        while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
+            words = line[3:].split()
+            self.lines.require(line.startswith(" -1") and len(words) >= 2, "an element (-1)", f"'{line[:40]}'")
+            n = _FRD_SOLIDS.get(int(words[1]))
+            nodes: list[int] = []
+            while self.lines.follows(" -2"):
+                text = self.lines.take("nodes")[3:].rstrip()
+                nodes += [int(text[k : k + 10]) for k in range(0, len(text), 10)]
+            self.lines.require(n in (None, len(nodes)), f"{n} nodes of an element", len(nodes))
+            if n is not None:
+                self.elements.append(nodes)
+
+    def body(self) -> FEBody:
+        diameter, mode = 0, 0
+        for line in self.lines:
+            key = line[:10].strip()
+            if key.startswith("2C"):
+                self.numbers, self.nodes = self._rows(line, 3)
+            elif key.startswith("3C"):
+                self._element_block()
+            elif key.startswith("1PHID"):
+                diameter = max(int(line[10:].split()[0]), 0)  # -1 without cyclic symmetry
+            elif key.startswith("1PMODE"):
+                mode = int(line[10:].split()[0])
+            elif key.startswith("100C"):
+                self._result(line, diameter, mode)
+        require(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
+        shapes = self.found["DISP"]
+        modes = modes_by_diameter(((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source)
+        return FEBody(self.numbers, self.nodes, **by_kind(self.elements), modes=modes, source=self.source)
+
+    def _result(self, head: str, diameter: int, mode: int) -> None:
+        with parsing(self.lines.item, "a frequency in columns 13 to 24", head):
+            frequency = float(head[12:24])
+        name = ""
+        while self.lines.follows(" -4", " -5"):
+            line = self.lines.take("the head of a result")
+            if line.startswith(" -4"):
+                name = line[5:13].strip()
+        kind, imaginary = name.removesuffix("I"), name.endswith("I")
+        if kind not in self.found:
+            return
+        found, n_values = self.found[kind], {"DISP": 3, "STRESS": 6}[kind]
+        if not imaginary:
+            found.append(((diameter, mode, frequency), *self._rows(head, n_values)))
+        elif found and found[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
+            key, own, real = found[-1]
+            nodes, values = self._rows(head, n_values)
+            require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", f"nodes {own} in both parts", nodes)
+            found[-1] = (key, own, real + 1j * values)

@@ -1,0 +1,526 @@
+"""Ansys MAPDL: matrices of a ``.full`` file, mesh and components of a ``.cdb`` archive, modes of a ``.rst`` file.
+
+Binary files consist of records: the number of 32-bit words, a word of flags, the words, and their number again.  The
+highest byte of the flags tells integers (0x80) from floating-point numbers, single from double precision (0x40), and three
+compressed forms: zlib (0x20), windows of non-zero values (0x10), and a bit for each non-zero value (0x08).  Pointers
+count words from the start of the file, or from that of a data set.  The first record is the standard header, the second
+the header of the kind of file; positions in it are those of the include files ``fdfull.inc`` and ``fdresu.inc`` that come
+with the program.
+
+Only the records that an import needs are read, and every length is checked against the file, so that damaged files are
+refused.
+
+A ``.full`` file keeps rows for components that are fixed; they are empty except for a one and are dropped.  The modes of a
+cyclic analysis come as real shapes of the base sector, two for each wave; :mod:`bdamper.fem.travelling_waves`
+finds their pairing and direction.  They are scaled to a modal mass of one over base and duplicate sector, which
+is what ``a + i b`` of a pair has over one sector.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bdamper.fem.element_faces import N_CORNER
+from bdamper.importers.array_files import triangle_to_full
+from bdamper.importers.deck_keywords import CDB_HARMLESS, CDB_READ, refuse
+from bdamper.importers.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
+from bdamper.importers.reader_registry import Lines, check_count, parsing, reader
+from bdamper.model.fields import check_all, require
+from bdamper.util.errors import mismatch
+from bdamper.util.storage import FilePath
+
+_INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08
+_HEADER = 103  # the second record starts here
+_FULL, _RESULT = 4, 12
+_KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
+_MODAL = 2
+
+_SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Records
+
+
+class _Binary:
+    """Records of a binary file that is held in memory."""
+
+    def __init__(self, source: Path, kind: int) -> None:
+        self.source = source
+        self.data = source.read_bytes()
+        head = self.record(0, "standard header")
+        require(len(head) >= 2 and head.dtype.kind == "i", str(source), "a binary file of Ansys", "another beginning")
+        found = _KINDS.get(int(head[0]), "another kind")
+        require(int(head[0]) == kind, str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
+
+    def record(self, word: int, item: str) -> NDArray:
+        """Numbers of the record at a word of the file."""
+        return self._record(word, item)[0]
+
+    def run(self, word: int, count: int, item: str) -> Iterator[NDArray]:
+        """``count`` records one after another."""
+        for k in range(count):
+            values, word = self._record(word, f"{item}, record {k + 1} of {count}")
+            yield values
+
+    def _record(self, word: int, item: str) -> tuple[NDArray, int]:
+        where = f"{self.source}: {item} at word {word}"
+        start = 4 * int(word)
+        within, words = 0 <= start <= len(self.data) - 12, len(self.data) // 4
+        require(within, where, f"a record within {words} words", "a place outside: the file is truncated")
+        size, flags = struct.unpack_from("<iI", self.data, start)
+        end = start + 8 + 4 * size
+        within, found = size >= 0 and end + 4 <= len(self.data), f"a length of {size} words: damaged or truncated"
+        require(within, where, "a record that ends within the file", found)
+        again = struct.unpack_from("<i", self.data, end)[0]
+        require(again == size, where, f"the length {size} again at its end", f"{again}: damaged")
+        kind = flags >> 24
+        dtype = np.dtype({0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)])
+        require(not kind & _ZLIB, where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "one with it")
+        raw = self.data[start + 8 : end]
+        if kind & _BITS:
+            values = self._bits(raw, dtype, where)
+        elif kind & _WINDOWS:
+            values = self._windows(raw, dtype, where)
+        else:
+            values = np.frombuffer(raw[: len(raw) // dtype.itemsize * dtype.itemsize], dtype)
+        return values, word + size + 3
+
+    @staticmethod
+    def _head(raw: bytes, where: str) -> tuple[int, int]:
+        require(len(raw) >= 8, where, "the head of a compressed record", "less than two words")
+        size, second = struct.unpack_from("<ii", raw, 0)
+        return check_count(size, where, "a length", largest=100_000_000), second
+
+    def _bits(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
+        """One bit for each of at most 32 values tells whether it follows or is zero."""
+        size, code = self._head(raw, where)
+        require(size <= 32, where, "at most 32 values in a record compressed by bits", size)
+        set_ = np.array([(code >> k) & 1 for k in range(size)], bool)
+        require(8 + int(set_.sum()) * dtype.itemsize <= len(raw), where, f"{int(set_.sum())} values", "fewer: damaged")
+        out = np.zeros(size, dtype)
+        out[set_] = np.frombuffer(raw, dtype, int(set_.sum()), 8)
+        return out
+
+    def _windows(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
+        """Single values at positive places; at others a run of values, or of one value if its length is negative."""
+        size, count = self._head(raw, where)
+        step = max(dtype.itemsize, 4)
+        out = np.zeros(size, dtype)
+        at = 8
+        for _ in range(count):
+            require(at + 8 <= len(raw), where, f"{count} windows", "the end of the record")
+            place, length = struct.unpack_from("<ii", raw, at)
+            if place > 0:
+                length = 1
+            at += 4 if place > 0 else 8
+            taken = 1 if length < 0 else length
+            place, length = abs(place), abs(length)
+            stored = step if taken == 1 else taken * dtype.itemsize
+            within = place + length <= size and at + taken * dtype.itemsize <= len(raw)
+            require(within, where, f"windows within {size} values", f"one of {length} from {place}")
+            out[place : place + length] = np.frombuffer(raw, dtype, taken, at)
+            at += stored
+        return out
+
+
+def _long(low: int, high: int) -> int:
+    """A place in the file, of two words."""
+    return (int(high) << 32) + (int(low) & 0xFFFFFFFF)
+
+
+class _Header:
+    """A record of whole numbers, by positions that count from one; short headers end in zeros."""
+
+    def __init__(self, file: _Binary, word: int, name: str) -> None:
+        self.item = f"{file.source}: {name}"
+        self.values, self.largest = file.record(word, name), len(file.data)
+        require(self.values.dtype.kind == "i", self.item, "whole numbers", str(self.values.dtype))
+
+    def count(self, position: int, what: str, smallest: int = 1) -> int:
+        """A number that the size of the file bounds."""
+        return check_count(self[position], self.item, what, smallest, self.largest)
+
+    def pointer(self, low: int, high: int) -> int:
+        """A place in the file, of two words."""
+        return _long(self[low], self[high])
+
+    def __getitem__(self, position: int) -> int:
+        return int(self.values[position - 1]) if position <= len(self.values) else 0
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Matrices
+
+
+class FullMatrices(NamedTuple):
+    """Matrices of a ``.full`` file.
+
+    Parameters
+    ----------
+    stiffness, mass : (n_eq, n_eq) sparse
+        Both triangles, of the free components only.
+    dofs : (n_eq, 2) int
+        Node number and component (1, 2, 3) of each row.
+    dropped : int
+        Rows of fixed components that were left out.
+    nodes : (n_nodes,) int
+        Numbers of all nodes, those that are fixed included.
+    """
+
+    stiffness: sp.csr_matrix
+    mass: sp.csr_matrix
+    dofs: NDArray
+    dropped: int
+    nodes: NDArray
+
+
+@reader("a matrix file of Ansys (.full)")
+def read_full(path: Path) -> FullMatrices:
+    """Stiffness and mass of a ``.full`` file, without its empty rows.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    file = _Binary(path, _FULL)
+    head = _Header(file, _HEADER, "header")
+    for refused, expected, found in (
+        (head[1] != -4, "a symbolically assembled matrix (-4)", head[1]),
+        (head[14], "symmetric matrices", "unsymmetric ones"),
+        (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
+        (head[21], "no constraint equations in the matrices", f"{head[21]} of them"),
+    ):
+        require(not refused, head.item, expected, found)
+    n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
+    _, dof_names, node_numbers = file.run(_HEADER, 3, "header, degrees of freedom and nodes")
+    counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
+    dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
+    require(len(constraint) >= n_eq, f"{path}: table of fixed components", f"{n_eq} entries", len(constraint))
+    places = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
+    matrices = [_full_matrix(file, place, n_eq, name) for name, place in places.items()]
+    keep = np.flatnonzero(constraint[:n_eq] >= 0)
+    empty = matrices[0].diagonal()[keep] == 0.0
+    keep = keep[~empty]
+    require(len(keep) > 0, str(path), "free components", "none")
+    kept = [m[keep][:, keep].tocsr() for m in matrices]
+    highest = dofs[keep, 1].max()
+    require(highest <= 3, f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {highest}")
+    return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep), np.unique(dofs[:, 0]))
+
+
+def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int) -> NDArray:
+    """Node number and component of each equation."""
+    for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
+        require(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
+    numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
+    good = counts.min() >= 0 and counts.max() <= len(dof_names) and counts.sum() == n_eq
+    require(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
+    first = np.repeat(np.cumsum(counts) - counts, counts)
+    place = np.arange(n_eq) - first
+    return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[place]])
+
+
+def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matrix:
+    """One triangle, row by row: columns, then values."""
+    item = f"{name} matrix"
+    require(word > 0, f"{file.source}: {item}", "a matrix", "none in the file")
+    rows, columns, values = [], [], []
+    records = file.run(word, 2 * n_eq, item)
+    for row in range(n_eq):
+        column, value = next(records), next(records)
+        where = f"{file.source}: {item}, row {row + 1}"
+        good = column.dtype.kind == "i" and value.dtype.kind == "f" and len(column) == len(value)
+        require(good, where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
+        low, high = column.min(initial=1), column.max(initial=1)
+        require(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
+        rows.append(np.full(len(column), row))
+        columns.append(column.astype(np.int64) - 1)
+        values.append(value.astype(float))
+    i, j, entries = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+    check_all(np.isfinite(entries), entries, "finite numbers", f"{file.source}: {item}")
+    return triangle_to_full(np.minimum(i, j), np.maximum(i, j), entries, n_eq)
+
+
+def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = None) -> FEBody:
+    """A body from matrices, the archive with its mesh and components, and optionally the modes of a cyclic analysis.
+
+    Parameters
+    ----------
+    full : path-like
+        ``.full`` file of the sector without cyclic symmetry, or of the damper.
+    archive : path-like
+        ``.cdb`` file (CDWRITE,DB) of the same model.
+    results : path-like, optional
+        ``.rst`` file to compare with.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        Also if the matrices have a node that the archive lacks, or lack one of its solid elements.
+    """
+    body, found = read_cdb(archive), read_full(full)
+    solid = np.unique(np.concatenate([np.zeros(0, np.int64), *(e.ravel() for e in body.elements)]))
+    for place, nodes, others, of in ((archive, body.numbers, found.nodes, full), (full, found.nodes, solid, archive)):
+        missing = np.setdiff1d(others, nodes)
+        some = ", ".join(map(str, missing[:5])) + ", ..." * (len(missing) > 5)
+        wanted = f"the nodes of {of}, which is to be of the same model"
+        require(not len(missing), str(place), wanted, f"{len(missing)} of {len(others)} missing: {some}")
+    modes = read_rst(results).modes if results is not None else ()
+    notes = (*body.notes, f"{found.dropped} rows of fixed components dropped from {full}")
+    matrices = {"stiffness": found.stiffness, "mass": found.mass, "dofs": found.dofs}
+    return replace(body, **matrices, modes=modes, source=f"{full}, {archive}", notes=notes)
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Archive
+
+
+@reader("an archive of Ansys (.cdb)", ".cdb")
+def read_cdb(path: Path) -> FEBody:
+    """Nodes, solid elements and components of nodes of an archive (CDWRITE).
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    return _Archive(Lines(path, "latin-1")).body()
+
+
+class _Archive:
+    def __init__(self, lines: Lines) -> None:
+        self.source, self.lines = str(lines.source), lines
+        self.numbers: list[int] = []
+        self.positions: list[list[float]] = []
+        self.angles: list[list[float]] = []
+        self.types: dict[int, str] = {}
+        self.elements: list[list[int]] = []
+        self.owners: list[tuple[str, int]] = []  # type and number of the material of each element
+        self.elastic: dict[str, dict[int, float]] = {}
+        self.sets: dict[str, NDArray] = {}
+        self.skipped: Counter[str] = Counter()
+
+    def _integers(self, what: str, fields: list[tuple[bool, slice]]) -> list[int]:
+        """Whole numbers on the next line."""
+        text = self.lines.take(what)
+        with parsing(self.lines.item, "whole numbers in the columns that the format of the block says", text):
+            return [int(text[columns]) for _, columns in fields if text[columns].strip()]
+
+    def _fields(self, block: str) -> list[tuple[bool, slice]]:
+        """Whether each field holds a whole number, and its columns, by a Fortran format like (1i7,2i9,6e21.13e3)."""
+        text = self.lines.take(f"the format of {block}")
+        fields: list[tuple[bool, slice]] = []
+        for count, letter, width in re.findall(r"(\d*)([iedfg])(\d+)", text.lower()):
+            size = check_count(int(width), self.lines.item, "a width of fields", 1, 100)
+            for _ in range(check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)):
+                start = fields[-1][1].stop if fields else 0
+                fields.append((letter == "i", slice(start, start + size)))
+        self.lines.require(bool(fields), "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
+        return fields
+
+    def body(self) -> FEBody:
+        for line in self.lines:
+            words = [w.strip() for w in line.split(",")]
+            key = words[0].split(" ")[0].upper()
+            if key == "NBLOCK":
+                self._nodes()
+            elif key == "EBLOCK":
+                self._elements("SOLID" in (w.upper() for w in words))
+            elif key == "CMBLOCK" and len(words) >= 4:
+                self._component(words)
+            elif key == "ET" and len(words) >= 3 and words[1].isdigit():
+                self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
+            elif key == "MPDATA" and len(words) >= 7 and words[3].upper() in ("EX", "NUXY", "PRXY") and words[4].isdigit():
+                self.elastic.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
+            else:
+                self._skip(key, line)
+        require(bool(self.numbers), self.source, "a block of nodes (NBLOCK)", "none")
+        numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
+        axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
+        solids = by_kind(self.elements, map(self._kind, self.owners, self.elements))
+        notes = [f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()]
+        return FEBody(numbers, nodes, **solids, node_sets=self.sets, node_axes=axes, source=self.source, notes=tuple(notes))
+
+    def _skip(self, key: str, line: str) -> None:
+        """Refuse a command that could change the mesh; comments, assignments and numbers of other blocks are none."""
+        assigned = "$" not in line and re.match(r"\s*\w+\s*=", line)
+        end = key in ("N", "EN") and re.search(r"\s-1[\s,]*$", line)  # of a block
+        known = end or assigned or key in (*CDB_HARMLESS, *CDB_READ[-1:])
+        if re.match(r"[*/]?[A-Z_]", key) and (not known or ("$" in line and not key.startswith("/"))):
+            refuse(line.strip()[:40], self.lines.item, CDB_READ)
+
+    def _kind(self, owner: tuple[str, int], nodes: list[int]) -> ElementKind:
+        name, material = owner
+        poisson = self.elastic.get("PRXY", {}) | self.elastic.get("NUXY", {})
+        plain = f"C3D{len(nodes)}" + ("R" if name == "186" and len(nodes) == 20 else "")
+        return ElementKind(plain, self.elastic.get("EX", {}).get(material), poisson.get(material))
+
+    def _nodes(self) -> None:
+        (whole, first), *fields = self._fields("NBLOCK")
+        self.lines.require(whole, "a format that begins with a whole number", "another one")
+        reals = [columns for is_whole, columns in fields if not is_whole]
+        while True:
+            line = self.lines.take("the end of NBLOCK (-1)")
+            if line.startswith(("N,", "-1")) or not line.strip():
+                break
+            with parsing(self.lines.item, "a node", line):
+                number = int(line[first])
+                values = [float(line[columns].replace("D", "E")) for columns in reals if line[columns].strip()]
+            if number < 0:
+                break
+            good = len(values) <= 6 and np.isfinite(values).all()
+            self.lines.require(good, "at most six finite numbers", f"'{line[:60]}'")
+            values += [0.0] * (6 - len(values))
+            self.numbers.append(number)
+            self.positions.append(values[:3])
+            self.angles.append(values[3:])
+
+    def _elements(self, solid: bool) -> None:
+        fields = self._fields("EBLOCK")
+        while (words := self._integers("the end of EBLOCK (-1)", fields))[:1] != [-1]:
+            self.lines.require(solid and len(words) >= 12, "an element of a block of SOLID form", words)
+            kind, count, nodes = words[1], words[8], words[11:]
+            while len(nodes) < count:
+                nodes += self._integers("the nodes of an element", fields)
+            name = self.types.get(kind, "")
+            known = _SOLIDS.get(name, count if not name else 0)
+            if known not in (4, 8, 10, 20) or len(nodes) != count:
+                self.skipped[name or f"{count} nodes"] += 1
+                continue
+            if 0 in nodes or count != known:  # nodes between corners left out
+                nodes = nodes[: N_CORNER[known]]
+            self.elements.append(_without_repeats(nodes))
+            self.owners.append((name, words[0]))
+
+    def _component(self, words: list[str]) -> None:
+        name, kind = words[1].strip(), words[2].strip().upper()
+        item = self.lines.item
+        with parsing(item, "a number of items in CMBLOCK", words[3]):
+            count = int(re.findall(r"^\d+", words[3].strip())[0])
+        total = check_count(count, item, "a number of items", 0, 50_000_000)
+        fields = self._fields("CMBLOCK")
+        found: list[int] = []
+        wanted = f"{total} items of component '{name}'"
+        while len(found) < total:
+            more = self._integers(wanted, fields)
+            self.lines.require(bool(more), wanted, len(found))
+            found += more
+        members, last = [np.zeros(0, np.int64)], 0
+        for number in found[:total]:  # a negative one ends a range
+            good = number >= 0 or 0 < last <= -number <= last + 50_000_000
+            require(good, item, f"ranges in component '{name}'", number)
+            members.append(np.arange(last + 1 if number < 0 else number, abs(number) + 1))
+            last = abs(number)
+        if kind.startswith("NODE") and total:
+            self.sets[name] = np.concatenate(members)
+
+
+def _without_repeats(nodes: list[int]) -> list[int]:
+    """Nodes of a wedge or tetrahedron that is written as a hexahedron with repeated nodes; others as they are."""
+    places = {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8]))) if len(nodes) in (8, 20) else None
+    own = [nodes[k] for k in places or ()]
+    out = own + [n for n in dict.fromkeys(nodes[8:]) if n not in own]
+    return out if len(out) in N_CORNER and set(own) == set(nodes[:8]) else nodes
+
+
+def _node_axes(angles: NDArray) -> NDArray:
+    """(3, 3) rows: axes of a node turned by its angles (degrees) about Z, then about its X, then about its Y."""
+    return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Results
+
+
+@reader("a result file of Ansys (.rst)", ".rst")
+def read_rst(path: Path) -> FEBody:
+    """Nodes, solid elements and modes of a modal analysis, cyclic or not.
+
+    Returns
+    -------
+    FEBody
+        Its modes are standing waves of the base sector, two for each wave of a nodal diameter between 0 and N/2, in the
+        axes of the file.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    file = _Binary(path, _RESULT)
+    head = _Header(file, _HEADER, "header")
+    require(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
+    n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
+    room = head.count(4, "room for result sets", n_sets)
+    index = file.record(head.pointer(11, 41), "index of result sets")
+    if len(index) < 2 * room or index.dtype.kind != "i":
+        raise mismatch(f"{path}: index of result sets", f"{2 * room} whole numbers", len(index))
+    places = [_long(index[k], index[room + k]) for k in range(n_sets)]
+    frequency = file.record(head.pointer(12, 42), "frequencies")[:n_sets].astype(float)
+    numbers = file.record(head.pointer(15, 46), "node numbers")[:n_nodes].astype(np.int64)
+    diameter = np.zeros(n_sets, int)
+    n_sectors, indices = head[21], head.pointer(17, 44)
+    if n_sectors > 1 and indices > 0:
+        diameter = np.abs(file.record(indices, "harmonic indices")[:n_sets].astype(int))
+    if min(len(frequency), len(diameter)) < n_sets or len(numbers) < n_nodes:
+        raise mismatch(str(path), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
+    body, axes = _rst_mesh(file, head.pointer(16, 47))
+    shapes = [_rst_shape(file, place, numbers, axes, k) for k, place in enumerate(places)]
+    each = zip(diameter.tolist(), frequency.tolist(), shapes)
+    modes = modes_by_diameter(((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path))
+    notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
+    return replace(body, modes=modes, notes=notes)
+
+
+def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
+    """Nodes and solid elements; axes of the nodes that have their own."""
+    head = _Header(file, word, "geometry header")
+    n_nodes, n_elements = head.count(4, "a number of nodes"), head.count(5, "a number of elements", 0)
+    table = np.empty((n_nodes, 7))
+    for k, row in enumerate(file.run(head.pointer(27, 28) or head[9], n_nodes, "nodes")):
+        if len(row) < 7 or row.dtype.kind != "f" or not np.isfinite(row[:7]).all():
+            raise mismatch(f"{file.source}: nodes, record {k + 1}", "seven finite numbers", len(row))
+        table[k] = row[:7]
+    numbers = table[:, 0].astype(np.int64)
+    elements = []
+    if n_elements:
+        place = head.pointer(29, 30) or head[11]
+        offsets = file.record(place, "index of elements")
+        words = np.ascontiguousarray(offsets).astype("<i4").view("<i8") if len(offsets) >= 2 * n_elements else offsets
+        for k in range(n_elements):
+            require(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
+            element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
+            if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
+                elements.append(np.array(_without_repeats(element.tolist())))
+    body = FEBody(numbers, table[:, 1:4], **by_kind(elements), source=str(file.source))
+    return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
+
+
+def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArray], k: int) -> NDArray:
+    """(n_nodes, 3) displacements of one result set in the axes of the file."""
+    head = _Header(file, word, f"result set {k + 1}")
+    item, n = head.item, head.count(3, "a number of nodes")
+    per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
+    names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
+    require(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
+    place = word + (head.pointer(105, 106) or head[11])
+    values = file.record(place, f"displacements of result set {k + 1}").astype(float)
+    if len(values) < n * per_node or n != len(numbers):
+        raise mismatch(item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values")
+    out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
+    out[out == 2.0**100] = 0.0
+    check_all(np.isfinite(out), out, "finite displacements", item)
+    for j, number in enumerate(numbers.tolist()):
+        if number in axes:
+            out[j] = axes[number].T @ out[j]
+    return out

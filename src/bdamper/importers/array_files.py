@@ -1,0 +1,313 @@
+"""Matrices and tables from plain files: NumPy, MATLAB, Matrix Market, Abaqus coordinate text, CSV."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.fem.element_faces import N_CORNER
+from bdamper.importers.fe_body import FEBody, by_kind
+from bdamper.importers.matlab import read_mat
+from bdamper.importers.matrix_market import read_market
+from bdamper.importers.reader_registry import BODIES, LARGEST_COUNT, check_count, data_lines, read_body, reader
+from bdamper.model.fields import check_all, require
+from bdamper.util.errors import mismatch
+from bdamper.util.storage import MOST_BYTES, FilePath
+
+COMMENTS = ("#", "*", "%")
+"""How lines start that are no numbers."""
+
+
+@reader("a matrix as .npz, .npy, .mat or .mtx", library=True)
+def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
+    """A square matrix from a file, the kind of which follows from its ending.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npz`` (scipy.sparse.save_npz, or arrays), ``.npy``, ``.mat``, ``.mtx`` (Matrix Market, or Abaqus coordinate
+        text: lines of row, column, value or of node, dof, node, dof, value).
+    name : str, optional
+        Of the array, in files with several.
+
+    Returns
+    -------
+    (n, n) sparse, float
+        For Abaqus text with nodes see :func:`read_abaqus_matrix`, which also returns the table of them.
+    """
+    kind = path.suffix.lower()
+    require(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    return square_matrix(_MATRICES[kind](path, name), str(path))
+
+
+def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
+    with np.load(source, allow_pickle=False) as archive:
+        _check_bytes(sum(member.file_size for member in archive.zip.infolist()), source)
+        names = list(archive)
+        if name is None and {"format", "shape", "data"} <= set(names):
+            shape = archive["shape"]
+            for count in np.atleast_1d(shape).tolist():
+                check_count(count, f"{source}: shape", "a count")
+            return sp.load_npz(source)
+        return archive[_chosen(names, name, source)]
+
+
+def _from_npy(source: Path, name: str | None) -> NDArray:
+    _check_bytes(source.stat().st_size, source)
+    return np.asarray(np.load(source, allow_pickle=False))
+
+
+def _check_bytes(count: int, source: Path) -> None:
+    """Refuse arrays that would take too much memory before they are read."""
+    check_count(count, f"{source}: arrays", "a size, bytes,", 1, MOST_BYTES)
+
+
+def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
+    content = read_mat(source)
+    return content[_chosen(list(content), name, source)]
+
+
+def _from_text(source: Path, name: str | None) -> sp.spmatrix | NDArray:
+    return read_market(source) if _is_market(source) else read_abaqus_matrix(source)[0]
+
+
+def _chosen(names: list[str], name: str | None, source: Path) -> str:
+    """The name that was asked for, or the only one there is."""
+    if name is None and len(names) == 1:
+        return names[0]
+    wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
+    require(name in names, str(source), wanted, f"the arrays {names}")
+    return str(name)
+
+
+@reader("a matrix as .mtx")
+def _is_market(source: Path) -> bool:
+    with open(source, "rb") as file:
+        return file.read(14).lower() == b"%%matrixmarket"
+
+
+_MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
+    ".npz": _from_npz,
+    ".npy": _from_npy,
+    ".mat": _from_mat,
+    ".mtx": _from_text,
+    ".mm": _from_text,
+}
+"""What reads a matrix, by the ending of the name."""
+
+
+def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
+    """A square matrix of finite real numbers with indices in range, or an error that names ``item``."""
+    matrix = matrix if sp.issparse(matrix) else np.asarray(matrix)
+    good = matrix.dtype.kind in "fiu" and matrix.ndim == 2
+    require(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
+    require(matrix.shape[0] == matrix.shape[1] > 0, item, "a square matrix", f"shape {matrix.shape}")
+    if hasattr(matrix, "check_format"):
+        matrix.check_format(full_check=True)
+    out = sp.coo_matrix(matrix)
+    wrong = np.flatnonzero(~np.isfinite(out.data))
+    if len(wrong):
+        k = wrong[0]
+        found = f"{out.data[k]} in row {out.row[k] + 1}, column {out.col[k] + 1} and {len(wrong)} such in all"
+        raise mismatch(item, "finite numbers", found)
+    return out.astype(float).tocsr()
+
+
+def number_rows(source: Path, *columns: int, mixed: bool = False, separators: str = ",;") -> list[list[float]]:
+    """Numbers of a text file, separated by commas or blanks, one row a line.
+
+    Parameters
+    ----------
+    source : Path
+    *columns : int
+        How many numbers a row may have.
+    mixed : bool
+        Whether rows may differ in their number.
+    separators : str
+        Letters that count as blanks.
+    """
+    rows: list[list[float]] = []
+    for k, line in data_lines(source.read_text(errors="replace"), COMMENTS):
+        own = line.partition("#")[0]
+        words = own.translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE")).split()
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            if not rows and not any(re.match(r"[-+.]*\d", word) for word in words):  # a line of column names
+                continue
+            raise mismatch(f"{source}: line {k}", "numbers", line[:60]) from None
+        if len(row) not in columns or not (mixed or len(row) == len((rows or [row])[0])):
+            wanted = len(rows[0]) if rows and not mixed else " or ".join(map(str, columns))
+            raise mismatch(f"{source}: line {k}", f"{wanted} numbers", f"{len(row)}")
+        rows.append(row)
+    require(bool(rows), str(source), "at least one line of numbers", "none")
+    return rows
+
+
+def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
+    """Rows of as many finite numbers each; parameters as of :func:`number_rows`."""
+    table = np.array(number_rows(source, *columns, **options))
+    check_all(np.isfinite(table), table, "finite numbers", str(source))
+    return table
+
+
+def as_integers(values: NDArray, item: str) -> NDArray:
+    """Whole numbers from a table of floats."""
+    if len(values) and (np.any(values != np.round(values)) or np.abs(values).max() > 2**53):
+        raise mismatch(item, "whole numbers", values[np.argmax(values != np.round(values))])
+    return values.astype(np.int64)
+
+
+@reader("Abaqus coordinate text")
+def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
+    """Matrix from Abaqus coordinate text.
+
+    Lines of ``row, column, value`` (``FORMAT=COORDINATE``), or of ``node, dof, node, dof, value``
+    (``FORMAT=MATRIX INPUT``).  Where only one triangle is in the file, the other is its mirror image.
+
+    Returns
+    -------
+    matrix : (n, n) sparse
+    dofs : (n, 2) int or None
+        Node and component of each row.
+    """
+    table, dofs = number_table(path, 3, 5), None
+    if table.shape[1] == 3:
+        row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
+    else:
+        pairs = as_integers(table[:, :4].ravel(), str(path)).reshape(-1, 2)
+        dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
+        row, column = np.asarray(inverse).reshape(-1, 2).T
+    n = int(max(row.max(), column.max())) + 1
+    if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
+        raise mismatch(str(path), "rows and columns counted from 1, all of them used", f"{n} from {len(row)} entries")
+    return triangle_to_full(row, column, table[:, -1], n), dofs
+
+
+def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> sp.csr_matrix:
+    """Matrix (n, n) from entries; if all are on one side of the diagonal, with their mirror images."""
+    matrix = sp.coo_matrix((value, (row, column)), shape=(n, n)).tocsr()
+    if np.all(row <= column) or np.all(row >= column):
+        matrix = (matrix + matrix.T - sp.diags(matrix.diagonal())).tocsr()
+    return matrix
+
+
+@reader("CSV with the columns number, x, y, z")
+def read_nodes(path: Path) -> tuple[NDArray, NDArray]:
+    """Node numbers (n,) and positions (n, 3) from CSV with the columns number, x, y, z."""
+    table = number_table(path, 4)
+    return as_integers(table[:, 0], f"{path}: column 1"), table[:, 1:]
+
+
+@reader("CSV with the columns node, component")
+def read_dofs(path: Path) -> NDArray:
+    """Node number and component (1, 2, 3) of each matrix row, (n, 2), from CSV or from text like ``12.3``."""
+    table = number_table(path, 2, separators=",;.")
+    return as_integers(table.ravel(), str(path)).reshape(-1, 2)
+
+
+@reader("CSV of node numbers")
+def read_set(path: Path) -> NDArray:
+    """Node numbers (n,) from CSV with any number of them a line, or faces (n, 3 | 4 | 6 | 8), one a line.
+
+    A file with a single number a line is a set of nodes; one with a fixed count of 3, 4, 6 or 8 a line holds faces.
+    """
+    table = number_table(path, 1, 3, 4, 6, 8)
+    whole: Any = as_integers(table.ravel(), str(path)).reshape(table.shape)
+    return whole[:, 0] if whole.shape[1] == 1 else whole
+
+
+@reader("CSV of the node numbers of solid elements")
+def read_elements(path: Path) -> tuple[NDArray, ...]:
+    """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first.
+
+    Hexahedra: four corners in turn around one face, then the four opposite ones in the same turn.
+    """
+    rows = number_rows(path, *N_CORNER, mixed=True)
+    return tuple(by_kind(as_integers(np.array(row), str(path)) for row in rows)["elements"])
+
+
+def read_arrays(
+    stiffness: FilePath | sp.spmatrix,
+    mass: FilePath | sp.spmatrix,
+    nodes: FilePath | NDArray | tuple[NDArray, NDArray] | FEBody,
+    dofs: FilePath | NDArray | None = None,
+    sets: dict[str, FilePath | NDArray] | None = None,
+    elements: FilePath | NDArray | tuple[NDArray, ...] = (),
+    source: str = "",
+) -> FEBody:
+    """A body from matrices, a node table, a dof table and sets, each given as arrays or as a file.
+
+    Parameters
+    ----------
+    stiffness, mass : path-like or sparse matrix
+        See :func:`read_matrix`.
+    nodes : path-like, (n, 3) array, (numbers, positions) or FEBody
+        See :func:`read_nodes`; positions alone are numbered from 0; or a mesh, as a body or a file that :func:`read_body`
+        reads, with its elements and sets.
+    dofs : path-like or (n_eq, 2) int, optional
+        See :func:`read_dofs`; by default three rows a node, or the table in Abaqus text with nodes.
+    sets : mapping of name to path-like or array, optional
+        One-dimensional: node numbers; two-dimensional: faces of elements.
+    elements : path-like, int array or tuple of these
+        See :func:`read_elements` and :class:`FEBody`.
+    source : str
+        What messages call the body; the file of the stiffness by default.
+    """
+    what = source or "the given arrays"
+    k, k_dofs = _with_table(stiffness, f"{what}: stiffness matrix")
+    m, m_dofs = _with_table(mass, f"{what}: mass matrix")
+    if dofs is None and k_dofs is not None and m_dofs is not None:
+        m = _reordered(m, m_dofs, k_dofs, str(mass))
+    dofs = k_dofs if dofs is None else np.asarray(_loaded(dofs, read_dofs))
+    if isinstance(nodes, str | os.PathLike) and Path(nodes).suffix.lower() in BODIES:
+        nodes = read_body(nodes)
+    if isinstance(nodes, FEBody):
+        mesh = nodes
+    else:
+        table = (np.arange(len(nodes)), nodes) if isinstance(nodes, np.ndarray) else nodes
+        numbers, positions = _loaded(table, read_nodes)
+        mesh = FEBody(np.asarray(numbers), np.asarray(positions, float))
+    loaded = {name: np.asarray(_loaded(given, read_set)) for name, given in (sets or {}).items()}
+    node_sets = {name: values for name, values in loaded.items() if values.ndim == 1}
+    face_sets = {name: (values,) for name, values in loaded.items() if values.ndim != 1}
+    own = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
+    source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
+    return replace(
+        mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=own or mesh.elements,
+        element_kinds=() if own else mesh.element_kinds, node_sets={**mesh.node_sets, **node_sets},
+        face_sets={**mesh.face_sets, **face_sets},
+    )  # fmt: skip
+
+
+def _loaded(given: Any, read: Callable[[FilePath], Any]) -> Any:
+    """The content of a file; what is no path is taken as it is."""
+    return read(given) if isinstance(given, str | os.PathLike) else given
+
+
+def _with_table(given: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matrix, NDArray | None]:
+    """A matrix, given or from a file, and the table of its rows where it is Abaqus text."""
+    if not isinstance(given, str | os.PathLike):
+        return square_matrix(given, item), None
+    path = Path(given)
+    if path.suffix.lower() == ".mtx" and path.is_file() and not _is_market(path):
+        return read_abaqus_matrix(path)
+    return read_matrix(path), None
+
+
+def _reordered(matrix: sp.csr_matrix, own: NDArray, wanted: NDArray, item: str) -> sp.csr_matrix:
+    """The matrix with rows in the order of another table of nodes and components."""
+    index = {tuple(pair): k for k, pair in enumerate(wanted.tolist())}
+    pairs = [tuple(pair) for pair in own.tolist()]
+    unknown = sorted(set(pairs) - set(index))
+    require(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
+    place, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
+    return sp.csr_matrix((entries.data, (place[entries.row], place[entries.col])), shape=(len(wanted), len(wanted)))

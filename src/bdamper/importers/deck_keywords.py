@@ -1,0 +1,141 @@
+"""Keywords of mesh files by their effect on nodes, elements and sets.
+
+A reader knows three kinds: keywords that it reads, keywords without effect on the mesh, and keywords that add stiffness or
+mass, which only matrices can show.  All others are refused: they could make, move or tie nodes, elements or sets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import NoReturn
+
+from bdamper.model.fields import require
+from bdamper.util.errors import mismatch
+
+
+def _table(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
+    """Refuse a keyword that is in no table of this module.
+
+    Parameters
+    ----------
+    found, item : str
+        The keyword, and its place in a file.
+    read : iterable of str
+        Keywords that are read.
+
+    Raises
+    ------
+    ModelError
+    """
+    what = "which could make, move or tie nodes, elements or sets and is not read: write the mesh without it"
+    raise mismatch(item, f"a mesh of {', '.join(read)}", f"{found}, {what}")
+
+
+# -----------------------------------------------------------------------------------------------------------
+# CalculiX and Abaqus; names without blanks, which both programs ignore
+
+INP_READ: Mapping[str, frozenset[str]] = {
+    "*INCLUDE": _table("INPUT"),
+    "*NODE": _table("NSET"),
+    "*ELEMENT": _table("TYPE ELSET"),
+    "*NSET": _table("NSET GENERATE UNSORTED INTERNAL"),
+    "*ELSET": _table("ELSET GENERATE UNSORTED INTERNAL"),
+    "*SURFACE": _table("NAME TYPE INTERNAL"),
+}
+"""Keywords that define the mesh, with the parameters that are understood."""
+
+INP_IN_MATRICES = _table(
+    """*BEAMGENERALSECTION *BEAMSECTION *CONTACT *CONTACTCONTROLS *CONTACTDAMPING *CONTACTINCLUSIONS *CONTACTPAIR
+    *CONTACTPROPERTYASSIGNMENT *DASHPOT *GAP *GASKETSECTION *MASS *MEMBRANESECTION *ROTARYINERTIA *SHELLGENERALSECTION
+    *SHELLSECTION *SPRING *SURFACESECTION *USERELEMENT *USERSECTION"""
+)
+"""Stiffness and mass of something else than solid elements."""
+
+INP_HARMLESS = _table(
+    """*ACCELERATION *AMPLITUDE *ANISOTROPIC *ANNEAL *BASEMOTION *BOUNDARY *BOUNDARYF *BUCKLE *CFLUX *CLOAD
+    *COMPLEXFREQUENCY *CONDUCTIVITY *CONTACTFILE *CONTACTOUTPUT *CONTACTPRINT *CONTROLS *CORRELATIONLENGTH
+    *COUPLEDTEMPERATURE-DISPLACEMENT *CREEP *CYCLICHARDENING *CYCLICSYMMETRYMODEL *DAMPING *DEFORMATIONPLASTICITY
+    *DENSITY *DEPVAR *DFLUX *DISTRIBUTION *DISTRIBUTIONTABLE *DLOAD *DSLOAD *DYNAMIC *ELASTIC *ELEMENTMATRIXOUTPUT
+    *ELEMENTOUTPUT *ELFILE *ELPRINT *ENDSTEP *ENERGYFILE *ENERGYOUTPUT *ENERGYPRINT *EXPANSION *FIELD *FILEFORMAT *FILM
+    *FILTER *FREQUENCY *FRICTION *GAPCONDUCTANCE *GLOBALDAMPING *HCF *HEADING *HEATTRANSFER *HOURGLASSSTIFFNESS
+    *HYPERELASTIC *HYPERFOAM *INCIDENTWAVE *INITIALCONDITIONS *INTEGRATEDOUTPUT *MATERIAL *MATRIXGENERATE *MATRIXOUTPUT
+    *MODALDAMPING *MODALDYNAMIC *MODALFILE *MODALOUTPUT *MODALPRINT *MONITOR *NOANALYSIS *NODALTHICKNESS *NODEFILE
+    *NODEOUTPUT *NODEPRINT *NORMAL *ORIENTATION *OUTPUT *PERMEABILITY *PHYSICALCONSTANTS *PLASTIC *POTENTIAL *PREPRINT
+    *PRINT *RADIATE *RANDOMRESPONSE *RATEDEPENDENT *RESPONSESPECTRUM *RESTART *RETAINEDNODALDOFS *SECTIONCONTROLS
+    *SECTIONPRINT *SELECTCYCLICSYMMETRYMODES *SELECTEIGENMODES *SOLIDSECTION *SOLUTIONTECHNIQUE *SPECIFICHEAT *STATIC
+    *STEADYSTATEDYNAMICS *STEP *SUBSTRUCTUREGENERATE *SUBSTRUCTUREMATRIXOUTPUT *SURFACEBEHAVIOR *SURFACEINTERACTION
+    *TEMPERATURE *TIMEPOINTS *UNCOUPLEDTEMPERATURE-DISPLACEMENT *USERMATERIAL *USEROUTPUTVARIABLES *VIEWFACTOR *VISCO
+    *VISCOELASTIC"""
+)
+"""Materials, loads, supports, steps and output: some are read for the elastic constants, none changes the mesh."""
+
+
+def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> bool:
+    """Return whether a keyword of a deck adds stiffness or mass; refuse it if it could change the mesh.
+
+    Parameters
+    ----------
+    keyword : str
+        As in the tables.
+    parameters : mapping
+    item : str
+        Name of the line in messages.
+
+    Raises
+    ------
+    ModelError
+    """
+    if keyword in INP_READ:
+        unknown = [f"{key}={value}".rstrip("=") for key, value in parameters.items() if key not in INP_READ[keyword]]
+        expected = f"no parameters of {keyword} but {', '.join(sorted(INP_READ[keyword]))}"
+        require(not unknown, item, expected, ", ".join(unknown))
+        return False
+    ties = keyword == "*CONTACTPAIR" and not parameters.keys().isdisjoint(("ADJUST", "TIED"))
+    cyclic = keyword == "*TIE" and "CYCLICSYMMETRY" in parameters
+    if ties or not (cyclic or keyword in INP_HARMLESS or keyword in INP_IN_MATRICES):
+        refuse(", ".join([keyword, *parameters]), item, INP_READ)
+    return keyword in INP_IN_MATRICES
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Ansys
+
+CDB_READ = ("NBLOCK", "EBLOCK", "CMBLOCK", "ET", "MPDATA")
+CDB_HARMLESS = _table(
+    """*DEL *ELSE *ELSEIF *ENDIF *IF *SET /BATCH /COM /CONFIG /GO /GOPR /NOPR /PREP7 /SOLU /TITLE /UNITS /WB ACEL ALPHAD
+    ANTYPE AUTOTS BETAD BF BFBLOCK BFE BFEBLOCK BFUNIF C*** CGLOC CGOMEGA CMACEL CMDOMEGA CMOMEGA CNVTOL CORIOLIS CRPLIM
+    CSCIR CSYS D DCGOMG DDELE DELTIM DMPRAT DMPSTR DOF DOMEGA DSYS EQSLV ERESX ESYS EXTOPT F
+    FDELE FINISH HARFRQ HROPT IC
+    INISTATE IRLF KBC KEYOP KEYOPT KUSE LOCAL LUMPM MAT MDAMP MODCONTROL MODOPT MP MPAMOD MPTEMP MPTGEN MXPAND NCNV NEQIT
+    NLGEOM NROPT NSUBST NUMOFF OMEGA OUTPR OUTRES PSTRES QRDOPT R RATE REAL RESCONTROL RLBLOCK RMORE SECBLOCK SECCONTROLS
+    SECDATA SECNUM SECOFFSET SECTYPE SF SFBEAM SFDELE SFE SHPP SOLCONTROL SSTATE SSTIF TB TBDATA TBDELE TBFIELD TBPT
+    TBTEMP TIME TIMINT TINTP TOFFST TREF TRNOPT TUNIF TYPE"""
+)
+"""Materials, sections, loads, supports, coordinate systems and settings of a solution.  TYPE, MAT, REAL and ESYS apply
+to elements of the command E; an EBLOCK has its own numbers."""
+
+# -----------------------------------------------------------------------------------------------------------
+# Nastran
+
+BDF_READ = _table(
+    """BEGIN CHEXA CORD1C CORD1R CORD1S CORD2C CORD2R CORD2S CPENTA CTETRA DMIG ENDDATA GRID MAT1 PSOLID SET1"""
+)
+BDF_IN_MATRICES = _table(
+    """CBAR CBEAM CBEND CBUSH CBUSH1D CBUSH2D CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 CELAS1 CELAS2 CELAS3 CELAS4 CGAP CMASS1
+    CMASS2 CMASS3 CMASS4 CONM1 CONM2 CONROD CPYRAM CQUAD4 CQUAD8 CQUADR CROD CSHEAR CTRIA3 CTRIA6 CTRIAR CTUBE CVISC NSM
+    NSM1 NSMADD NSML NSML1"""
+)
+BDF_HARMLESS = _table(
+    """ACCEL ACCEL1 ASET ASET1 BSET BSET1 CREEP CSET CSET1 DAREA DELAY DLOAD DPHASE DTI EIGB EIGC EIGP EIGR EIGRL FORCE
+    FORCE1 FORCE2 FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 GRAV LOAD LSEQ MAT10 MAT11 MAT2 MAT3 MAT4 MAT5 MAT8 MAT9 MATS1
+    MATT1 MATT2 MATT3 MATT4 MATT5 MATT8 MATT9 MDLPRM MOMENT MOMENT1 MOMENT2 NLPARM NLPCI OMIT OMIT1 PARAM PBAR PBARL
+    PBEAM PBEAML PBEND PBUSH PBUSH1D PBUSHT PCOMP PCOMPG PDAMP PDAMP5 PDAMPT PELAS PELAST PGAP PLOAD PLOAD1 PLOAD2
+    PLOAD4 PLOTEL PMASS PROD PSHEAR PSHELL PTUBE PVISC QSET QSET1 RFORCE RFORCE1 RLOAD1 RLOAD2 SLOAD SPC SPC1 SPCADD
+    SPCD SPCOFF SPCOFF1 SUPORT SUPORT1 TABDMP1 TABLED1 TABLED2 TABLED3 TABLED4 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1
+    TABLEST TABRND1 TABRNDG TEMP TEMPD TLOAD1 TLOAD2 TSTEP TSTEPNL USET USET1"""
+)
+"""Materials, sections, loads, supports, sets of degrees of freedom and settings of a solution."""

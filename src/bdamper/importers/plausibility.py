@@ -1,0 +1,205 @@
+"""Plausibility of sizes, densities, wave speeds and frequencies: values that no machine has point to mistaken units."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.fem.element_faces import N_CORNER, enclosed_volume, twisted
+from bdamper.importers.fe_body import UNITS
+from bdamper.importers.import_tolerances import BOUNDS
+from bdamper.importers.prepared_body import PreparedBody
+from bdamper.model.fields import require
+from bdamper.model.rigid_motions import rigid_motions
+from bdamper.model.structure import Body
+
+
+def ratio_in_words(ratio: float) -> str | None:
+    """Mistake that explains a ratio of two frequencies that should be equal; None if there is none."""
+    candidates = {
+        "2 pi: hertz against radians per second": 2.0 * np.pi,
+        "1/(2 pi): radians per second against hertz": 0.5 / np.pi,
+    }
+    for k in (k for k in range(-12, 13) if k != 0):
+        power = f"10^{k // 2}" if k % 2 == 0 else f"10^({k}/2)"
+        candidates[f"{power}: units of length, mass or force (mm and m, t and kg)"] = 10.0 ** (0.5 * k)
+    return next((words for words, value in candidates.items() if abs(ratio / value - 1.0) < 0.02), None)
+
+
+def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: str) -> float:
+    """Largest relative difference of the frequencies that both have.
+
+    Raises
+    ------
+    ModelError
+        If they do not agree; the message names a mistaken unit that explains the ratio.
+    """
+    n = min(len(found), len(expected))
+    require(n > 0, item, f"frequencies to compare with {source}", "none")
+    found, expected = np.sort(found)[:n], np.sort(expected)[:n]
+    ratio = found / np.maximum(expected, 1e-300)
+    middle, error = float(np.median(ratio)), float(np.abs(ratio - 1.0).max())
+    words = ratio_in_words(middle) if np.abs(ratio / middle - 1.0).max() < 0.02 else None
+    suspicion = f"the ratio {middle:.6g} is {words}" if words else f"ratios {ratio.min():.4g} to {ratio.max():.4g}"
+    shown, wanted = (", ".join(f"{f:.6g}" for f in values[:3]) for values in (found, expected))
+    require(
+        error <= BOUNDS.agreement, item, f"the frequencies of {source}, {wanted}, ... Hz", f"{shown}, ... Hz; {suspicion}"
+    )
+    return error
+
+
+def _rigid_motions(body: PreparedBody) -> tuple[NDArray, NDArray]:
+    """Positions about the middle of a body, and its rigid motions (3 n_nodes, 6), which are all of its size."""
+    centre = 0.5 * (body.nodes.min(axis=0) + body.nodes.max(axis=0))
+    motion = rigid_motions(body.nodes, centre, np.eye(3))
+    motion[:, :3] *= body.size
+    return body.nodes - centre, motion
+
+
+def check_rigid_motion(body: PreparedBody) -> None:
+    """Check that the stiffness matrix of a free body resists no rigid motion of its nodes.
+
+    Energies are compared with those of three stretches about the same centre, so the measure is a strain: positions that
+    are one per cent too long show as 0.01, positions rounded to six digits as some 1e-4.
+    """
+    arm, motion = _rigid_motions(body)
+    stretch = np.stack([(arm * axis).ravel() for axis in np.eye(3)], axis=1)
+    energy, scale = (np.einsum("ij,ij->j", u, body.structure.stiffness @ u) for u in (motion, stretch))
+    body.require(scale.max() > 0.0, "stiffness matrix", "a body that resists being stretched", "no force at all")
+    strain = np.sqrt(np.abs(energy) / scale.max())
+    for kind, part, hint in (
+        ("translation along", strain[:3], "fixed nodes, springs to the ground, or a table of nodes of another body"),
+        ("rotation about", strain[3:], "positions that do not belong to it (order, units, axes)"),
+    ):
+        found = f"a strain of {part.max():.2g} of its size under a {kind} {'XYZ'[part.argmax()]}: {hint}"
+        good = part.max() <= BOUNDS.rigid_strain
+        body.require(good, "stiffness matrix", "a free body, which no rigid motion strains", found)
+    body.checks.append(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
+
+
+def check_table(body: PreparedBody) -> None:
+    """Refuse a sector whose matrices do not belong to its nodes in the order of the table of nodes and components.
+
+    A rigid motion of all nodes costs no force at a node that neither is held nor has a held neighbour: the rows of its
+    three components sum to nothing over all components that they couple.  With rows in another order (all x, then all y,
+    then all z, instead of node by node) there are forces of the size of the stiffness itself at nearly every node.
+    """
+    held = np.asarray(body.fixed(None).any(axis=1))
+    away = np.isin(np.arange(len(held)), body.used) & ~held
+    for elements in body.elements:
+        away[elements[held[elements].any(axis=1)]] = False
+    if not away.any():
+        body.checks.append(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
+        return
+    stiffness, (_, motion) = body.structure.stiffness, _rigid_motions(body)
+    pairs = (stiffness, motion), (abs(stiffness), np.abs(motion))
+    force, parts = (np.linalg.norm((k @ u).reshape(-1, 3, 6), axis=1)[away] for k, u in pairs)
+    share = 100.0 * float((force > BOUNDS.rigid_force * parts).any(axis=1).mean())
+    found = f"forces on {share:.3g} % of the nodes away from held ones when the body moves as a rigid one: rows in another "
+    found += "order than the table (or than x, y, z of node after node), or positions of other nodes"
+    expected = "rows in the order of the table of nodes and components"
+    body.require(share <= 100.0 * BOUNDS.odd_ones, "stiffness matrix", expected, found)
+    body.checks.append(f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones")
+
+
+def check_corners(body: PreparedBody) -> None:
+    """Refuse elements whose corners stand in another order than that from which faces are read."""
+    for elements, given in zip(body.elements, body.given.elements):
+        n = N_CORNER.get(elements.shape[1], 0)
+        if n not in (6, 8):
+            continue
+        wrong = np.flatnonzero(twisted(elements[:, :n], body.nodes))
+        if len(wrong) > BOUNDS.odd_ones * len(elements):
+            item = f"elements, that of nodes {np.asarray(given)[wrong[0], :n].tolist()}"
+            expected = f"{n // 2} corners in turn around one face, then the {n // 2} opposite ones in the same turn"
+            raise body.error(item, expected, f"another order in {len(wrong)} of {len(elements)}")
+
+
+def check_radial(body: PreparedBody, n_blades: int) -> None:
+    """Check that a sector narrower than a half circle stands where ``radial`` points."""
+    pitch = 360.0 / n_blades
+    limit = max(pitch, BOUNDS.radial_angle)
+    nodes = body.nodes[body.used]
+    x, y, _ = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
+    if limit >= 180.0 or np.hypot(x, y) < 0.05 * body.size:
+        return
+    angle = np.rad2deg(np.arctan2(x, y))
+    middle, given = body.place.rotation.T @ [x, y, 0.0] / np.hypot(x, y), body.place.radial
+    middle_text, given_text = (f"({', '.join(f'{a:.3g}' for a in axis)})" for axis in (middle, given))
+    expected = f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
+    expected += f"{middle_text} in the axes of the file"
+    body.require(abs(angle) <= limit, "radial", expected, f"{given_text}, {abs(angle):.3g} degrees off")
+    body.checks.append(f"{body.name}: the middle of the sector stands {abs(angle):.2g} degrees from radial")
+
+
+def check_not_swapped(body: PreparedBody) -> None:
+    """Tell the matrices apart: a mass matrix resists any translation of all nodes, a stiffness matrix where it is held."""
+    along = np.tile(np.eye(3), (len(body.nodes), 1))
+    stiffness, mass = (
+        float(np.einsum("ik,ik->", along, matrix @ along)) / max(float(matrix.diagonal().sum()), 1e-300)
+        for matrix in (body.structure.stiffness, body.structure.mass)
+    )
+    found = "one that resists translations as a mass does, then one that does not: they came swapped"
+    body.require(mass >= 0.1 or stiffness <= 0.5, "matrices", "a stiffness matrix, then a mass matrix", found)
+
+
+def wave_speed(body: PreparedBody) -> float:
+    """Speed (m/s) of longitudinal waves in the material: the energy of a uniform stretch against the mass.
+
+    ``u^T K u = (lambda + 2 mu) V`` for the displacements ``u`` of a unit strain along one axis, ``1^T M 1 = rho V``.  It
+    is the least over the axes, about the middle of the nodes without rows, since material that they hold is strained
+    more.
+    """
+    structure, held = body.structure, body.fixed(None).any(axis=1)
+    centre = body.nodes[held].mean(axis=0) if held.any() else body.nodes.mean(axis=0)
+    speeds = []
+    for axis in np.eye(3):
+        stretch, along = ((body.nodes - centre) * axis).ravel(), np.tile(axis, len(body.nodes))
+        mass = float(along @ (structure.mass @ along))
+        speeds.append(float(stretch @ (structure.stiffness @ stretch)) / mass if mass > 0.0 else np.inf)
+    return float(np.sqrt(max(min(speeds), 0.0)))
+
+
+def _check_within(
+    body: PreparedBody, item: str, what: str, limits: tuple[float, float], value: float, unit: str, hint: str
+) -> None:
+    """Refuse a quantity beyond its limits, with the mistaken unit that explains it."""
+    given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
+    found = f"{value:.4g} {unit} with units='{given}': {hint}; pass check_units=False if they are right"
+    body.require(limits[0] <= value <= limits[1], item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
+
+
+def check_sizes(body: PreparedBody) -> None:
+    """Refuse sizes, densities and wave speeds far from anything built."""
+    hint = f"{'millimetres' if body.size > BOUNDS.size[1] else 'another unit of length'} suspected"
+    _check_within(body, "positions", "an extent of", BOUNDS.size, body.size, "m", hint)
+    body.checks.append(f"{body.name}: extent {body.size:.4g} m")
+    if not body.has_matrices:
+        return
+    if body.elements:
+        along = np.tile([0.0, 0.0, 1.0], len(body.nodes))
+        mass, volume = float(along @ (body.structure.mass @ along)), enclosed_volume(body.boundary, body.nodes)
+        density = mass / volume if volume > 0.0 else np.inf
+        in_file, (low, high) = density / body.place.units.mass * body.place.units.length**3, BOUNDS.density
+        fitting = [name for name, u in UNITS.items() if low <= in_file * u.mass / u.length**3 <= high]
+        hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
+        _check_within(body, "mass matrix", "a density of", BOUNDS.density, density, "kg/m3", hint)
+        body.checks.append(f"{body.name}: mass {mass:.6g} kg on free nodes, {density:.4g} kg/m3")
+    speed, (low, high) = wave_speed(body), BOUNDS.wave_speed
+    if body.fixed(None).any():
+        high = np.inf  # what holds a body is strained, too
+    hint = f"a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that of a metal (some 6000 m/s), other "
+    hint += "units of the stiffness or the mass matrix suspected"
+    what = "a material in which longitudinal waves travel at"
+    _check_within(body, "stiffness and mass matrix", what, (low, high), speed, "m/s", hint)
+    body.checks.append(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
+
+
+def check_lowest(body: PreparedBody, made: Body) -> None:
+    """Compare lowest frequencies with what is built."""
+    for d, basis in made.bases.items():
+        lowest = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf)) / (2.0 * np.pi))
+        hint = "units of mass or stiffness off by powers of 10 suspected"
+        if np.isfinite(lowest):
+            with body.compared():
+                _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)

@@ -1,0 +1,399 @@
+"""Studies of a few masses: the matrices of the equation of motion, contacts and forces between its degrees of freedom.
+
+    M x'' + C x' + K x + contact forces = Re(f exp(i omega t)) + P s + r_n^T N_0
+
+All modes of M and K are used, so they are only another way to write ``x``; modes of frequency 0 are free masses.  Every
+contact is a point that sees the relative motion by rows over the degrees of freedom, ``u = r_t x`` tangentially and closing
+``v = r_n x`` normally, and acts on them by the same rows, ``-(r_t^T T + r_n^T N)``.  Its preload ``N_0`` is held by a
+static force.
+
+Where damping couples these modes, the coordinates are those of M and C, ``x = V q`` with ``V^T M V = 1`` and ``V^T C V``
+diagonal.  The stiffness is then ``V^T K V = k_0 + sum_i k_i w_i w_i^T`` with the least eigenvalue ``k_0`` in every
+coordinate and springs ``k_i`` on the motions ``w_i^T q``, which are interfaces of kind "spring".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from numbers import Integral
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.settings import Settings
+from bdamper.model.loads import Excitation, Response
+from bdamper.model.structure import Body, BodyLoad, Interface, Location, ModalBasis, Model
+from bdamper.study import Study
+from bdamper.util import validation
+from bdamper.util.errors import SettingError
+
+Stiffness = Annotated[float, validation.Limits(least=0.0, unit="N/m")]
+Row = int | str | tuple[int | str, int | str] | Mapping[int | str, float]
+"""A motion: a freedom by its number (from 0) or by the name of its location, the difference of the first and the second of
+two, or a sum with factors."""
+ROUNDING = 1e-9
+"""Relative size below which asymmetry, coupling of modes by damping and negative stiffness count as rounding."""
+OWN_SETTINGS = (
+    "model", "excitation", "response", "engine_order", "friction_coefficient", "contact_stiffness", "blade_modes", "gap"
+)  # fmt: skip
+BODY, GROUND = "masses", "ground"
+
+
+@validation.spelt
+@dataclass(frozen=True)
+class Contact:
+    """A contact between degrees of freedom of a lumped model, or between one and the ground.
+
+    Parameters
+    ----------
+    tangential, normal : int, str, tuple of two or mapping, optional
+        Sliding ``u`` and closing ``v`` (positive where the surfaces approach): ``0`` is the motion of degree of freedom 0
+        against the ground, ``(1, 0)`` that of 1 against 0, ``{0: 0.5, 1: 0.866}`` a sum; names of ``locations`` stand for
+        their degrees of freedom.  Without ``normal`` the normal load is constant, without ``tangential`` there is no
+        friction.
+    kt, kn : float, N/m
+        Contact stiffness along each.
+    mu : float
+        Friction coefficient.
+    preload : float, N
+        Normal load at rest, ``N = max(preload + kn v, 0)``: a static force on the degrees of freedom that holds the
+        surfaces together, so that nothing is displaced at rest before the ``loads`` of the model act.
+    gap : float, m
+        Distance at zero displacement, instead of a preload.
+    tangential2 : as ``tangential``, optional
+        Second direction in the contact plane, with the same ``kt``.
+
+    Raises
+    ------
+    SettingError
+    """
+
+    tangential: Row | None = None
+    normal: Row | None = None
+    kt: Stiffness = 0.0
+    kn: Stiffness = 0.0
+    mu: validation.NotNegative = 0.0
+    preload: validation.Force = 0.0
+    gap: validation.Length = 0.0
+    tangential2: Row | None = None
+
+    def __post_init__(self) -> None:
+        validation.checked(self)
+        slides, closes = self.tangential is not None, self.normal is not None
+        if not (slides or closes) or (self.tangential2 is not None and not slides):
+            raise SettingError("contact: expected tangential, normal or both, found neither")
+        if slides != (self.kt > 0.0) or slides != (self.mu > 0.0):
+            found = f"tangential={self.tangential!r}, kt={self.kt:g}, mu={self.mu:g}"
+            raise SettingError(f"contact: expected tangential, kt > 0 and mu > 0 together, found {found}")
+        expected = "normal and kn > 0 together"
+        validation.require(closes == (self.kn > 0.0), "contact", expected, f"normal={self.normal!r}, kn={self.kn:g}")
+        if not closes and not (self.preload > 0.0 and self.gap == 0.0):
+            raise SettingError(
+                "contact: expected a preload > 0 and no gap where the normal load is constant (no normal), found "
+                f"preload={self.preload:g}, gap={self.gap:g}"
+            )
+        if self.preload > 0.0 and self.gap > 0.0:
+            raise SettingError(f"contact: expected a preload or a gap, found {self.preload:g} N and {self.gap:g} m")
+
+
+@partial(validation.spelt, also=[f.name for f in fields(Settings)])
+def lumped(
+    mass: Any,
+    damping: Any,
+    stiffness: Any,
+    *,
+    contacts: Sequence[Contact] = (),
+    cubic: Mapping[Any, float] | None = None,
+    forces: Mapping[int | str, complex],
+    loads: Mapping[int | str, float] | None = None,
+    locations: Mapping[str, int] | None = None,
+    response: int | str | None = None,
+    **settings: Any,
+) -> Study:
+    """A study of a few masses, from the matrices of their equation of motion.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : number, (n,) or (n, n) float, kg, N s/m, N/m
+        Diagonals or symmetric matrices over n degrees of freedom; the mass positive definite, with eigenvalues above 1e-9
+        of its largest entry, the stiffness positive semidefinite.
+        Damping that the modes of mass and stiffness do not make diagonal is carried exactly, by modes of mass and damping
+        with springs between them, if every motion has a stiffness.
+    contacts : sequence of Contact
+        Their interfaces are called "contact 1", "contact 2" ...
+    cubic : mapping of motion to N/m3, optional
+        Cubic springs ``k u^3`` on motions as those of a :class:`Contact`: ``{0: 0.5, (1, 0): -2.0}``.
+    forces : mapping of freedom to float or complex, N
+        Harmonic forces ``Re(f exp(i omega t))``, with their phases; several are scaled together by
+        ``excitation.amplitude``, which is the largest of them.
+    loads : mapping of freedom to float, optional
+        Static forces per newton of the ``preload`` that the analyses ask for: ``{1: 1.0}`` and ``study.track(200.0, ...)``
+        are 200 N on freedom 1.  Without ``loads`` that preload is 0.
+    locations : mapping of name to freedom, optional
+        By default every freedom has one: "x0", "x1" ...
+    response : freedom, optional
+        At which the response is read; that of the largest force by default.
+    **settings
+        Other settings of the study: ``harmonics``, ``evaluation`` ...
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    SettingError, ModelError
+        Naming what was expected and what was found.
+
+    Examples
+    --------
+    A mass with a Jenkins element, its peak at 0.1764 Hz (1.1086 rad/s):
+
+    >>> study = lumped(1, 0.02, 1, contacts=[Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, harmonics=7)
+    >>> print(f"{study.peak(0.0, (0.1, 0.3)).amplitude:.5f} m")
+    3.53660 m
+    """
+    own = [name for name in OWN_SETTINGS if name in settings]
+    if own:
+        raise SettingError(f"lumped: expected settings other than {own}, which the lumped model decides")
+    modes = _Modes(mass, damping, stiffness, locations)
+    for contact in validation.instance("contacts", contacts, Sequence, "a sequence of Contact"):
+        validation.instance("contacts", contact, Contact)
+    cubic = {} if cubic is None else validation.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
+    validation.require(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
+    faces = _faces(contacts, cubic, modes)
+    given = _forces(modes, forces)
+    excitation, patterns = _excitation(modes, given)
+    seen = Response(modes.name(response if response is not None else max(given, key=lambda key: abs(given[key]))))
+    coefficients = {c.mu for c in contacts} or {0.0}
+    return Study(
+        _model(modes, faces, patterns, loads),
+        excitation,
+        friction_coefficient=coefficients.pop() if len(coefficients) == 1 else dict(zip(faces, [c.mu for c in contacts])),
+        contact_stiffness={name: np.array([face.stiffness]) for name, face in faces.items()},
+        response=seen,
+        **settings,
+    )
+
+
+class _Face(NamedTuple):
+    """An interface of one point: its two tangential motions and its closing, stiffness along them, kind, contact."""
+
+    rows: tuple[Any, Any, Any]
+    stiffness: list[float]
+    kind: Any
+    contact: Contact | None = None
+
+
+def _faces(contacts: Sequence[Contact], cubic: Mapping[Any, float], modes: _Modes) -> dict[str, _Face]:
+    """Interfaces by name: contacts first, then springs."""
+    faces = {}
+    for k, c in enumerate(contacts):
+        rows = c.tangential, c.tangential2, c.normal
+        faces[f"contact {k + 1}"] = _Face(rows, [c.kt, c.kt, c.kn or c.kt], "friction", c)
+    for k, (row, value) in enumerate(cubic.items()):
+        stiffness = validation.number(f"cubic {row!r}", value, unit="N/m3")
+        faces[f"cubic {k + 1}"] = _Face((row, None, None), [stiffness, 0.0, 0.0], "cubic")
+    for k, (modal, stiffness) in enumerate(modes.springs):
+        faces[f"spring {k + 1}"] = _Face((modal, None, None), [stiffness, 0.0, 0.0], "spring")
+    return faces
+
+
+class _Modes:
+    """All modes of the masses, and the degrees of freedom by number and by name."""
+
+    def __init__(self, mass: Any, damping: Any, stiffness: Any, locations: Mapping[str, int] | None) -> None:
+        M = _matrix("mass", mass)
+        self.n = len(M)
+        C, K = _matrix("damping", damping, self.n), _matrix("stiffness", stiffness, self.n)
+        least, largest = float(np.linalg.eigvalsh(M)[0]), float(np.abs(M).max())
+        enough = f"a positive definite matrix with eigenvalues above {ROUNDING:g} of its largest entry, {largest:.3g} kg"
+        validation.require(least > ROUNDING * largest, "mass", enough, f"an eigenvalue of {least:.3g} kg")
+        omega2, self.shapes = scipy.linalg.eigh(K, M)
+        self.springs: list[tuple[NDArray, float]] = []
+        size = float(np.abs(omega2).max())
+        expected = "a positive semidefinite matrix"
+        validation.require(not omega2[0] < -ROUNDING * size, "stiffness", expected, f"a mode of {omega2[0]:.3g} rad2/s2")
+        self.omega2 = np.where(omega2 <= ROUNDING**1.5 * size, 0.0, omega2)
+        self.damping_ratio, self.drag = self._damped(C)
+        given = {f"x{i}": i for i in range(self.n)} if locations is None else locations
+        self.locations: dict[str, int] = {}
+        for name, i in validation.instance("locations", given, Mapping, "a mapping of names to degrees of freedom").items():
+            self.locations[name] = validation.whole(f"location '{name}'", i, most=self.n - 1)
+
+    def _damped(self, C: NDArray) -> tuple[NDArray, NDArray]:
+        """(n,) damping ratios, and damping beyond them, 1/s; turns modes of one frequency so that damping is diagonal."""
+        first = 0
+        for end in range(1, self.n + 1):
+            if end < self.n and self.omega2[end] - self.omega2[first] <= ROUNDING * self.omega2[-1]:
+                continue
+            group = self.shapes[:, first:end]
+            self.shapes[:, first:end] = group @ np.linalg.eigh(group.T @ C @ group)[1]
+            first = end
+        D = self.shapes.T @ C @ self.shapes
+        coupling = np.abs(D - np.diag(np.diag(D)))
+        if coupling.max() > ROUNDING * max(np.abs(D).max(), 1e-300):
+            i, j = sorted(int(k) for k in np.unravel_index(np.argmax(coupling), D.shape))
+            share = coupling[i, j] / np.sqrt(abs(D[i, i] * D[j, j]) or 1.0)
+            if self.omega2[0] == 0.0:
+                raise SettingError(
+                    "damping: expected a matrix that the modes of mass and stiffness make diagonal, since a motion has no "
+                    f"stiffness; found modes {i + 1} and {j + 1} coupled by {share:.2g} of their own damping"
+                )
+            D = self._tied(D)
+        d = np.diag(D)
+        if d.min() < -ROUNDING * np.abs(d).max():
+            raise SettingError(f"damping: expected a positive semidefinite matrix, found a mode of {d.min():.3g} 1/s")
+        ratio = d / (2.0 * np.sqrt(np.where(self.omega2 > 0.0, self.omega2, 1.0)))
+        plain = (self.omega2 > 0.0) & (ratio < 1.0) & (not self.springs)
+        return np.where(plain, np.maximum(ratio, 0.0), 0.0), np.where(plain, 0.0, np.maximum(d, 0.0))
+
+    def _tied(self, D: NDArray) -> NDArray:
+        """Modes that make damping diagonal, tied by springs: the stiffness beyond that which is the same for all of them.
+
+        Parameters
+        ----------
+        D : (n, n) float, 1/s
+            Damping in the modes of mass and stiffness.
+        """
+        d, turn = np.linalg.eigh(D)
+        least = self.omega2[0]
+        values, rows = np.linalg.eigh(turn.T @ np.diag(self.omega2 - least) @ turn)
+        held = values > ROUNDING**1.5 * self.omega2[-1]
+        self.springs = list(zip(rows.T[held], values[held].tolist()))
+        self.shapes, self.omega2 = self.shapes @ turn, np.full(self.n, least)
+        return np.diag(d)
+
+    def freedom(self, value: Any, what: str) -> int:
+        """The number of a freedom that is given by number or by name."""
+        if isinstance(value, str):
+            return self.locations[validation.choice(what, value, self.locations)]
+        if not isinstance(value, Integral) or isinstance(value, bool):
+            raise validation.unfit(what, f"a freedom from 0 to {self.n - 1} or the name of a location", value)
+        return validation.whole(what, value, most=self.n - 1)
+
+    def name(self, value: Any) -> str:
+        """Location name of a degree of freedom, created if missing."""
+        i = self.freedom(value, "response or force")
+        if isinstance(value, str):
+            return value
+        known = next((name for name, at in self.locations.items() if at == i), None) or self.free(f"x{i}")
+        self.locations[known] = i
+        return known
+
+    def free(self, name: str) -> str:
+        """The name, or one like it that no location has."""
+        while name in self.locations:
+            name += "_"
+        return name
+
+    def motion(self, row: Any, what: str) -> NDArray:
+        """(n_modes,) a motion in modal coordinates."""
+        if isinstance(row, np.ndarray):  # in modal coordinates already
+            return row
+        if isinstance(row, tuple):
+            validation.that(len(row) == 2, what, "two degrees of freedom, of which it is the difference", row)
+            factors = [(row[0], 1.0), (row[1], -1.0)]
+        elif isinstance(row, Mapping):
+            factors = [(key, validation.number(f"{what}, factor of {key!r}", value)) for key, value in row.items()]
+        else:
+            factors = [(row, 1.0)]
+        out = np.zeros(self.n)
+        for key, factor in factors:
+            out[self.freedom(key, what)] += factor
+        validation.that(out.any(), what, "a motion of some freedom", row)
+        return np.asarray(out @ self.shapes)
+
+
+def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
+    """A symmetric matrix from a number, a diagonal or a matrix."""
+    try:
+        A = np.array(value.toarray() if hasattr(value, "toarray") else value, float)
+    except (TypeError, ValueError):
+        raise validation.unfit(name, "a number, a diagonal or a matrix", value) from None
+    found = A.shape
+    if A.ndim == 0 and n is not None:
+        A = np.full(n, float(A)) if n == 1 or A == 0.0 else A
+    A = np.diag(np.atleast_1d(A)) if A.ndim < 2 else A
+    sizes = A.shape if n is None else (n, n)
+    if not np.isfinite(A).all():
+        raise SettingError(f"{name}: expected finite numbers, found {A[~np.isfinite(A)][0]}")
+    if A.ndim != 2 or A.shape != (sizes[0], sizes[0]) or not A.size:
+        expected = "(n, n)" if n is None else f"{(n, n)} as the mass"
+        raise SettingError(f"{name}: expected finite numbers, a diagonal or a matrix {expected}, found shape {found}")
+    if np.abs(A - A.T).max() > ROUNDING * np.abs(A).max():
+        raise SettingError(f"{name}: expected a symmetric matrix, found a difference of {np.abs(A - A.T).max():.3g}")
+    return 0.5 * (A + A.T)
+
+
+def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
+    out = {}
+    for key, value in validation.instance("forces", forces, Mapping, "a mapping of degrees of freedom to newtons").items():
+        modes.freedom(key, "forces")
+        number = value.item() if isinstance(value, np.generic) else value
+        if isinstance(number, bool) or not isinstance(number, int | float | complex) or not np.isfinite(number):
+            raise validation.unfit(f"force on {key!r}", "a finite real or complex number in N", value)
+        out[key] = complex(number)
+    validation.require(out, "forces", "a force on at least one freedom", "none")
+    return out
+
+
+def _excitation(modes: _Modes, given: Mapping[Any, complex]) -> tuple[Excitation, dict[str, NDArray]]:
+    """The excitation, and the place at which it acts if it is spread over several degrees of freedom."""
+    largest = max(abs(value) for value in given.values())
+    if len(given) == 1:
+        ((key, value),) = given.items()
+        return Excitation(modes.name(key), amplitude=abs(value), phase=float(np.angle(value))), {}
+    spread = sum(value / (largest or 1.0) * modes.motion(key, "forces") for key, value in given.items())
+    name = modes.free("forces")
+    return Excitation(name, amplitude=largest), {name: np.conj(spread)}
+
+
+def _model(
+    modes: _Modes,
+    faces: Mapping[str, _Face],
+    patterns: dict[str, NDArray],
+    loads: Mapping[int | str, float] | None,
+) -> Model:
+    """One body of all masses whose ports see the relative motions, on a ground that does not move."""
+    zero, pressing = np.zeros(modes.n), np.zeros(modes.n)
+    shapes = np.zeros((len(faces), 3, modes.n))
+    interfaces = {}
+    for p, (name, face) in enumerate(faces.items()):
+        u1, u2, v = (zero if row is None else modes.motion(row, name) for row in face.rows)
+        shapes[p] = u1, u2, -v  # the closing is the motion against the normal of the ground
+        gap, c = 0.0, face.contact
+        if c is not None:
+            gap = c.gap - c.preload / face.stiffness[2]
+            pressing += c.preload * v
+        at = np.zeros((1, 3)), np.ones(1), np.eye(3)[None], np.array([gap])
+        interfaces[name] = Interface(name, face.kind, GROUND, 0, BODY, 0, *at)
+    places = {name: modes.shapes[i] for name, i in modes.locations.items()} | patterns
+    basis = ModalBasis(
+        modes.omega2,
+        modes.damping_ratio,
+        shapes,
+        {name: np.array([row, zero, zero]) for name, row in places.items()},
+        drag=modes.drag if modes.drag.any() else None,
+    )
+    load = None
+    if loads is not None:
+        f = np.zeros(modes.n)
+        for key, value in validation.instance(
+            "loads", loads, Mapping, "a mapping of degrees of freedom to numbers"
+        ).items():
+            f += validation.number(f"load on {key!r}", value) * modes.motion(key, "loads")
+        validation.require(f.any(), "loads", "a static force on some freedom", dict(loads))
+        elastic = modes.omega2 > 0.0
+        rest = shapes[..., elastic] @ (f[elastic] / modes.omega2[elastic])
+        load = BodyLoad(np.array([0.0, 0.0, 1.0]), f, rest)
+    bodies = {
+        BODY: Body(BODY, "lumped", tuple((name, "b") for name in faces), {0: basis}, load=load, constant_force=pressing),
+        GROUND: Body(GROUND, "ground", tuple((name, "a") for name in faces)),
+    }
+    locations = {name: Location(name, BODY, np.zeros(3)) for name in places}
+    return Model(1, bodies, interfaces, locations, provenance={"source": "lumped masses"})

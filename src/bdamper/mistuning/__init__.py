@@ -1,0 +1,16 @@
+"""Bladed disks whose blades and dampers differ: harmonic balance of all sectors, samples and their statistics.
+
+A `Wheel` solves a problem whose model has a sector-local basis, for one `Mistuning` and `DamperVariation`;
+`mistuned_sample` solves many random ones and fits the distribution of the highest blade amplitude.
+"""
+
+from bdamper.mistuning.mistuning import DamperVariation as DamperVariation
+from bdamper.mistuning.mistuning import Mistuning as Mistuning
+from bdamper.mistuning.peak import WheelPeakOptions as WheelPeakOptions
+from bdamper.mistuning.peak_result import WheelPeak as WheelPeak
+from bdamper.mistuning.sample import audit_wheels as audit_wheels
+from bdamper.mistuning.sample import mistuned_sample as mistuned_sample
+from bdamper.mistuning.sample_result import Audit as Audit
+from bdamper.mistuning.sample_result import BestPreload as BestPreload
+from bdamper.mistuning.sample_result import MistunedSample as MistunedSample
+from bdamper.mistuning.wheel import Wheel as Wheel

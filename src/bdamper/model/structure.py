@@ -1,0 +1,379 @@
+"""The structure: bodies, their modes, and the interfaces at which they touch (paper, section 2.1).
+
+A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes first, then
+elastic ones), lumped (masses with all their modes, some of which may have the frequency 0) or the ground (rigid, without
+modes).  Its motion is a modal superposition, one modal basis for
+each nodal diameter ``d``; a free body and an acyclic structure (``n_blades = 1``) have ``d = 0`` only.
+
+An *interface* is a set of contact points between ``body_a`` and ``body_b``.  Each body meets each interface in a
+*port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``; a body that touches itself in the
+neighbouring sector (a shroud) has both.  At a contact point the axes are the rows ``t1, t2, n`` of ``frame``,
+right-handed, ``n`` the outward normal of ``body_a``.
+
+Conventions (all SI, radians):
+
+* time factor ``exp(+i omega t)``; sectors are counted toward +X, the blade stands along +Y, the axis is Z;
+* travelling wave of nodal diameter ``d``: ``u(k+1) = R u(k) exp(+2 pi i d/N)``, where ``R`` turns sector ``k``
+  onto sector ``k+1`` (about Z by ``-2 pi/N``, since +Y turns toward +X);
+* modes are mass-normalised over one sector, ``u^H M u = 1``, and the components stored at a port are along the
+  contact axes turned back into the sector of the body itself, so they carry no phase: the phase of a neighbour
+  enters where an interface is put together.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Annotated, Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.model.fields import Data
+from bdamper.model.local_basis import LocalBasis
+from bdamper.model.modal_basis import ModalBasis as ModalBasis
+from bdamper.model.rotation import SpeedBasis, SpinStatic
+from bdamper.model.stress_recovery import StressSet
+from bdamper.util import validation
+from bdamper.util.display import Plottable, draw
+from bdamper.util.short_repr import brief
+
+Port = tuple[str, str]
+"""A place where a body meets an interface: ``(interface name, "a" | "b")``."""
+
+
+def turn(angle: float) -> NDArray:
+    """Rotation matrix (3, 3) about Z that turns +Y toward +X by ``angle`` (rad): R of one pitch for ``2 pi/N``."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@brief
+@dataclass(frozen=True)
+class BodyLoad:
+    """Static load that scales with one number, the radial (centrifugal) load in newtons.
+
+    Parameters
+    ----------
+    direction : (3,) float
+        Unit vector of the resultant.
+    generalised : (n_modes,) float, kg^-1/2
+        Modal force per newton of resultant, rigid-body modes first.
+    displacement : (n_points, 3) float, m/N
+        Elastic displacement of the contact points per newton (inertia relief, no contact), t1, t2, n.
+    """
+
+    direction: Annotated[NDArray, Data("1", (3,))]
+    generalised: Annotated[NDArray, Data("kg^-1/2", ("n_static",))]
+    displacement: Annotated[NDArray, Data("m/N", ("n_points", 3))]
+
+
+@brief
+@dataclass(frozen=True)
+class Body:
+    """A structure that takes part in a contact.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"constrained", "free", "lumped", "ground"}
+    ports : tuple of Port
+        The order in which contact points are stacked in every array of this body.
+    bases : mapping of nodal diameter to ModalBasis
+        Nodal diameters from 0 to ``n_blades // 2``; empty for the ground.
+    mass, centre, inertia : float (kg), (3,) m, (3, 3) kg m2 about the centre
+        Of a free body.
+    load : BodyLoad, optional
+    constant_force : (n_modes,) float, N kg^-1/2, optional
+        Modal static force that does not scale with the load, on a body without static flexibility.
+    local : LocalBasis, optional
+        Coordinates of the blade and disk matrices at all nodal diameters, for mistuned wheels; of a constrained body.
+    spin : SpinStatic, optional
+        Static displacement by the body's own rotation.
+    """
+
+    name: str
+    kind: Literal["constrained", "free", "lumped", "ground"]
+    ports: Annotated[tuple[Port, ...], Data(derived=True)] = ()
+    bases: Annotated[Mapping[int, ModalBasis], Data(file="*")] = field(default_factory=dict)
+    mass: Annotated[float, Data("kg", limits=validation.Limits(above=0.0))] | None = None
+    centre: Annotated[NDArray, Data("m", (3,))] | None = None
+    inertia: Annotated[NDArray, Data("kg m2", (3, 3), matrix="symmetric")] | None = None
+    load: BodyLoad | None = None
+    constant_force: Annotated[NDArray, Data("N kg^-1/2", ("n_static",))] | None = None
+    local: Annotated[LocalBasis, Data(file="wheel")] | None = None
+    spin: SpinStatic | None = None
+
+
+@brief
+@dataclass(frozen=True)
+class Interface:
+    """Contact points between two bodies.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"friction", "constraint", "cubic", "spring"}
+        A constraint is frictionless and one-sided.  A cubic one has springs ``k u^3`` along t1 and t2, none along n; a
+        spring is linear in all directions and a part of the bodies, there without contact too.
+    body_a, body_b : str
+    sector_a, sector_b : int
+        Sector in which the side lies, relative to the reference sector: 0 or ±1.
+    points : (n_points, 3) float, m
+        Positions in the axes of the reference sector.
+    area : (n_points,) float, m2
+    frame : (n_points, 3, 3) float
+        Rows t1, t2, n, right-handed; n is the outward normal of ``body_a``.
+    gap : (n_points,) float, m
+        Initial normal distance of the surfaces, 0 if they just touch.
+    """
+
+    name: str
+    kind: Literal["friction", "constraint", "cubic", "spring"]
+    body_a: str
+    sector_a: int
+    body_b: str
+    sector_b: int
+    points: Annotated[NDArray, Data("m", ("n_points", 3))]
+    area: Annotated[NDArray, Data("m2", ("n_points",), limits=validation.Limits(above=0.0))]
+    frame: Annotated[NDArray, Data("1", ("n_points", 3, 3))]
+    gap: Annotated[NDArray, Data("m", ("n_points",))]
+
+    @property
+    def n_points(self) -> int:
+        return len(self.area)
+
+
+@dataclass(frozen=True)
+class Location:
+    """A named place on a body at which forces act or the response is read.
+
+    Parameters
+    ----------
+    name, body : str
+    position : (3,) float, m
+    kind : {"forces"}, optional
+        A field of nodal forces: the rows of its real and of its imaginary part stand in place of motions along X and Y,
+        zeros in place of that along Z, and the position is the mean of the nodes, each with the size of its force.
+    """
+
+    name: str
+    body: str
+    position: Annotated[NDArray, Data("m", (3,))]
+    kind: Literal["forces"] | None = None
+
+
+@brief
+@dataclass(frozen=True)
+class ContactStiffness:
+    """Stiffness at the contact points of one interface.
+
+    Parameters
+    ----------
+    stiffness : (n_points, 3) float, N/m
+        Along t1, t2, n.
+    source : str
+        Method: "eq4", "unit_traction", "residual_modes" or "user".
+    fallback : (n_points, 3) bool, optional
+        Where the method could not be applied and its stated substitute was used.
+    """
+
+    stiffness: Annotated[NDArray, Data("N/m", ("n_points", 3), limits=validation.Limits(least=0.0))]
+    source: Literal["eq4", "unit_traction", "residual_modes", "user"]
+    fallback: Annotated[NDArray, Data("1", ("n_points", 3), "bool")] | None = None
+
+
+@brief
+@dataclass(frozen=True)
+class StaticContact:
+    """A static contact solution of the full finite element model at one interface (for Eqs (4), (10)).
+
+    Parameters
+    ----------
+    force : (n_points, 3) float, N
+        Contact force on ``body_a`` per unit total load, along t1, t2, n.
+    displacement_a, displacement_b : (n_points, 3) float, m
+    """
+
+    force: Annotated[NDArray, Data("N", ("n_points", 3))]
+    displacement_a: Annotated[NDArray, Data("m", ("n_points", 3))]
+    displacement_b: Annotated[NDArray, Data("m", ("n_points", 3))]
+
+
+@brief
+@dataclass(frozen=True)
+class SurfaceMesh:
+    """Surface of a body, for pictures.
+
+    Parameters
+    ----------
+    points : (n_nodes, 3) float, m
+    quads : (n_faces, 4) int
+    modes : mapping of nodal diameter to (n_nodes, 3, n_modes) complex or float, kg^-1/2
+        The first modes of the body at these nodes, components along X, Y, Z.
+    """
+
+    points: Annotated[NDArray, Data("m", ("n_nodes", 3))]
+    quads: Annotated[NDArray, Data("1", (None, 4), "integer")]
+    modes: Annotated[Mapping[int, NDArray], Data("kg^-1/2", ("n_nodes", 3, None), "picture")] = field(default_factory=dict)
+
+
+@brief
+@dataclass(frozen=True)
+class Model(Plottable):
+    """A structure with all data that an analysis uses; the module's docstring states the conventions.
+
+    ``plot`` draws bodies and contact points in 3-D (:func:`bdamper.plot.plot_model`).
+
+    Parameters
+    ----------
+    n_blades : int
+        Number of sectors; 1 for an acyclic structure.
+    bodies : mapping of name to Body
+    interfaces : mapping of name to Interface
+    locations : mapping of name to Location
+    contact : mapping of interface name to ContactStiffness
+    static : mapping of interface name to StaticContact
+    meshes : mapping of body name to SurfaceMesh
+    provenance : mapping of str to str
+    stress : mapping of name to StressSet
+    """
+
+    n_blades: int
+    bodies: Mapping[str, Body]
+    interfaces: Mapping[str, Interface]
+    locations: Mapping[str, Location] = field(default_factory=dict)
+    contact: Mapping[str, ContactStiffness] = field(default_factory=dict)
+    static: Mapping[str, StaticContact] = field(default_factory=dict)
+    meshes: Annotated[Mapping[str, SurfaceMesh], Data(file="mesh/*")] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    stress: Mapping[str, StressSet] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
+        lines = [f"model {self.hash}: {sectors}, locations {', '.join(self.locations) or 'none'}"]
+        for body in self.bodies.values():
+            modes = f", {min(b.n_natural for b in body.bases.values())} modes" if body.bases else ""
+            at = f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}" if body.kind == "constrained" else ""
+            mass = "" if body.mass is None else f", {body.mass:.4g} kg"
+            lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}")
+        for face in self.interfaces.values():
+            gap = f", gap up to {1e6 * face.gap.max():.3g} um" if np.any(face.gap > 0.0) else ""
+            lines.append(f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}")
+        return "\n".join(lines)
+
+    def port_slice(self, body: str, port: Port) -> slice:
+        """Rows of the stacked contact points of ``body`` that belong to ``port``."""
+        start = 0
+        for p in self.bodies[body].ports:
+            n = self.interfaces[p[0]].n_points
+            if p == port:
+                return slice(start, start + n)
+            start += n
+        raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
+
+    def plot_mode(self, mode: int = 1, **options: Any) -> Any:
+        """Draw a mode of a blade in 3-D, counted from 1 (:func:`bdamper.plot.plot_mode`)."""
+        return draw(self, "plot_mode", mode, **options)
+
+    def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
+        """Nodal diameter excited by an engine-order multiple, and whether its basis must be conjugated.
+
+        The wave ``d`` and the wave ``N - d`` are complex conjugates of each other, so only ``d <= N/2`` is stored.
+        """
+        d = harmonic_order % self.n_blades
+        if 2 * d > self.n_blades:
+            return self.n_blades - d, True
+        return d, False
+
+    def at_speed(self, omega: float) -> Model:
+        """The same structure at a rotor speed (rad/s): the modes and the flexibility of that speed.
+
+        Modes keep their order and phase by overlap with those of this model, damping ratios stay with them.  Bases without
+        data over speed stay as they are (:meth:`neglected_over_speed` names them), as do shapes for pictures, contact
+        stiffness and static solutions; the local basis of a mistuned wheel belongs to one speed and is dropped.  The model
+        that comes back can be taken to another speed.  Stress rows of modes turn with the modes.
+
+        Raises
+        ------
+        SettingError
+            If the speed is negative, or the structure is not stable at it.
+        """
+        omega = validation.number("rotor speed", omega, least=0.0, unit="rad/s")
+        bodies, stress = {}, dict(self.stress)
+        for name, body in self.bodies.items():
+            made = {d: basis.at_speed(omega) for d, basis in body.bases.items()}
+            force = body.constant_force
+            if force is not None:
+                force = np.real(made[0][1].conj().T @ force)
+            bases = {d: basis for d, (basis, _) in made.items()}
+            local = body.local if all(bases[d] is basis for d, basis in body.bases.items()) else None
+            bodies[name] = replace(body, bases=bases, constant_force=force, local=local)
+            for key, rows in stress.items():
+                if rows.body == name:
+                    stress[key] = replace(rows, modes={d: s @ made[d][1] for d, s in rows.modes.items()})
+        provenance = {**self.provenance, "rotor speed": f"{omega:.9g} rad/s"}
+        return replace(self, bodies=bodies, stress=stress, provenance=provenance)
+
+    def neglected_over_speed(self, diameters: Collection[int] | None = None) -> tuple[str, ...]:
+        """Effects of rotor speed that the model lacks, one sentence for each body; empty if none.
+
+        Free bodies count as complete: of their rigid-body modes nothing changes.
+
+        Parameters
+        ----------
+        diameters : collection of int, optional
+            Nodal diameters that matter; all by default.
+        """
+        out = []
+        for body in self.bodies.values():
+            known = [d for d in body.bases if diameters is None or d in diameters]
+            without = [d for d in known if body.bases[d].speed is None]
+            if body.kind != "free" and without:
+                out.append(
+                    f"{body.name}, nodal diameters {', '.join(map(str, without))}: modes of one rotor speed; centrifugal "
+                    "stiffening and spin softening are left out, frequencies and flexibility do not change with speed"
+                )
+        return tuple(out)
+
+    @property
+    def hash(self) -> str:
+        """Fingerprint of everything that a result can depend on (pictures and provenance left out)."""
+        digest = hashlib.sha256()
+        for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
+            feed_digest(digest, name, getattr(self, name))
+        if self.stress:  # earlier versions did not know it
+            feed_digest(digest, "stress", self.stress)
+        return digest.hexdigest()[:16]
+
+
+class Digest(Protocol):
+    """What hashes bytes."""
+
+    def update(self, data: bytes, /) -> None: ...
+
+
+def feed_digest(digest: Digest, key: str, value: object) -> None:
+    """Add a value of any kind that a model holds to a digest, with the path that leads to it.
+
+    All but ``residual0`` beside a flexibility, from which it follows by a product of matrices that processors round each in
+    their way.
+    """
+    if isinstance(value, np.ndarray):
+        digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, Mapping):
+        for name in sorted(value):
+            feed_digest(digest, f"{key}/{name}", value[name])
+    elif is_dataclass(value) and not isinstance(value, type):
+        for item in fields(value):
+            part = getattr(value, item.name)
+            # earlier versions did not know them
+            later = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
+            if isinstance(value, ModalBasis) and isinstance(part, SpeedBasis) and value.flexibility is not None:
+                part = replace(part, residual0=None)
+            if not (part is None and item.name in later):
+                feed_digest(digest, f"{key}.{item.name}", part)
+    else:
+        digest.update(f"{key}={value!r};".encode())

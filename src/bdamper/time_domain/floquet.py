@@ -1,0 +1,230 @@
+"""Stability of periodic solutions with friction: Floquet multipliers of the state that friction has.
+
+A contact point that sticks remembers where it began to, so the state of a disturbed solution is ``(q, q', w)`` with the
+sliders ``w``.  Between two events (a change between stick, slip and separation at any point) the linearised equations
+have constant coefficients,
+
+    M q'' + C q' + K q + G^T B(G q, w) = 0,
+
+with, for each point and direction: stick ``dT = kt (du - dw)``, slip ``dT = +-mu kn dv``, open nothing, and
+``dN = kn dv`` in contact.  One matrix exponential takes the state from event to event; forces are continuous there, so
+the state passes unchanged, except for the slider: while a point slips or is open its slider is slaved, and where it
+begins to stick
+
+    dw = du -+ (mu kn/kt) dv      after slip in the positive (negative) sense
+    dw = du - (u'/v') dv          after a closing, whose instant moves by -dv/v'.
+
+The product over a period is the monodromy matrix; multipliers within the unit circle mean that every small disturbance
+dies out.  A slider that is never set within the period has a multiplier of exactly 1, which says nothing: it is left out.
+
+**Which disturbances.**  With one real basis for all harmonics (a structure without cyclic symmetry) these are all
+disturbances.  A travelling wave on a disk can also be disturbed by other waves, in which every sector differs, and the
+harmonics have bases of their own: there no such state of one sector exists.  Their exponents are the roots of a determinant
+with the memory of the sliders in it (:mod:`bdamper.time_domain.wave_exponents`), and those that grow are counted, whether
+they oscillate or not: within the nodal diameters of the wave, up to one order above the harmonics of the motion.  Faster
+ones, such as chatter of a damper without damping of its own on its contacts, are beyond what so many harmonics describe.
+Where no slider moves and no contact changes, the equations are linear with symmetric stiffness and nothing grows.
+
+The sign of ``det J`` at fixed frequency is negative if an odd number of disturbances of the wave grows without
+oscillating, as between two folds.  It is all that is known under coupled friction and of cubic springs, on any structure,
+as these have no event sequence of this kind.  The equations of a few harmonics have branches that the motion in time does
+not have, so such points are labelled by the sign and not as stable or unstable.
+
+**Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
+disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
+left out like any slider at rest.
+
+**The motion itself.**  All this is said of the motion with the harmonics of the solution.  ``with_stability(in_time=True)``
+asks the motion in time next to it (:mod:`bdamper.time_domain.time_domain_labels`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from bdamper.contact.law_codes import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
+from bdamper.contact.user_laws import refuse
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.response.continuation import TWO_PI
+from bdamper.response.curve import Curve
+from bdamper.response.response_curve import check_curve
+from bdamper.time_domain.integration import ring_of
+from bdamper.time_domain.time_domain_labels import judged_in_time
+from bdamper.time_domain.wave_exponents import WaveDisturbances, cycles, rests
+from bdamper.util import validation
+from bdamper.util.cost import CostMeter
+from bdamper.util.threading import one_thread
+
+NEUTRAL = 1e-6
+"""Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
+SINGULAR = 1e-12
+"""Singular value below which a Jacobian with rows of unit size has a neutral position, and a determinant without sign."""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Verdict on one solution or several.
+
+    Parameters
+    ----------
+    stable : (n,) bool
+    largest : (n,) float
+        Largest modulus of a multiplier; NaN where it is not known.
+    method : {"multipliers", "exponents", "determinant"}
+    note : str
+        Which disturbances are covered.
+    """
+
+    stable: NDArray
+    largest: NDArray
+    method: str
+    note: str
+
+
+def has_one_real_basis(system: Equations[Sector]) -> bool:
+    """Whether all harmonics share one real set of modes with inertia, so that they describe one motion in time."""
+    first = system.structure.bases[0]
+    real = np.abs(np.imag(first.G)).max(initial=0.0) <= 1e-12 * np.abs(first.G).max(initial=0.0)
+    one = real and _one_shape(system) and all(np.array_equal(b.omega2, first.omega2) for b in system.structure.bases)
+    return bool(one and (np.asarray(system.structure.arrays["mass"]) > 0.0).all())
+
+
+def _one_shape(system: Equations[Sector]) -> bool:
+    """Whether all harmonics have the same shapes, as on a structure without cyclic symmetry."""
+    first = np.asarray(system.structure.bases[0].G)
+    size = 1e-12 * np.abs(first).max(initial=0.0)
+    bases = system.structure.bases
+    return all(np.shape(b.G) == first.shape and np.abs(b.G - first).max(initial=0.0) <= size for b in bases)
+
+
+def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
+    """Monodromy matrix of (q, q', sliders that are set) over one period from the angle 0.
+
+    Parameters
+    ----------
+    system : Equations[Sector]
+        With one real basis, separable law, exact evaluation.
+    u : (n_unknowns,) float
+    omega : float, rad/s
+
+    Returns
+    -------
+    (2 n + m, 2 n + m) float
+        One slider for each of the m parts of the cycle in which one sticks that was set at their beginning.
+    """
+    basis, n = system.structure.bases[0], len(system.structure.bases[0].omega2)
+    G = np.asarray(basis.G).real
+    (point, kind, a, b, weight), (at, axis, begin, length, factor) = cycles(system, system.contact(np.asarray(u))[0])
+    force, motion = (G[point, np.array(axes)[kind]] for axes in ((2, 0, 1, 0, 1), (2, 0, 1, 2, 2)))
+    hold, m = system.structure.points.kt[at, axis, None] * G[at, axis], len(at)
+    angles = np.unique(np.concatenate([[0.0], *(x % TWO_PI for x in (a, b, begin, begin + length))]))
+    angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events that coincide to rounding are one
+    first = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
+    M = np.eye(2 * n + m)
+    for k, (theta, end) in enumerate(zip(angles, np.append(angles[1:], TWO_PI))):
+        for j in np.flatnonzero(first == k):  # the slider is set
+            M[2 * n + j] = (G[at[j], axis[j]] + factor[j] * G[at[j], 2]) @ M[:n]
+        middle = 0.5 * (theta + end)
+        now, sticks = (middle - a) % TWO_PI < b - a, (middle - begin) % TWO_PI < length
+        K = np.diag(basis.omega2) + (force[now] * weight[now, None]).T @ motion[now]
+        A = np.zeros((2 * n + sticks.sum(),) * 2)
+        A[:n, n : 2 * n] = np.eye(n)
+        A[n : 2 * n] = np.hstack([-K, -np.diag(basis.damping), hold[sticks].T]) / basis.mass[:, None]
+        keep = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
+        M[keep] = expm(A * ((end - theta) / omega)) @ M[keep]
+    M[2 * n + np.flatnonzero(~sticks)] = 0.0  # what does not stick at the end of the period is no part of the state
+    return M
+
+
+def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
+    """Floquet multipliers, largest modulus first; see :func:`monodromy`."""
+    values = np.linalg.eigvals(monodromy(system, u, omega))
+    return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDArray) -> Stability:
+    """Stability of several solutions of one system.
+
+    Parameters
+    ----------
+    system : Equations[Sector]
+    unknowns : (n, n_unknowns) float
+    omega : (n,) float, rad/s
+    """
+    refuse(system.structure.points.own, "stability")
+    n, solutions, largest = len(omega), list(zip(unknowns, omega)), np.full(len(omega), np.nan)
+    without_events = np.isin(system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
+    massless = _one_shape(system) and (np.asarray(system.structure.arrays["mass"]) <= 0.0).any()
+    if without_events or massless:
+        method, note = "determinant", "sign of det J: disturbances of the wave itself that grow without oscillating"
+        stable = np.array([_positive_determinant(system, u, w) for u, w in solutions], bool)
+    elif has_one_real_basis(system):
+        method, note = "multipliers", "all disturbances, multipliers of motion and sliders"
+        largest = np.array([np.abs(multipliers(system, u, w)).max(initial=0.0) for u, w in solutions]).reshape(n)
+        stable = largest <= 1.0 + NEUTRAL
+    else:
+        method, note = "exponents", "disturbances in the nodal diameters of the wave, oscillating or not"
+        moving = [not rests(system, u) for u in unknowns]
+        grows = np.array([_growing(system, u, w) if moves else 0 for (u, w), moves in zip(solutions, moving)], int)
+        stable = grows == 0
+        note += f", up to {system.n_harmonics + 1} times the frequency"
+        note += f"; {sum(moving)} of {n} points counted, the others rest"
+        unknown = np.flatnonzero(grows < 0)
+        for i in unknown:
+            stable[i] = _positive_determinant(system, *solutions[i])
+        if len(unknown):
+            note += f"; {len(unknown)} could not be followed and were judged by the sign of det J"
+    return Stability(stable, largest, method, note)
+
+
+def _growing(system: Equations[Sector], u: NDArray, omega: float) -> int:
+    """Number of growing disturbances of a wave; -1 where they cannot be counted."""
+    try:
+        return WaveDisturbances(system, u, omega).growing(NEUTRAL / TWO_PI * omega, (system.n_harmonics + 1) * omega)
+    except FloatingPointError:
+        return -1
+
+
+def _positive_determinant(system: Equations[Sector], u: NDArray, omega: float) -> bool:
+    _, J, _ = system.evaluate(u, omega)
+    size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
+    sign, _ = np.linalg.slogdet(J / size)
+    return bool(sign >= 0.0 or np.linalg.matrix_rank(J / size, tol=SINGULAR) < len(J))
+
+
+@one_thread
+def with_stability(
+    problem: Problem,
+    curve: Curve,
+    in_time: bool = False,
+    progress: bool = False,
+) -> Curve:
+    """The same tracking curve with the stability of every point; see :mod:`bdamper.time_domain.floquet` for what it
+    covers.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : Curve
+        Tracked with this problem.
+    in_time : bool
+        Ask the motion in time which solutions a blade keeps (:mod:`bdamper.time_domain.time_domain_labels`): a point is
+        stable if the motion that starts there keeps its amplitude to 5 %.  Where it remains
+        undecided, or after Ctrl-C, what the other settings find is kept, "as far as the harmonics tell" (``curve.labels``).
+    progress : bool
+        Show a bar of the points marched in time.
+    """
+    check_curve(problem, curve)
+    system, progress = problem.system(curve.preload), validation.flag("progress", progress)
+    ring = ring_of(problem, curve.preload) if validation.flag("in_time", in_time) else None
+    watch = CostMeter()
+    result = stability_of_points(system, curve.unknowns, TWO_PI * curve.frequency)
+    note = f"{result.note}; {watch.read().seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
+    judged = replace(curve, stable=result.stable, stability_note=note, in_time=None)
+    return judged if ring is None else judged_in_time(ring, judged, progress)

@@ -1,0 +1,233 @@
+"""What an object shows of itself: a picture, and in a notebook a small table beside it.
+
+How an object finds the function that draws it: a registry by type, filled by :mod:`bdamper.plot`.
+
+Results know nothing of pictures.  The drawing functions enter themselves here when :mod:`bdamper.plot` is loaded, which
+happens at the first picture, so that matplotlib is loaded no earlier.  This is the only import that goes upward.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import importlib
+import re
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple, fields, is_dataclass
+from functools import reduce, wraps
+from typing import Any, NamedTuple, TypeVar, cast
+
+import numpy as np
+
+from bdamper.util import validation
+from bdamper.util.cost import Cost
+from bdamper.util.errors import BdamperError
+from bdamper.util.formatting import UNITS, aligned, amount, spaced
+from bdamper.util.status import FAILED, left_undone, word
+from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
+
+Drawing = TypeVar("Drawing", bound=Callable[..., Any])
+
+_DRAWINGS: dict[tuple[type, str], Callable[..., Any]] = {}
+
+
+def draws(shown: type, picture: str = "plot") -> Callable[[Drawing], Drawing]:
+    """Decorator: enters a function as the one that draws a kind of picture of a type.
+
+    Parameters
+    ----------
+    shown : type
+        The first argument of the function is an object of this type.
+    picture : str
+        Name of the method that calls the function.
+    """
+
+    def enter(function: Drawing) -> Drawing:
+        @wraps(function)
+        def drawing(given: Any, *arguments: Any, **options: Any) -> Any:
+            return function(validation.instance(function.__name__, given, shown), *arguments, **options)
+
+        _DRAWINGS[shown, picture] = drawing
+        return cast(Drawing, drawing)
+
+    return enter
+
+
+def draw(shown: Any, picture: str, *arguments: Any, **options: Any) -> Any:
+    """Draw an object with the function that is entered for its type, or for one that it is derived from.
+
+    Raises
+    ------
+    TypeError
+        If there is no such picture of this type.
+    """
+    importlib.import_module("bdamper.plot")
+    for kind in type(shown).__mro__:
+        if (kind, picture) in _DRAWINGS:
+            return _DRAWINGS[kind, picture](shown, *arguments, **options)
+    raise TypeError(f"there is no picture '{picture}' of {type(shown).__name__}")
+
+
+class Fact(NamedTuple):
+    """One line of a table: a name, a number or a text, and its unit."""
+
+    name: str
+    value: float | int | str
+    unit: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether there is something to show: a number that is not NaN, or a text."""
+        return str(self.value) not in ("", "nan")
+
+    @property
+    def text(self) -> str:
+        """Value with its unit, in three digits."""
+        return self.to_digits(3)
+
+    def to_digits(self, digits: int) -> str:
+        """Value with its unit, in so many digits where it is a number."""
+        value = self.value
+        return amount(value, self.unit, digits) if isinstance(value, float) else f"{value} {self.unit}".rstrip()
+
+
+class Summarised:
+    """A result that tells what matters first; a mixin.
+
+    What is printed begins with :meth:`bottom_line` and goes on with a few lines, of :meth:`facts` or of :meth:`details`,
+    which has everything; a notebook shows the same with a picture, and the details folded away.
+    """
+
+    _told: tuple[str, ...] = ()
+
+    def bottom_line(self) -> str:
+        """Summary in one or two sentences."""
+        return ""
+
+    def facts(self) -> tuple[Fact, ...]:
+        """The few things to know besides, in order: what is named in ``_told``."""
+        return tuple(fact for name in self._told for fact in self._said(name, several=True))
+
+    def _said(self, name: str, several: bool = False) -> Iterator[Fact]:
+        """What there is to say of a field or property, or with dots of a part of it; nothing of arrays and None."""
+        mark = quantities(cast(Any, type(self))).get(name, Quantity())
+        value = reduce(lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self))
+        if mark.parts and np.ndim(value) == 1:
+            return (Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value))
+        unit = mark.unit or UNITS.get(name.rpartition(".")[2], "")
+        return _facts(spaced(mark.name or name), value, unit, several=several)
+
+    def details(self) -> str:
+        """Everything that there is to say, in lines: facts, single values, a short table, notes, warnings and cost."""
+        if not self.bottom_line():
+            return str(self)
+        facts = [fact for fact in self.facts() if fact.known]
+        names = {"model hash", *(fact.name for fact in facts)}
+        plain = int | float | str  # of these a field that has its default says nothing
+        own = (
+            f.name
+            for f in fields(cast(Any, self))
+            if f.name not in ("cost", "made_with")
+            and not (isinstance(f.default, plain) and getattr(self, f.name) == f.default and f.name != "status")
+        )
+        single = [fact for name in own for fact in self._said(name)]
+        facts += [fact for fact in single if fact.known and fact.name not in names]
+        texts = list(dict.fromkeys(text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text))
+        texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
+        status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
+        if isinstance(status, tuple):
+            texts += left_undone(status, "parts") + [s for s in dict.fromkeys(status) if word(s) == FAILED]
+        table = aligned(self._rows(), "  ")
+        if isinstance(cost, tuple) and cost:  # of each part
+            cost = Cost(*map(sum, zip(*map(astuple, cost))))
+        texts += [str(cost or "").strip()]
+        lines = [self.bottom_line(), *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "), *table, *texts]
+        return "\n".join(line for line in lines if line)
+
+    def __str__(self) -> str:
+        rows = [row for row in self._table() if row]
+        lines = aligned(rows) if rows else [t for t in self.details().split("\n")[1:] if " of the processor: " not in t]
+        sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line())  # a number stays with its unit
+        first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
+        shown = lines[:9] + ["details() has the rest"]
+        return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Head and rows of the table of a result that is one."""
+        return self.as_rows() if isinstance(self, Tabular) else []
+
+    def _table(self) -> list[tuple[str, ...]]:
+        """Head, which may be empty, and rows of what is shown first: the facts, or the table where there are none."""
+        facts = [(fact.name, fact.text) for fact in self.facts() if fact.known]
+        return [(), *facts] if facts else self._rows() or [()]
+
+    def _shown(self) -> Any:
+        """What the picture is of; None for no picture."""
+        return None
+
+    def _repr_html_(self) -> str:
+        head, *rows = self._table()
+        text = _html_table(head, rows) if rows else "" if self.bottom_line() else f"<pre>{html.escape(str(self))}</pre>"
+        shown = self._shown()
+        try:
+            image = b"" if shown is None else draw(shown, "image")
+        except BdamperError:  # there is nothing to draw, as the text says
+            image = b""
+        source = base64.b64encode(image).decode()
+        picture = f'<img src="data:image/png;base64,{source}">' if image else ""
+        first = f"<p><b>{html.escape(self.bottom_line())}</b></p>" if self.bottom_line() else ""
+        rest = f"<details><summary>details</summary><pre>{html.escape(self.details())}</pre></details>" if first else ""
+        return f"<div>{first}{text}{picture}{rest}</div>"
+
+
+def _facts(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
+    """A value as facts: a single one, those of a small record, or one for each of several where these are asked for."""
+    plain = value.item() if isinstance(value, np.generic) else value
+    if isinstance(plain, int | float | str):
+        yield Fact(label, plain, unit)
+    elif isinstance(value, Summarised):
+        yield Fact(label, value.bottom_line() if several else "")
+    elif is_dataclass(value) and type(value).__str__ is not object.__str__:
+        yield Fact(label, str(value))
+    elif is_dataclass(value) or hasattr(value, "_fields"):
+        for name in getattr(value, "_fields", None) or [f.name for f in fields(value)]:
+            if isinstance(item := getattr(value, name), int | float | str):
+                yield Fact(f"{label} {spaced(name)}", item, UNITS.get(name, ""))
+    elif several and isinstance(value, np.ndarray):
+        yield Fact(label, len(value))
+    elif several and isinstance(value, Mapping):
+        yield from (Fact(f"{label} {key}", item, unit) for key, item in value.items())
+    elif several and isinstance(value, tuple | list):
+        texts = [item.bottom_line() if isinstance(item, Summarised) else str(item) for item in value]
+        texts = [", ".join(texts)] if all(isinstance(item, int) for item in value) else texts
+        yield from (Fact(f"{label} {i}" if len(texts) > 1 else label, text) for i, text in enumerate(texts, 1))
+
+
+def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def line(cells: Sequence[str], kind: str) -> str:
+        return "<tr>" + "".join(f'<{kind} style="text-align:left">{html.escape(c)}</{kind}>' for c in cells) + "</tr>"
+
+    return "<table>" + (line(head, "th") if head else "") + "".join(line(row, "td") for row in rows) + "</table>"
+
+
+class Plottable(Summarised):
+    """An object with a picture of itself."""
+
+    def plot(self, *arguments: Any, **options: Any) -> Any:
+        """Draw the object with the function of :mod:`bdamper.plot` that the docstring of its class names.
+
+        Parameters
+        ----------
+        arguments, options
+            Those of that function after the object itself, for example ``ax=`` for axes to draw into.
+
+        Returns
+        -------
+        matplotlib axes or figure
+            What that function returns.
+        """
+        return draw(self, "plot", *arguments, **options)
+
+    def _shown(self) -> Any:
+        return self

@@ -1,0 +1,351 @@
+"""Plausible ranges of all numbers that a user gives, in SI units: one table.
+
+A value outside of its range is possible, so it is used, with a warning that names the value, the range and the likely
+mistake.  A key of the table is the name of a parameter, after the name of its function or class if the range applies there
+alone.  A bound can be a function of the sizes of the model (:class:`bdamper.harmonic_balance.model_sizes.Sizes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util.warn import implausible
+
+Bound = float | Callable[[Any, Any], float]
+"""A number, or a function of the sizes of a model and of the key under which a mapping has the value."""
+
+
+def each(values: NDArray) -> tuple[float, float]:
+    """Return the least and the largest value except 0, which switches a setting off."""
+    values = values[values != 0.0]
+    return (float(values.min()), float(values.max())) if len(values) else (np.inf, -np.inf)
+
+
+def some(values: NDArray) -> tuple[float, float]:
+    """Return the largest and the least value: a sweep is plausible if one of its values is."""
+    return float(values.max()) or np.inf, float(values.min())
+
+
+def largest(values: NDArray) -> tuple[float, float]:
+    """Return the largest size twice, for measured values that pass through 0."""
+    size = float(np.abs(values).max())
+    return size or np.inf, size
+
+
+def all_of(values: NDArray) -> tuple[float, float]:
+    """Return the least and the largest value."""
+    return float(values.min()), float(values.max())
+
+
+@dataclass(frozen=True)
+class Range:
+    """A plausible range.
+
+    Parameters
+    ----------
+    low, high : number or function of sizes and key
+    unit : str
+    above, below : str
+        Likely mistake if a value lies above or below.
+    by : str
+        Explanation of the bounds.
+    compared : callable
+        Value compared with ``low`` and value compared with ``high``, of an array.
+    """
+
+    low: Bound
+    high: Bound
+    unit: str = ""
+    above: str = "a mistaken unit or digit suspected"
+    below: str = "a mistaken unit or digit suspected"
+    by: str = ""
+    compared: Callable[[NDArray], tuple[float, float]] = each
+
+    def check(self, item: str, values: NDArray, sizes: object = None, key: object = None) -> None:
+        """Warn of values outside the range; bounds that need sizes are left out without these."""
+        if sizes is None and (callable(self.low) or callable(self.high)):
+            return
+        low, high = (bound(sizes, key) if callable(bound) else bound for bound in (self.low, self.high))
+        if low >= 0.0 and self.compared is not largest:
+            values = values[values >= 0.0]  # the function itself refuses negative ones
+        least, most = self.compared(values) if len(values) else (np.inf, -np.inf)
+        if least >= low and most <= high:
+            return
+        found, mistake = (least, self.below) if least < low else (most, self.above)
+        shown = [f"{x:.2g}" if callable(bound) else f"{x:g}" for x, bound in ((low, self.low), (high, self.high))]
+        text = f"{shown[0]} to {shown[1]}" if low and np.isfinite([low, high]).all() else f"at most {shown[1]}"
+        text = f"{shown[0]} or more" if np.isinf(high) else text
+        text = f"{text} {self.unit}".rstrip() + (f", {self.by}" if self.by else "")
+        several = self.compared is some and values.min() < values.max()
+        shown_as = f"{values.min():g} to {values.max():g}" if several else f"{found:.4g}"
+        implausible(item, text, f"{shown_as} {self.unit}".rstrip() + f": {mistake}")
+
+
+@dataclass(frozen=True)
+class Names:
+    """Entry of a mapping whose keys are parameters of another function or class.
+
+    Parameters
+    ----------
+    of : str
+        Function or class with the ranges.
+    """
+
+    of: str
+
+
+GRAMS = "grams suspected"
+PER_CENT, MILLIMETRES = "per cent suspected", "millimetres or micrometres suspected"
+RPM = "revolutions per minute suspected"
+
+# no range: why
+COUNT = "a count, which costs time or is limited by the model"
+LIMITED = "the limits beyond which it is refused are plausible ones"
+FACT = "not a magnitude: a number, direction or place of the user's choice"
+EFFECT = "judged by its effect, which has an entry of its own"
+UNEXCITED = "any load: the excitation, with which preloads are compared, takes no part or is looked at before"
+MEASURED = "measured data, compared with the model or with themselves"
+
+DAMPING = Range(0.0, 0.1, "of critical damping", PER_CENT)
+STIFFNESS = Range(0.0, 1e13, "N/m", "N/mm or GN/m suspected")
+PRELOAD = Range(
+    lambda s, _: s.amplitude, lambda s, _: 1e6 * s.amplitude or np.inf, "N", "mN suspected, or nothing that slips",
+    "kN suspected, or a damper that does not stay in its seat", "1 to 1e+06 times the excitation amplitude", some,
+)  # fmt: skip
+DEVIATION = Range(-0.5, 0.5, "of the frequency", "per cent or Hz suspected", "per cent or Hz suspected")
+FACTOR = "a value with a unit suspected, where a factor is expected"
+
+NO_RANGE = {
+    COUNT: """
+        Study.harmonics Study.blade_modes Study.damper_modes Study.contact_points accuracy_cost.vary mode n index harmonics
+        damper_modes contact_points blade_modes steps_per_period periods modes Study.march.blades Study.march.starts
+        Study.hysteresis.n_theta ResidualModes.patterns Sampled.n_time ContinuationOptions.max_points
+        ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
+        PeakOptions.max_iterations PeakOptions.max_trials WheelPeakOptions.climbs WheelPeakOptions.least
+        WheelPeakOptions.most n_blades n_modes wheels fit_loop.sliders build_model.engine_order build_model.nodal_diameters
+        build_model.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
+    """,
+    LIMITED: """
+        Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
+        ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.share misfit.angle misfit.axial_angle
+        ContinuationOptions.max_turn
+        ContinuationOptions.locate_tolerance WheelPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
+    """,
+    FACT: """
+        Study.slip_offset_seed Study.excitation seed direction Study.stress_at.gauge Study.compare.other temperature
+        lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
+        ContactLaw.of_record.record missing Mistuning.seed build_model.axis build_model.radial build_model.sector_faces
+        build_model.fixed build_model.wheel build_model.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
+    """,
+    EFFECT: """
+        Study.speed Excitation.engine_order draw.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
+        rpm Study.sweep_in_time.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.given build_model.origin
+        ContactFaces.gap ContactFaces.stiffness Patches.centre Patches.size
+    """,
+    MEASURED: """
+        reference build_model.expected_frequencies
+    """,
+    UNEXCITED: """
+        nonlinear_mode.preload flutter.preload microslip.preload Study.static.preload Study.stuck.preload
+        Study.wedge_friction.preload Wheel.state.preload Wheel.system.preload Wheel.tuned_peak.preload
+    """,
+}
+"""Parameters without a range, by the reason."""
+TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
+    # settings of a study
+    "Study.engine_order": Range(
+        lambda s, _: s.least_order, 1000.0, below="a force that does not vary as the wheel turns and excites nothing",
+        above="rad/s or Hz suspected", compared=all_of,
+    ),
+    "Study.friction_coefficient": Range(
+        0.05, 1.5, above=PER_CENT, by="or 0",
+        below="a mistaken digit suspected; lubricated steel has 0.05, clean metals up to 1.5",
+    ),
+    "Study.contact_stiffness": Range(
+        lambda s, _: 0.01 * s.body_stiffness, lambda s, _: 100.0 * s.body_stiffness, "N/m",
+        "a stiffness per area or of the whole face suspected", "N/mm or a stiffness per area suspected",
+        "at a point in the mean, 0.01 to 100 times that of the bodies there",
+    ),
+    "Study.contact_stiffness_factor": Range(1e-3, 1e3, above=FACTOR, below=FACTOR),
+    "Study.damping_ratio": DAMPING,
+    "Study.damper_damping_ratio": Range(0.0, 0.5, "of critical damping", PER_CENT),
+    "Study.damper_drag": Range(
+        0.0, lambda s, body: s.critical_drag(body), "N s/m", "kg/s per area or a stiffness suspected",
+        by="critical damping of the body at the first natural frequency",
+    ),
+    "Study.gap": Range(
+        lambda s, _: -2e-3 * s.size, lambda s, _: 0.02 * s.size, "m", MILLIMETRES, MILLIMETRES,
+        "-0.2 % to 2 % of the extent of the model",
+    ),
+    "Study.loads": Range(1e-3, 100.0, "newtons per newton of preload", "newtons suspected, where shares are expected",
+                         "a load in newtons divided by the preload twice suspected"),
+    "Study.fixed_loads": Range(
+        lambda s, name: -s.bearable(name), lambda s, name: s.bearable(name), "N", "a stiffness or kN suspected",
+        "a distance suspected: a negative load of a point is a gap", "a pressure of 1 GPa on the faces",
+    ),
+    "Study.load_history": Range(1e-3, 10.0, above="newtons suspected, where factors on the preload are expected"),
+    "Study.slip_offset": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"),
+    "Study.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
+    "Excitation.amplitude": Range(
+        1e-6, lambda s, where: s.deflecting(where), "N", "mN or N/m2 suspected", "kN or MN suspected",
+        "up to the force that deflects the structure by 10 % of its extent",
+    ),
+    "Body.mass": Range(
+        # per volume of the box around the contact points, 50 to 1e5 kg/m3: steel wedges have 7,600 to 8,900
+        lambda s, name: 50.0 * s.volume(name), lambda s, name: 1e5 * s.volume(name), "kg", GRAMS, "tonnes suspected",
+        "by the size of its faces",
+    ),
+    # settings that are varied by name
+    "Study.damping_factor": Range(0.02, 50.0, above=FACTOR, below=FACTOR),
+    "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
+    "Study.damper_mass": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
+    "Study.frequency_factor": Range(0.5, 2.0, above="Hz suspected, where a factor is expected", below=FACTOR),
+    "Study.gap_factor": Range(1e-3, 1e3, above=FACTOR, below="metres suspected, where a factor is expected"),
+    "Study.force_factor": Range(1e-2, 1e2, above="newtons suspected, where a factor is expected", below=FACTOR),
+    "Study.excitation.amplitude": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
+    "Study.excitation.phase": Range(-2.0 * np.pi, 2.0 * np.pi, "rad", "degrees suspected", "degrees suspected"),
+    "sweep.over": Names("Study"),
+    "uncertain_curve.samples": Names("Study"),
+    "robust_optimum.samples": Names("Study"),
+    "fit.vary": Names("Study"),
+    "compare.studies": Names("Study"),
+    # questions
+    "preload": PRELOAD,
+    "preloads": PRELOAD,
+    "crossings.damper_mass": Range(
+        0.05, 10.0, "times the mass of the damper", "grams suspected, where factors are expected",
+        "kilograms suspected, where factors are expected",
+    ),
+    "flutter.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
+    "flutter.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"),
+    "nonlinear_mode.amplitude": Range(1e-15, lambda s, _: s.size, "m", MILLIMETRES, by="the extent of the model"),
+    "speed": Range(0.1, 1.2e4, "rad/s", RPM),
+    "elastic": (Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"), Range(0.0, 0.5)),
+    "robust_optimum.percentile": Range(50.0, 100.0, "%", below="a share suspected: 95 for 95 %"),
+    # conditions over speed
+    "friction": Range(0.05, 1.5, above=PER_CENT),
+    "excitation": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
+    # material
+    "Material.endurance_limit": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
+    "Material.ultimate_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
+    "Material.yield_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
+    "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
+    # masses
+    "lumped.mass": Range(1e-9, 1e7, "kg", GRAMS, "tonnes suspected"),
+    "lumped.damping": Range(1e-12, 1e10, "N s/m"),
+    "lumped.stiffness": Range(1e-6, 1e13, "N/m", "N/mm or GN/m suspected"),
+    "lumped.cubic": Range(1e-9, 1e20, "N/m3", compared=largest),
+    "lumped.forces": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
+    "lumped.loads": Range(1e-3, 100.0, "newtons per newton of preload", "newtons suspected, where shares are expected"),
+    "Contact.kt": STIFFNESS,
+    "Contact.kn": STIFFNESS,
+    "Contact.preload": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
+    "Contact.gap": Range(1e-12, 1e4, "m", MILLIMETRES),
+    # contact laws and stiffness
+    "ContactLaw.jenkins.stiffness": STIFFNESS,
+    "ContactLaw.jenkins.limit": Range(1e-9, 1e8, "N", "mN suspected"),
+    "ContactLaw.jenkins.mu": Range(1e-4, 1.5, above=PER_CENT),
+    "ContactLaw.iwan.strength": Range(1e-9, 1e8, "N", "mN suspected"),
+    "ContactLaw.iwan.stiffness": STIFFNESS,
+    "ContactLaw.iwan.beta": Range(1e-6, 100.0),
+    "ContactLaw.bouc_wen.stiffness": STIFFNESS,
+    "ContactLaw.bouc_wen.n": Range(1.0, 20.0),
+    "kn": STIFFNESS,
+    "misfit.crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
+    "misfit.axial_crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
+    "influence_coefficients.given": Range(0.0, 0.3, "of critical damping", PER_CENT, compared=largest),
+    # options
+    "ContinuationOptions.step": Range(1e-5, 1.0, below="unscaled unknowns suspected"),
+    "ContinuationOptions.min_step": Range(1e-14, 0.1),
+    "ContinuationOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
+    "ContinuationOptions.corner_step": Range(1e-6, 10.0),
+    "PeakOptions.tolerance": Range(1e-15, 1e-3, above="the accuracy of the result suspected, where a residual is expected"),
+    "PeakOptions.position_tolerance": Range(1e-15, 1e-2),
+    "PeakOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
+    # wheels
+    "Wheel.mistuning": DEVIATION,
+    "Mistuning.deviation": DEVIATION,
+    "standard_deviation": Range(1e-6, 0.2, "of the frequency", PER_CENT),
+    "mistuned_sample.dampers": Names("DamperVariation.drawn"),
+    "DamperVariation.mass": Range(0.2, 5.0, "times the mass of the damper", "grams suspected", "kilograms suspected"),
+    "DamperVariation.friction_coefficient": Range(0.1, 10.0, "times that of the study", PER_CENT),
+    "DamperVariation.contact_stiffness": Range(0.01, 100.0, "times that of the study", "N/m suspected"),
+    "DamperVariation.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
+    "DamperVariation.drawn.mass": Range(1e-6, 0.5, above=PER_CENT),
+    "DamperVariation.drawn.friction_coefficient": Range(1e-6, 1.0, above=PER_CENT),
+    "DamperVariation.drawn.contact_stiffness": Range(1e-6, 2.0, above=PER_CENT),
+    "DamperVariation.drawn.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
+    # measurements
+    "Test.force": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
+    "Test.preload": Range(1e-3, 1e8, "N", "mN suspected", "MN suspected"),
+    "fit.noise": Range(1e-6, 0.3, "of the amplitude", PER_CENT),
+    "fit_loop.displacement": Range(1e-9, 1e-2, "m", MILLIMETRES, compared=largest),
+    "fit_loop.force": Range(1e-3, 1e7, "N", compared=largest),
+    "fit_loop.normal": Range(1e-2, 1e7, "N", "mN suspected", "kN suspected"),
+    # import
+    "Units.length": Range(1e-6, 1.0, "m", "millimetres in a metre suspected: the factor is 1e-3 for millimetres"),
+    "Units.mass": Range(1e-9, 1e4, "kg", "grams in a kilogram suspected"),
+    "build_model.damping_ratio": DAMPING,
+    "build_model.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
+}  # fmt: skip
+TABLE |= {name: reason for reason, names in NO_RANGE.items() for name in names.split()}
+
+
+def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | None:
+    """Return the entry of a parameter of a function, a method or a class; None if there is none."""
+    keys = f"{owner}.{name}", f"{owner.partition('.')[0]}.{name}", name
+    return next((TABLE[key] for key in keys if key in TABLE), None)
+
+
+def check(owner: str, name: str, value: object, sizes: object = None, item: str = "") -> None:
+    """Warn of a value that is implausible.
+
+    Parameters
+    ----------
+    owner, name : str
+        Function or class, and its parameter.  A dot in the name starts the part of the model that it belongs to.
+    value : Any
+        Numbers, alone, in sequences or in mappings; other values are not looked at.
+    sizes : Sizes, optional
+        Sizes of the model.
+    item : str
+        Name in the warning; the parameter by default.
+    """
+    head, _, part = name.partition(".")
+    known = entry(owner, name)
+    if known is None and part:
+        known, item = entry(owner, head), item or f"{head} of {part!r}"
+    item = item or name
+    if isinstance(known, Names) and isinstance(value, Mapping):
+        for key, inner in value.items():
+            if isinstance(inner, Mapping):  # settings of each of several studies
+                check(owner, name, inner, sizes)
+            else:
+                check(known.of, str(key), inner, sizes)
+    ranges = (known,) if isinstance(known, Range) else known if isinstance(known, tuple) else ()
+    for key, values in _numbers(value) if ranges else ():
+        for own, numbers in zip(ranges, values[:, None] if len(ranges) > 1 else [values]):
+            own.check(item if key is None else f"{item} of {key!r}", numbers, sizes, part or key)
+
+
+def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArray]]:
+    """Yield arrays of the numbers in a value, with their keys in mappings; complex ones by their size."""
+    if isinstance(value, Mapping):
+        for own, inner in value.items():
+            yield from _numbers(inner, own)
+        return
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return
+    if array.dtype.kind not in "fiuc" or not array.size or not np.isfinite(array).all():
+        return
+    if array.ndim == 2 and array.shape[0] == array.shape[1] > 1:  # a matrix: its diagonal has the sizes
+        array = np.diagonal(array)
+    array = np.abs(array) if array.dtype.kind == "c" else array
+    yield key, array.astype(float).ravel()

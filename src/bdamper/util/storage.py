@@ -1,0 +1,357 @@
+"""Files of results: every kind is saved by its fields and read by one function, :func:`load`.
+
+A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An array becomes a
+dataset, a mapping of names to arrays a group, results within a result groups of their own, and everything else a text in
+JSON; a field that is None is left out.  Reading goes by the annotated types of the fields.  A file says which versions of
+bdamper, NumPy and SciPy made the result.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass
+from functools import partial
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
+
+import h5py
+import numpy as np
+
+from bdamper.util.annotations import declarations
+from bdamper.util.errors import BdamperError, SettingError, shortened
+from bdamper.util.versions import HERE, Versions
+
+FilePath = str | os.PathLike[str]
+
+MOST_EXPANDED = 1100
+"""Deflate cannot compress by more than a factor of 1032: what claims to be larger is damage."""
+
+MOST_BYTES = 1_600_000_000
+"""Size of arrays in a file beyond which its head is taken for damaged, unless the file itself is as large."""
+MOST_TEXT = 2**28
+"""The same, bytes, of everything in a file of HDF5 except for its arrays: texts, attributes, names."""
+
+_READERS: dict[str, Callable[[FilePath], Any]] = {}
+"""What reads the file of each format, by the attribute ``format``."""
+
+
+def enter_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
+    """Let :func:`load` read files of a format with a function of their path."""
+    _READERS[kind] = read
+
+
+_FORMER: dict[str, Callable[[h5py.Group], dict[str, Any]]] = {}
+"""What makes fields of today's result from the group of a kind that has gone, by its name or a field that it alone had."""
+
+
+def enter_former(kind: str, mark: str, today: type[Storable], fields_of: Callable[[h5py.Group], dict[str, Any]]) -> None:
+    """Let :func:`load` read files of a kind that has gone as results of another type.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the format.
+    mark : str
+        Field that this kind alone had, where results of other kinds hold some of it; otherwise the kind.
+    today : type
+    fields_of : callable
+        From the group of a file the fields that are not there as they are today.
+    """
+    _READERS[kind], _FORMER[mark] = partial(_read, today, 2), fields_of
+
+
+def load(path: FilePath) -> Any:
+    """Read a result or a model from its file, whatever kind it is.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Curve, OptimalCurve, SweepResult, Model, ...
+        What was saved; ``made_with`` of a result tells which versions made it.
+
+    Raises
+    ------
+    FileNotFoundError
+    BdamperError
+        If the file is damaged, not one of bdamper, or of a version that cannot be read.
+    """
+    with opened(path, "a file written by bdamper") as file:
+        kind, made_with = _text(file.attrs.get("format", "none")), Versions.stored(file.attrs)
+    if kind not in _READERS:
+        since = f", written by {made_with}, which this version cannot read" if kind.startswith("bdamper-") else ""
+        raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'{since}")
+    return _READERS[kind](path)
+
+
+@dataclass(frozen=True)
+class Storable:
+    """A result that can be saved, and read by :func:`load`; a mixin of frozen dataclasses.
+
+    Parameters of the class
+    -----------------------
+    kind : str
+        Name of the format.
+    version : int
+        Of the format.
+    former : tuple of str
+        Formats of earlier versions of bdamper that hold the same fields.
+    """
+
+    _format: ClassVar[tuple[str, int]]
+    made_with: Versions = field(default=HERE, kw_only=True, repr=False, compare=False)
+    """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
+
+    def __init_subclass__(cls, *, kind: str = "", version: int = 2, former: tuple[str, ...] = (), **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if kind:  # what derives from a result is saved as that
+            cls._format = kind, version
+            for name in (kind, *former):
+                enter_reader(name, partial(_read, cls, version))
+
+    def save(self, path: FilePath) -> None:
+        """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
+
+        Raises
+        ------
+        BdamperError
+            If no file can be written there.
+        """
+        with written(path) as file:
+            file.attrs["format"], file.attrs["version"] = self._format
+            _put(file, self)
+
+    def check_rows(self) -> None:
+        """Raise ValueError where fields that belong together differ in length, as in a damaged file."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A result that says what it was computed from.
+
+    Parameters
+    ----------
+    settings : mapping
+        Of the problem, and what was asked.
+    model_hash : str
+    """
+
+    settings: dict[str, Any] = field(default_factory=dict, kw_only=True, repr=False)
+    model_hash: str = field(default="", kw_only=True)
+
+
+def check_folder(path: FilePath) -> None:
+    """Refuse a path whose folder does not exist, and one that is a folder itself."""
+    folder = Path(path).resolve().parent
+    if not folder.is_dir():
+        raise BdamperError(f"{path}: expected a folder that exists, found no '{folder}'")
+    if Path(path).is_dir():
+        raise BdamperError(f"{path}: expected a file that can be written, found a folder")
+
+
+def check_regular(path: FilePath) -> None:
+    """Refuse a path that :func:`check_folder` refuses, and a device or a pipe."""
+    check_folder(path)
+    if Path(path).exists() and not Path(path).is_file():
+        raise BdamperError(f"{path}: expected a regular file, found a device or a pipe")
+
+
+@contextmanager
+def writing(path: object) -> Iterator[None]:
+    """Turn an error of the system while a file is written into a BdamperError that names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise BdamperError(f"{path}: expected a file that can be written, found {shortened(error)}") from error
+
+
+@contextmanager
+def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
+    """A new HDF5 file, which replaces an existing one in a single step once all of it is written.
+
+    The file is made in memory.  HDF5 cannot close a file on a full disk, and may end the process then.
+
+    Raises
+    ------
+    BdamperError
+        If no file can be written there.
+    """
+    check_regular(path)
+    target = Path(path)
+    with h5py.File(target.name, "w", driver="core", backing_store=False, block_size=1 << 20, **options) as file:
+        yield file
+        file.flush()
+        content = file.id.get_file_image()
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        with writing(path):
+            temporary.write_bytes(content)
+            os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
+    """A file to be read, with one error, of a kind, where it is none or damaged."""
+    if Path(path).is_dir():
+        raise kind(f"{path}: expected {expected}, found a folder")
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"there is no file '{path}'")
+    try:
+        with h5py.File(path, "r") as file:
+            _check_bytes(file, Path(path).stat().st_size)
+            yield file
+    except BdamperError:
+        raise
+    except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
+        found = shortened(error) or type(error).__name__
+        raise kind(f"{path}: expected {expected}, found something else ({found})") from error
+
+
+def _check_bytes(file: h5py.File, size: int) -> None:
+    """Refuse a file that would take too much memory before it is read: compressed zeros, a text of gigabytes."""
+    found: list[tuple[int, int]] = []
+
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            found.append((item.nbytes, item.id.get_storage_size()))
+
+    file.visititems(add)
+    arrays, stored = (sum(column) for column in zip(*found)) if found else (0, 0)
+    if arrays > max(MOST_BYTES, 4 * size):
+        raise ValueError(f"arrays of {arrays} bytes in {size} bytes")
+    if size - stored > MOST_TEXT:
+        raise ValueError(f"{size - stored} bytes of texts and attributes, more than {MOST_TEXT}")
+
+
+def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
+    with opened(path, f"a file written by {cls.__name__}.save") as file:
+        made_with = Versions.stored(file.attrs)
+        if (own := file.attrs["version"]) != version:
+            expected = f"version {version} of the format '{_text(file.attrs['format'])}'"
+            raise BdamperError(f"{path}: expected {expected}, found version {own}, written by {made_with}")
+        try:
+            return _take(cls, file, made_with)
+        except SettingError as error:  # fields that are missing or that the class does not accept
+            raise ValueError(str(error)) from error
+
+
+def _text(value: Any) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+# ---- fields ----
+
+
+def _leaf(hint: Any) -> Any:
+    """The type that a field holds one or several of: ``Cost`` of ``tuple[Cost, ...]``, ``Fold`` of ``Fold | None``."""
+    inner = [kind for kind in get_args(hint) if kind not in (NoneType, Ellipsis)]
+    return inner[0] if len(inner) == 1 and get_origin(hint) is not dict else hint
+
+
+def _is_stored(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Storable)
+
+
+def _put(group: h5py.Group, result: Any) -> None:
+    """Write the fields of a result, and which versions made it."""
+    group.attrs.update(result.made_with.attributes())
+    hints = get_type_hints(type(result))
+    for name in (f.name for f in fields(result) if f.name != "made_with"):
+        value, leaf = getattr(result, name), _leaf(hints[name])
+        if value is None:
+            continue
+        if isinstance(value, np.ndarray):
+            group[name] = value
+        elif _is_stored(leaf):
+            for i, item in enumerate(value):
+                _put(group.create_group(f"{name}/{i}"), item)
+        elif isinstance(value, dict) and any(isinstance(item, np.ndarray) for item in value.values()):
+            part = group.create_group(name, track_order=True)
+            for key, item in value.items():
+                part[key] = item
+        else:
+            if is_dataclass(leaf):
+                value = [asdict(item) for item in value] if isinstance(value, tuple) else asdict(value)
+            group[name] = json.dumps(value, default=plain)
+
+
+@dataclass(frozen=True)
+class Formerly:
+    """Marks a field that files of earlier versions have under another name."""
+
+    name: str
+
+
+def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
+    """A result from the fields in a file, made with the versions that it names, or else with those given."""
+    hints, own = get_type_hints(cls), declarations(cls)
+    made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
+    found: dict[str, Any] = {"made_with": made_with}
+    for mark in _FORMER.keys() & {*group.keys(), _text(group.attrs.get("format", ""))}:
+        found |= _FORMER[mark](group)
+    for name in (f.name for f in fields(cls) if f.name not in found):
+        former = own[name].mark(Formerly)
+        leaf, item = _leaf(hints[name]), group.get(name, group.get(former.name if former else name))
+        if isinstance(item, h5py.Group):
+            if _is_stored(leaf):
+                found[name] = tuple(_take(leaf, item[key], made_with) for key in sorted(item, key=int))
+            else:
+                found[name] = {key: part[()] for key, part in item.items()}
+        elif item is not None:
+            text = h5py.check_string_dtype(item.dtype) is not None
+            found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
+    made = cls(**found)
+    made.check_rows()
+    return made
+
+
+def typed(hint: object, value: object) -> Any:
+    """Convert a value read from JSON to the annotated type of its field."""
+    return _typed(hint, value)
+
+
+def _typed(hint: Any, value: Any) -> Any:
+    """What was read from JSON, in the annotated type."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if value is None or hint is Any or origin in (dict, Mapping):
+        return value
+    if origin is np.ndarray:
+        return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
+    if origin is tuple:
+        kinds = inner[:1] * len(value) if inner[-1] is ... else inner
+        return tuple(_typed(kind, item) for kind, item in zip(kinds, value))
+    if isinstance(hint, InitVar):
+        return _typed(hint.type, value)
+    if NoneType in inner and _leaf(hint) is not hint:
+        return _typed(_leaf(hint), value)
+    if is_dataclass(hint):
+        hints = get_type_hints(hint)
+        known = {name: _typed(hints[name], item) for name, item in value.items() if name in hints}
+        return hint(**known)  # type: ignore[operator]
+    if origin in (Union, UnionType):  # such as int | tuple[int, ...]
+        return tuple(value) if isinstance(value, list) else value
+    if isinstance(hint, type) and issubclass(hint, tuple):  # a named one
+        return hint(*value)
+    return hint(value)
+
+
+def plain(value: Any) -> Any:
+    """JSON form of numbers and arrays of NumPy and of small frozen objects."""
+    if isinstance(value, np.ndarray):
+        return {"real": value.real.tolist(), "imag": value.imag.tolist()} if np.iscomplexobj(value) else value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return repr(value)
+    raise TypeError(f"expected a number, a text, a list or a mapping, found {type(value).__name__}")

@@ -1,0 +1,325 @@
+"""Checks of what a user gives: the value in the form in which it is used, or one error that names it.
+
+Every check takes the name first and raises a :class:`~bdamper.util.errors.SettingError` of the form
+``name: expected ..., found ...``.  Texts and booleans do not pass for numbers, nor numbers for booleans.
+
+Dataclasses declare the checks of their fields in the annotated types (:class:`Checked`)::
+
+    class Options(Checked):
+        step: Positive
+        tolerance: Annotated[float, Limits(above=0.0, below=1e-2)]
+        patience: Annotated[int, partial(whole, least=2)]
+        scale: Literal["linear", "logarithmic"]
+        budget: Count | None
+        locate: bool
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, is_dataclass
+from difflib import get_close_matches
+from functools import cache, partial, reduce, wraps
+from numbers import Real
+from operator import and_, ge, gt, le, lt
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util import plausible_ranges
+from bdamper.util.annotations import Declared, declarations
+from bdamper.util.errors import SettingError, shortened
+from bdamper.util.warn import asked_by_user
+
+T = TypeVar("T")
+
+
+def unfit(name: str, expected: str, found: Any) -> SettingError:
+    """The error for a value that does not fit; numbers, texts and lists of them are shown, other things named."""
+    return SettingError(f"{name}: expected {expected}, found {shortened(_shown(found))}")
+
+
+def that(good: object, name: str, expected: str, value: object) -> None:
+    """Refuse a value that does not fit, which the error shows as :func:`unfit` does."""
+    if not good:
+        raise unfit(name, expected, value)
+
+
+def require(good: object, name: str, expected: str, found: object) -> None:
+    """Refuse what does not fit; the error says in words what was found."""
+    if not good:
+        raise SettingError(f"{name}: expected {expected}, found {shortened(found)}")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, list | tuple) and value and all(is_dataclass(item) for item in value):  # results print pages
+        return f"a {type(value).__name__} of {len(value)} {type(value[0]).__name__}"
+    if value is None or isinstance(value, str | bytes | Real | complex | list | tuple | dict):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}" if value.size > 6 else repr(value.tolist())
+    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+
+
+def _plain_number(value: Any) -> float | None:
+    """A finite real number; None for anything else."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
+        return None
+    try:
+        out = float(value)
+    except (OverflowError, ValueError):
+        return None
+    return out if np.isfinite(out) else None
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of numbers, ``above`` and ``below`` excluded, in a unit; they print as in an error."""
+
+    above: float | None = None
+    least: float | None = None
+    below: float | None = None
+    most: float | None = None
+    unit: str = ""
+
+    def hold(self, values: float | NDArray) -> Any:
+        """Whether a number, or each number of an array, lies within."""
+        limits = ((gt, self.above), (ge, self.least), (lt, self.below), (le, self.most))
+        return reduce(and_, (holds(values, limit) for holds, limit in limits if limit is not None), True)
+
+    def __call__(self, name: str, value: object) -> float:
+        """One finite number within them."""
+        return number(name, value, **asdict(self))
+
+    def __str__(self) -> str:
+        given = [(">", self.above), (">=", self.least), ("<", self.below), ("<=", self.most)]
+        text = " and ".join(f"{sign} {limit:g}" for sign, limit in given if limit is not None)
+        if self.above is not None and self.below is not None:
+            text = f"between {self.above:g} and {self.below:g}"
+        return f"{text} {self.unit}".strip() if text or not self.unit else f"in {self.unit}"
+
+
+def number(name: str, value: Any, **limits: Any) -> float:
+    """One finite number within :class:`Limits`."""
+    out, within = _plain_number(value), Limits(**limits)
+    if out is None or not within.hold(out):
+        kind = "a number" if within.above is not None and within.below is not None else "a finite number"
+        raise unfit(name, f"{kind} {within}".strip(), value)
+    return out
+
+
+def whole(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
+    """One whole number from ``least`` to ``most``."""
+    out = _plain_number(value)
+    if out is None or out != int(out) or out < least or (most is not None and out > most):
+        raise unfit(name, f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}", value)
+    return int(out)
+
+
+def flag(name: str, value: Any) -> bool:
+    """True or False, and nothing that only counts as such."""
+    that(isinstance(value, bool | np.bool_), name, "True or False", value)
+    return bool(value)
+
+
+def meant(found: object, choices: Iterable[str]) -> str:
+    """The end of an error: up to three choices of which a name is a part, or the one that it misspells; empty if none."""
+    if not isinstance(found, str):
+        return ""
+    known = [c for c in choices if not c.startswith("_")]
+    near = [c for c in known if len(found) > 2 and found in c] or get_close_matches(found, known, 1)
+    return f"; did you mean {' or '.join(near[:3])}?" if near else ""
+
+
+def choice(name: str, value: Any, choices: Iterable[str]) -> str:
+    """One of several names."""
+    choices = tuple(choices)
+    if not isinstance(value, str) or value not in choices:
+        near = meant(value, choices)
+        expected = f"one of {len(choices)} names" if near and len(choices) > 8 else f"one of {choices}"
+        raise SettingError(f"{unfit(name, expected, value)}{near}")
+    return value
+
+
+def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
+    """Check the keywords of a function or a class, and warn of implausible values that the user gives.
+
+    An unknown keyword is an error that names a similar one.  See :mod:`bdamper.util.plausible_ranges` for the ranges.
+
+    Parameters
+    ----------
+    called : function or class
+    also : iterable of str
+        Keywords that a function takes beyond those it names.
+    name : str
+        In errors, instead of that of the function or class.
+    """
+    if isinstance(called, type):
+        called.__init__ = spelt(called.__init__, also, name)  # type: ignore[misc]
+        return called
+    function: Callable[..., Any] = called  # type: ignore[assignment]
+    signature = inspect.signature(function)
+    takes_any = not also and any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+    name, known = name or function.__qualname__.removesuffix(".__init__"), [*signature.parameters, *also]
+    needed = [
+        n for n, p in signature.parameters.items() if n != "self" and p.default is p.empty and p.kind != p.VAR_KEYWORD
+    ]
+
+    @wraps(function)
+    def checked(*given: Any, **keywords: Any) -> Any:
+        for word in () if takes_any else keywords.keys() - set(known):
+            near = meant(word, known) or f"; there are {', '.join(k for k in known if k != 'self' and k[0] != '_')}"
+            raise SettingError(f"{name}: expected keywords that it has, found {word}{near}")
+        try:
+            bound = signature.bind(*given, **keywords)
+        except TypeError as error:
+            raise SettingError(f"{name}: expected {', '.join(needed)}, found: {error}") from None
+        if asked_by_user():
+            _doubt(name, bound)
+        return function(*given, **keywords)
+
+    checked.doubts = name  # type: ignore[attr-defined]
+    return checked  # type: ignore[return-value]
+
+
+def _doubt(name: str, bound: inspect.BoundArguments) -> None:
+    """Warn of implausible arguments of a function, by the sizes of the study that is its first one."""
+    bound.apply_defaults()
+    first = next(iter(bound.args), None)
+    sizes = getattr(getattr(first, "problem", first), "sizes", None)
+    for parameter, value in bound.arguments.items():
+        further = bound.signature.parameters[parameter].kind is inspect.Parameter.VAR_KEYWORD
+        for one, own in value.items() if further else [(parameter, value)]:
+            plausible_ranges.check(name, one, own, sizes)
+
+
+def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:
+    """A sequence of names, each at most once."""
+    choices = tuple(choices)
+    several = isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    given = tuple(choice(name, item, choices) for item in value) if several else ()
+    good = several and least <= len(given) == len(set(given))
+    that(good, name, f"{f'at least {least}' if least else 'a sequence'} of {choices}, each at most once", value)
+    return given
+
+
+def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = "") -> T:
+    """An object of one of some classes, which ``words`` describe."""
+    if not isinstance(value, kind):
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        named = [f"{'an' if k.__name__[0] in 'AEIOU' else 'a'} {k.__name__}" for k in kinds]
+        raise unfit(name, words or " or ".join(named), value)
+    return value
+
+
+def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
+    """A mapping of some of the keys to values."""
+    keys = tuple(keys)
+    that(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
+    unknown = [key for key in value if key not in keys]
+    if unknown:
+        raise SettingError(f"{unfit(name, f'{words} out of {list(keys)}', unknown)}{meant(unknown[0], keys)}")
+    return value
+
+
+def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
+    """The check of one value, or of each value of a mapping of names to values."""
+
+    def checked(name: str, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            return check(name, value)
+        return {key: check(f"{name} of '{key}'", item) for key, item in value.items()}
+
+    return checked
+
+
+def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
+    """(n,) finite numbers within :class:`Limits`; at least one if their number is free."""
+    out, within = None, Limits(**limits)
+    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
+        given = [_plain_number(v) for v in value] if np.ndim(value) != 0 else [None]
+        good = [g for g in given if g is not None and within.hold(g)]
+        if len(good) == len(given) and (len(good) == n if n is not None else good):
+            out = np.array(good)
+    if out is None:
+        count = "a sequence of one or more" if n is None else str(n)
+        raise unfit(name, f"{count} finite numbers {within}".strip(), value)
+    return out
+
+
+def wholes(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
+    """A sequence of whole numbers, each at most once."""
+    that(isinstance(value, Iterable) and not isinstance(value, str | bytes), name, "a sequence of whole numbers", value)
+    given = tuple(whole(name, item, least, most) for item in value)
+    that(len(set(given)) == len(given), name, "whole numbers, each at most once", value)
+    return given
+
+
+def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
+    """Two ends, 0 < low < high."""
+    given = value.tolist() if isinstance(value, np.ndarray) else value
+    ends = [_plain_number(end) for end in given] if isinstance(given, Sequence) and len(given) == 2 else [None, None]
+    low, high = ends
+    if low is None or high is None or not 0.0 < low < high:
+        raise unfit(name, f"(low, high) in {unit} with 0 < low < high", value)
+    return low, high
+
+
+def fields(record: Any, check: Callable[..., Any], *attributes: str, prefix: str = "", **limits: Any) -> None:
+    """Check attributes of a frozen dataclass, and keep them in the form in which they are used."""
+    for name in attributes:
+        object.__setattr__(record, name, check(f"{prefix}{name}", getattr(record, name), **limits))
+
+
+def checked(record: object, prefix: str = "") -> None:
+    """Check the fields of a frozen dataclass as :class:`Checked` does; errors have the prefix before their names."""
+    cls: Callable[..., Any] = type(record)
+    for name, check in _checks(cls).items():
+        fields(record, check, name, prefix=prefix)
+
+
+class Checked:
+    """A frozen dataclass whose fields are checked when it is made, by their annotated types; a mixin.
+
+    A mark that is a function of name and value checks a field and returns the value in the form in which it is used;
+    without one, ``bool`` takes True and False and ``Literal`` one of its values.  Other fields are not checked, nor is None
+    where the type allows it.
+    """
+
+    def __post_init__(self) -> None:
+        checked(self)
+
+
+@cache
+def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
+    """Checks by the names of fields."""
+    found = {name: (_check_of(own), own.optional) for name, own in declarations(cls).items()}
+    return {name: partial(_given, check, optional) for name, (check, optional) in found.items() if check is not None}
+
+
+def _check_of(own: Declared) -> Callable[[str, Any], Any] | None:
+    plain: Callable[[str, Any], Any] | None = flag if own.kind is bool else None
+    if get_origin(own.kind) is Literal:
+        plain = partial(choice, choices=get_args(own.kind))
+    return next((mark for mark in reversed(own.marks) if callable(mark)), plain)
+
+
+def _given(check: Callable[[str, Any], Any], optional: bool, name: str, value: Any) -> Any:
+    return None if optional and value is None else check(name, value)
+
+
+Positive = Annotated[float, Limits(above=0.0)]
+NotNegative = Annotated[float, Limits(least=0.0)]
+Share = Annotated[float, Limits(least=0.0, below=1.0)]
+Force = Annotated[float, Limits(least=0.0, unit="N")]
+Length = Annotated[float, Limits(least=0.0, unit="m")]
+Speed = Annotated[float, Limits(above=0.0, unit="rad/s")]
+Natural = Annotated[int, whole]
+Count = Annotated[int, partial(whole, least=1)]
+Interval = Annotated[tuple[float, float], interval]

@@ -1,0 +1,378 @@
+"""Error estimates by source, ladders of settings: against solutions of richer studies, and each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses import refined_peak as richer_module
+from bdamper.analyses.accuracy_cost import make_ladders, varied
+from bdamper.analyses.error_estimates import SOURCES, missing_harmonics, richer_study, with_stand_ins
+from bdamper.analyses.refined_peak import Tops, compare
+from bdamper.harmonic_balance.equations import LINE_SEARCH_TRIALS, OK
+from bdamper.response.error_estimate_result import ErrorEstimates, SourceError
+from bdamper.util.cost import CostMeter
+from bdamper.util.display import Fact
+from bdamper.util.errors import SettingError
+from tests import accuracy_cases, models
+from tests.plain import plain_study
+
+
+@pytest.fixture(scope="module")
+def study():
+    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=2)
+
+
+@pytest.fixture(scope="module")
+def place():
+    """Preload and interval of a peak with slip and separation."""
+    return 5000.0, (320.0, 365.0)
+
+
+@pytest.fixture(scope="module")
+def peak(study, place):
+    return study.peak(*place)
+
+
+def test_all_sources_of_a_peak(study, place, peak):
+    errors = study.estimate_errors(peak)
+    told_of = [source for source in SOURCES if source != "evaluation"]  # exact already
+    assert [s.source for s in errors.sources] == told_of
+    assert peak.shares[1] + peak.shares[2] > 0.0  # there is something to estimate
+    assert errors.unknown == ("contact points",), str(errors)
+    assert errors["contact points"].against == "the model has no more contact points"
+    assert errors.total >= max(s.size for s in errors.sources if s.known)
+    text = errors.details()
+    told = [line.split(maxsplit=2)[2] for line in text.splitlines() if line.startswith("  sources ")]
+    assert [line.split(":")[0] for line in told] == told_of
+    assert errors.line.endswith("), not estimated: contact points") and "\n" not in errors.line
+    with pytest.raises(SettingError, match=r"source: expected one of .* found 'friction'"):
+        errors["friction"]
+
+
+def test_a_model_that_has_nothing_richer_gives_no_number(study, place, peak):
+    """Poorer settings say nothing: with all modes neither modes nor contact points have a number."""
+    rich = richer_study(study.problem, "modes").problem
+    for source in ("modes", "contact points"):
+        with pytest.raises(bd.BdamperError, match=f"the model has no more {source}"):
+            richer_study(rich, source)
+    assert richer_study(rich.with_(damper_modes=2), "modes") is not None
+    own = study.another(rich)
+    errors = own.estimate_errors(own.peak(*place), sources=["modes", "contact points"])
+    assert errors.unknown == ("modes", "contact points") and errors.line == "error not estimated"
+
+
+@pytest.mark.parametrize("source", ["harmonics", "contact points", "modes", "evaluation"])
+def test_estimate_is_the_change_to_the_richer_study(study, place, source):
+    changes = {"contact points": {"contact_points": 6}, "evaluation": {"evaluation": bd.Sampled(64)}}.get(source, {})
+    own = study.with_(**changes)
+    curve = own.track(*place)
+    estimated = own.estimate_errors(curve, sources=[source])[source]
+    true = own.another(richer_study(own.problem, source).problem).peak(*place)
+    error = np.array([true.amplitude / curve.peak.amplitude - 1.0, true.frequency / curve.peak.frequency - 1.0])
+    assert np.abs(error).max() > 1e-6
+    size = max(abs(estimated.amplitude), abs(estimated.frequency))
+    assert 0.5 < size / np.abs(error).max() < 2.0, (estimated, error)
+
+
+def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, place):
+    own = study.with_(harmonics=1, friction_coefficient=0.4)
+    peak = own.peak(1000.0, place[1])
+    estimated = own.estimate_errors(peak, sources=["harmonics"])["harmonics"]
+    assert "whole curve" in estimated.against
+    true = own.another(richer_study(own.problem, "harmonics").problem).peak(1000.0, place[1])
+    assert estimated.amplitude == pytest.approx(true.amplitude / peak.amplitude - 1.0, rel=1e-5)
+    assert abs(estimated.amplitude) > 0.05
+
+
+def test_one_line_says_what_is_known():
+    modes, harmonics = SourceError("modes", 0.004, 0.001, 0.0, ""), SourceError("harmonics", -0.011, 0.0, 0.001, "")
+    unknown, vague = (
+        SourceError("contact points", np.nan, np.nan, np.inf, "why"),
+        SourceError("solver", 0.02, 0.0, 0.02, ""),
+    )
+    assert ErrorEstimates(1.0, 1.0, 1.0, (modes, harmonics)).line == "estimated error 1.5 % (harmonics 1.1, modes 0.4)"
+    errors = ErrorEstimates(1.0, 1.0, 1.0, (modes, unknown, vague))
+    assert errors.line == "estimated error 0.4 % (modes 0.4), not estimated: contact points, solver"
+    assert not vague.known and errors.total == 0.004 and "solver: not estimated" in errors.details()
+    assert ErrorEstimates(1.0, 1.0, 1.0, (unknown,)).line == "error not estimated"
+
+
+def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
+    curve = study.track(place[0], (350.0, 354.5))  # the response still rises
+    estimated = study.estimate_errors(curve, sources=["harmonics"])["harmonics"]
+    true = study.another(richer_study(study.problem, "harmonics").problem).track(place[0], (350.0, 354.5)).peak
+    assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
+    assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("number", [1023, *(pytest.param(n, marks=pytest.mark.slow) for n in (1047, 1070)), 1253])
+def test_resonance_that_comes_into_the_interval_is_found(number):
+    """More modes or points bring another resonance in, or leave a top that is no maximum."""
+    compared = accuracy_cases.compare(number)
+    assert 0.9 < compared.effectivity < 1.1, compared
+    assert np.abs(compared.true).max() > 0.05
+
+
+@pytest.mark.parametrize("number", [*(pytest.param(n, marks=pytest.mark.slow) for n in (5, 116)), 2045, 2205])
+def test_resonance_that_leaves_the_interval_is_followed(number):
+    """With more modes or points the response is highest at an end; in the last case a lower peak is left within."""
+    compared = accuracy_cases.compare(number)
+    assert compared.text.endswith("found anew by a whole curve, beyond the interval")
+    assert 0.9 < compared.effectivity < 1.1, compared
+    assert compared.estimated == pytest.approx(compared.true, rel=0.01)
+
+
+def test_a_resonance_far_beyond_the_interval_is_not_known():
+    compared = accuracy_cases.compare(2071)
+    assert np.isnan(compared.estimated).all() and compared.text.endswith(
+        "between 556.495 and 1090.11 Hz: the response is highest at an end"
+    )
+
+
+def test_curve_carries_its_errors(study, place, tmp_path):
+    curve = study.track(*place)
+    with_errors = study.with_errors(curve, sources=["harmonics"])
+    assert curve.error_estimates is None and Fact("error", "error not estimated") in curve.facts()
+    assert with_errors.error_estimates == study.estimate_errors(curve, sources=["harmonics"])
+    line = with_errors.error_estimates.line
+    assert Fact("error", line) in with_errors.facts() and with_errors.details().count(line) == 1
+    assert line.startswith("estimated error") and "(harmonics " in line
+    with_errors.save(tmp_path / "curve.h5")
+    assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
+
+
+def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
+    """Newton's method from the highest peak alone would not see it."""
+    other = replace(peak, amplitude=0.8 * peak.amplitude, y=2.0 * peak.y)
+    richer = study.with_(harmonics=3)
+
+    def higher(system, y):
+        return replace(peak, amplitude=(1.01 if y[-1] == peak.y[-1] else 1.02) * peak.amplitude)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(richer_module, "find_peak", higher)
+        for peaks in ((peak, other), (other, peak)):
+            changes = compare(study.problem, richer.problem, place[0], Tops(peaks, place[1]), by_newton=True)
+            assert changes.amplitude == pytest.approx(1.02 * peak.amplitude / peaks[0].amplitude - 1.0)
+            assert changes.how == "solved"
+
+
+def test_peak_carries_its_cost(peak):
+    assert peak.cost is not None
+    assert peak.cost.seconds >= peak.cost.core > 0.0 and peak.cost.python > 0.0
+    assert peak.cost.evaluations >= peak.cost.iterations > peak.iterations
+    assert "contact" in peak.details()
+
+
+def test_work_is_counted_by_sizes(study, place):
+    curve = study.track(*place)
+    assert curve.cost.work == study.track(*place).cost.work > 0.0
+    system = study.problem.system(place[0])
+    n, points = system.n_unknowns, system.n_points
+    kinds = 28e3 * 5 * points, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3  # two harmonics
+    np.testing.assert_allclose(system.work, np.array(kinds) / 1e6, rtol=1e-12)
+    counts = curve.cost.evaluations, curve.cost.jacobians, curve.cost.factorisations, curve.cost.least_norm
+    assert curve.cost.work == pytest.approx(float(np.dot(kinds, counts)) / 1e6, rel=1e-12)
+    sampled = study.with_(evaluation=bd.Sampled(64)).problem.system(place[0])
+    assert sampled.work[0] == pytest.approx(points * (120e3 + 64 * 1.2e3) / 1e6)
+    both = CostMeter()
+    both.add(curve.cost)
+    both.watch(system)
+    system.evaluate(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0])
+    assert both.work - curve.cost.work == pytest.approx(system.work[0] + system.work[1])
+
+
+def test_corrections_end_when_the_budget_of_evaluations_is_used_up(study, place, peak):
+    system = study.problem.system(place[0])
+    scale = np.append(np.full(system.n_unknowns, np.abs(peak.y[:-1]).max()), peak.y[-1])
+    guess = peak.y[:-1] * 0.2
+    free = system.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
+    assert free.status == OK and free.iterations > 5
+    enough = system.within(1000)
+    assert not enough.spent
+    np.testing.assert_array_equal(enough.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True).y, free.y)
+    few = system.within(4)
+    before = system.core.cost.evaluations
+    c = few.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
+    assert c.status != OK and few.spent and not system.spent
+    assert system.core.cost.evaluations - before <= 4 + LINE_SEARCH_TRIALS
+    again = few.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
+    assert again.status != OK and again.iterations == 0
+    np.testing.assert_array_equal(again.y[:-1], guess)
+
+
+def test_what_is_refused(study, place, peak):
+    with pytest.raises(SettingError, match="sources"):
+        study.estimate_errors(peak, sources=["friction"])
+    with pytest.raises(SettingError, match="harmonics"):
+        study.with_(harmonics=3).estimate_errors(peak)
+    with pytest.raises(SettingError, match="converged"):
+        study.estimate_errors(replace(peak, status="lost"))
+    for wrong in ({"vary": "bearing"}, {"vary": {"model": [1]}}, {"vary": {"harmonics": []}}, {"quantity": "temperature"},
+                  {"tolerance": 2.0}):  # fmt: skip
+        with pytest.raises(SettingError):
+            bd.accuracy_cost(study, *place, **wrong)
+
+
+def test_stand_ins_leave_present_modes_alone(study):
+    assert missing_harmonics(study.problem, 3) == []
+    assert missing_harmonics(study.problem, 15) == []
+    model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
+    small = plain_study(model, bd.Excitation("tip"), 2, harmonics=2)
+    assert missing_harmonics(small.problem, 5) == [4, 5]
+    wide = with_stand_ins(small.problem, 5)
+    assert wide.harmonic_numbers == (1, 2, 3, 4, 5)
+    for l in range(1, 4):
+        np.testing.assert_array_equal(wide.bases[l].G, small.problem.coupling.basis(l).G)
+    for l in (4, 5):
+        np.testing.assert_array_equal(wide.bases[l].omega2, small.problem.bases[1].omega2)
+
+
+def test_change_between_equal_studies_is_nothing(study, place, peak):
+    for by_newton in (True, False):
+        change = compare(study.problem, study.problem.with_(), place[0], Tops((peak,)), by_newton)
+        assert change.known and abs(change.amplitude) < 1e-8 and abs(change.frequency) < 1e-8
+
+
+# ---- ladders ----
+
+
+@pytest.fixture(scope="module")
+def result(study, place):
+    vary = {"harmonics": [1, 2, 3, 4], "contact_points": [6, 9]}
+    return bd.accuracy_cost(study, *place, vary=vary, tolerance=0.06)
+
+
+def test_errors_are_those_of_the_curves(study, place, result):
+    top = study.with_(harmonics=4).track(*place).peak
+    assert (result.richest.values, result.richest.part, result.richest.error) == (("4", "9"), "richest", 0.0)
+    assert result.richest.amplitude == pytest.approx(top.amplitude, rel=1e-9)
+    poorer = {r.values: r for r in result.runs}
+    own = study.with_(harmonics=4, contact_points=6).track(*place).peak
+    change = max(abs(own.amplitude / top.amplitude - 1.0), abs(own.frequency / top.frequency - 1.0))
+    assert poorer["4", "6"].error == pytest.approx(change, rel=1e-6)
+    assert result.last_steps["harmonics"] == poorer["3", "9"].error
+    assert result.uncertainty == pytest.approx(poorer["3", "9"].error + change)
+
+
+def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, result):
+    down = [r for r in result.runs if r.part == "harmonics"]
+    assert [r.values[0] for r in down] == ["3", "2", "1"][: len(down)]
+    assert all(r.error <= 0.06 for r in down[:-1])
+    strict = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3, 4]}, tolerance=1e-9)
+    assert [r.values for r in strict.runs] == [("4",), ("3",)]
+    assert (
+        strict.recommended is strict.richest
+        and "Nothing but the richest that was run is within 1e-07 %" in strict.details()
+    )
+
+
+def scene(errors):
+    """Amplitudes that differ from one by given errors of each harmonics and contact points, and of their combination."""
+
+    def ask(study, preload, interval):
+        return 1.0 + errors[study.settings.harmonic_numbers[-1], study.settings.contact_points or 9], 300.0
+
+    return ask
+
+
+def test_combination_that_misses_takes_the_next_richer_value_of_the_worst(study, place):
+    errors = {(3, 9): 0.0, (2, 9): 0.01, (1, 9): 0.04, (3, 6): 0.03, (1, 6): 0.07, (2, 6): 0.045}
+    found = bd.accuracy_cost(
+        study, *place, vary={"harmonics": [1, 2, 3], "contact_points": [6, 9]}, quantity=scene(errors), tolerance=0.05
+    )
+    assert [r.values for r in found.runs if r.part == "combination"] == [("1", "6"), ("2", "6")]
+    assert all(r.error == pytest.approx(errors[tuple(map(int, r.values))]) for r in found.runs)
+    within = [r for r in found.runs[1:] if r.error <= 0.05]
+    assert found.recommended.seconds == min(r.seconds for r in within) and found.recommended in within
+
+
+def test_interrupted_runs_are_kept(study, place, tmp_path):
+    def ask(study, preload, interval):
+        if study.settings.harmonic_numbers[-1] == 1:
+            raise KeyboardInterrupt
+        return 1.0, 300.0
+
+    vary = {"harmonics": [1, 2, 3]}
+    found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask)
+    assert [r.values for r in found.runs] == [("3",), ("2",)] and found.interrupted
+    assert found.bottom_line().endswith("Interrupted: other runs may suffice.")
+    found.save(tmp_path / "cost.h5")
+    assert bd.load(tmp_path / "cost.h5").interrupted
+    with pytest.raises(KeyboardInterrupt):
+        bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
+
+
+def test_unknown_answers_are_not_recommended(study, place):
+    errors = {(3, 9): 0.0, (2, 9): float("nan")}
+    found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)
+    assert found.recommended is found.richest and "uncertain by its last steps, unknown" in found.details()
+    assert np.isnan(found.uncertainty)
+    with pytest.raises(bd.BdamperError, match="no whole answer with the richest settings, harmonics 2"):
+        bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
+
+
+def test_runs_that_fail_leave_the_others(study, place, tmp_path):
+    """Settings that a study cannot have, and a quantity that raises an error, after the richest was run."""
+
+    def ask(study, preload, interval):
+        if study.settings.harmonic_numbers[-1] == 1:
+            raise bd.BdamperError("no answer with one harmonic")
+        return 1.0, 300.0
+
+    vary = {"harmonics": [1, 2, 3], "evaluation": [bd.Sampled(8), "exact"], "rigid_modes": [("TX",), bd.RIGID_NAMES]}
+    found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask)
+    reasons = {r.part: r.reason for r in found.runs if r.reason}
+    assert reasons["harmonics"] == "no answer with one harmonic"
+    assert reasons["evaluation"].startswith("evaluation: expected") and "rigid" in reasons["rigid_modes"]
+    assert found.recommended.values == ("2", "exact", " ".join(study.settings.rigid_modes))
+    assert all(reason in found.details() for reason in reasons.values())
+    found.plot()
+    found.save(tmp_path / "cost.h5")
+    assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
+    with pytest.raises(bd.BdamperError, match=r"no whole answer with the richest settings.*no answer with one harmonic"):
+        bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
+
+
+def test_result_prints_plots_and_saves(result, tmp_path):
+    text = result.details()
+    best = result.recommended
+    assert text.startswith(f"For 6 %: harmonics {best.values[0]}, contact points {best.values[1]}, ")
+    assert sum(line.split()[2] == "richest" for line in text.splitlines() if line.startswith("  4")) == 1
+    ax = result.plot()
+    assert ax.get_xscale() == ax.get_yscale() == "log"
+    result.save(tmp_path / "ladders.h5")
+    assert bd.load(tmp_path / "ladders.h5") == result
+
+
+@pytest.mark.parametrize("name", models.ALL_MODELS)
+def test_default_ladders_suit_every_model(name):
+    study = plain_study(models.ALL_MODELS[name](0), bd.Excitation("tip"), 1 if name == "acyclic" else 2)
+    ladders = make_ladders(study.problem, None)
+    assert list(ladders) == ["harmonics", "contact_points", "blade_modes"]
+    for name, values in ladders.items():
+        sizes = [varied(study.problem, {name: value}).system(0.0).n_unknowns for value in values.values()]
+        assert sizes == sorted(sizes)
+
+
+# ---- effectivity ----
+
+
+@pytest.mark.parametrize("number", [2, 4, 8, *(pytest.param(n, marks=pytest.mark.slow) for n in (12, 20))])
+def test_effectivity_on_a_sample(number):
+    compared = accuracy_cases.compare(number)
+    assert compared is not None
+    assert 0.3 < compared.effectivity < 3.0, compared
+
+
+def test_the_peak_is_a_corner_where_the_damper_drifts():
+    case = accuracy_cases.draw(153)
+    one = accuracy_cases.study_of(case).with_(harmonics=1, damper_modes=0)
+    place = accuracy_cases.scene(one, case)
+    for study in (one, one.with_(harmonics=3)):  # the first has no smooth maximum at all
+        curve, peak = study.track(*place), study.peak(*place)
+        assert peak.corner and curve.point_kind[curve.peak.index] == "drift"
+        assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-6)
+        assert peak.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)

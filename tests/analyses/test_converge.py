@@ -1,0 +1,291 @@
+"""More harmonics at one peak: amplitudes against whole curves, their rate, what ends them, modes met, the branch held."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses import harmonic_convergence as room
+from bdamper.analyses.change_estimate import embed
+from bdamper.harmonic_balance.equations import OK
+from bdamper.lumped_masses import Contact, lumped
+from bdamper.response.convergence_result import Convergence, HarmonicPeak, Meeting
+from bdamper.response.peak import ANOTHER, Peak, peak_of_sign, sign_of_jacobian
+from tests import models
+from tests.plain import plain_study
+
+INTERVAL = (280.0, 370.0)
+BAND = (0.1, 0.3)
+
+
+def jenkins(**settings):
+    """A mass with a Jenkins element under a constant normal load, in resonance near 0.18 Hz."""
+    return lumped(1, 0.02, 1, contacts=[Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, **settings)
+
+
+def with_absorber(ratio):
+    """The same with a small mass beside it, whose own resonance is at ``ratio`` times that of the peak."""
+    own = 0.01 * (2.0 * np.pi * 0.1763 * ratio) ** 2
+    return lumped(
+        [1.0, 0.01], [0.02, 1e-4], [[1.0 + own, -own], [-own, own]], contacts=[Contact(0, kt=1, mu=1, preload=1)],
+        forces={0: 1.0}, harmonics=1,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def study():
+    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5)
+
+
+@pytest.fixture(scope="module")
+def blade():
+    return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.optimal_curve((3000.0, 5000.0), 2, frequency=INTERVAL, check=False)
+
+
+def series(*amplitudes, status="complete", tolerance=0.05, meetings=()):
+    """A convergence with 1, 3, 5 ... harmonics."""
+    peaks = tuple(HarmonicPeak(2 * i + 1, a, 300.0) for i, a in enumerate(amplitudes))
+    return Convergence(100.0, tolerance, peaks, meetings, status=status)
+
+
+class TestPeaks:
+    def test_are_those_of_studies_with_so_many_harmonics(self, study):
+        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
+        assert [p.harmonics for p in found.peaks] == [1, 3, 5, 7] and found.status == "complete"
+        for p in found.peaks:
+            own = study.with_(harmonics=p.harmonics).peak(5000.0, INTERVAL)
+            assert (p.amplitude, p.frequency) == pytest.approx((own.amplitude, own.frequency), rel=1e-6)
+        assert found.cost.iterations > 0
+        assert all(p.seconds > 0.0 for p in found.peaks[1:]) and found.cost.processor > 0.0
+
+    def test_converge_at_the_rate_of_a_force_with_corners(self):
+        """A Jenkins element has a force with corners: its harmonics fall with l^-2 and those of the motion with l^-4, so
+        that H harmonics leave an error of the order of the amplitude times H^-4."""
+        study, asked = jenkins(harmonics=1), (3, 5, 7, 9, 11, 13, 17, 21, 25, 33, 63)
+        found = study.converge(study.peak(0.0, BAND), harmonics=asked, tolerance=1e-12)
+        amplitude, harmonics = np.array([(p.amplitude, p.harmonics) for p in found.peaks]).T
+        error = np.abs(amplitude[:-1] / amplitude[-1] - 1.0) * harmonics[:-1] ** 4
+        assert len(error) == 11 and error.max() < 1.0 and error[-3:].max() > 0.05
+
+    def test_only_odd_harmonics_where_even_ones_vanish(self, study):
+        study = study.with_(variable_normal_load=False, separation=False)
+        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(5, 8))
+        last = study.with_(harmonics=8).peak(5000.0, INTERVAL)
+        assert [p.harmonics for p in found.peaks] == [1, 5, 7]
+        assert found.peaks[-1].amplitude == pytest.approx(last.amplitude, rel=1e-6)
+
+    def test_keep_the_sign_of_det_j(self, study, monkeypatch):
+        """By the determinant itself, at every peak; a solution of the other sign is refused."""
+        seen, to = [], room._to
+
+        def recorded(*arguments):
+            seen.append(to(*arguments))
+            return seen[-1]
+
+        monkeypatch.setattr(room, "_to", recorded)
+        peak = study.peak(5000.0, INTERVAL)
+        study.converge(peak, harmonics=(3, 5))
+        signs = [np.linalg.slogdet(at.system(5000.0).evaluate(top.y[:-1], top.y[-1])[1])[0] for at, top in seen]
+        system = study.problem.system(5000.0)
+        own = np.linalg.slogdet(system.evaluate(peak.y[:-1], peak.y[-1])[1])[0]
+        assert len(seen) == 2 and set(signs) == {own} and sign_of_jacobian(system, peak.y) == own
+        assert peak_of_sign(system, peak.y, -int(own), options=room.OPTIONS)[0] == ANOTHER
+        assert isinstance(peak_of_sign(system, peak.y, int(own), options=room.OPTIONS)[0], Peak)
+
+    def test_half_of_the_harmonics_first_where_newton_fails(self, study, monkeypatch):
+        """It fails here by more than two harmonics at once."""
+        beside, asked = peak_of_sign, []
+
+        def near_only(system, y, sign, **ways):
+            missing = sum(not np.any(system.layout.amplitudes(y[:-1], l)) for l in range(2, system.n_harmonics + 1))
+            asked.append((system.n_harmonics, missing))
+            return ("too far", 0) if missing > 2 else beside(system, y, sign, **ways)
+
+        monkeypatch.setattr(room, "peak_of_sign", near_only)
+        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(6,))
+        assert found.status == "complete" and found.peaks[-1].harmonics == 6
+        assert [n for n, _ in asked][:2] == [6, 3] and max(n for _, n in asked[1:]) <= 3
+        monkeypatch.setattr(room, "peak_of_sign", lambda *_, **__: ("too far", 0))
+        broken = study.converge(study.peak(5000.0, INTERVAL), harmonics=(6,))
+        assert broken.status == "incomplete: with 6 harmonics no peak was found beside this one (too far)"
+        assert len(broken.peaks) == 1 and not broken.converged and "not known with more harmonics" in broken.note
+
+    def test_after_ctrl_c_with_what_is_known(self, study, monkeypatch):
+        to = room._to
+
+        def stops(known, problem, *rest):
+            if problem.harmonic_numbers[-1] == 5:
+                raise KeyboardInterrupt
+            return to(known, problem, *rest)
+
+        monkeypatch.setattr(room, "_to", stops)
+        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(3, 5))
+        assert found.status == "interrupted" and [p.harmonics for p in found.peaks] == [1, 3]
+
+    def test_what_is_refused(self, study):
+        peak = study.peak(5000.0, INTERVAL)
+        for wrong, what in (
+            ({"harmonics": (5, 3)}, "harmonics"), ({"harmonics": (65,)}, "harmonics"), ({"tolerance": 5.0}, "tolerance"),
+        ):  # fmt: skip
+            with pytest.raises(bd.SettingError, match=f"^{what}: expected"):
+                study.converge(peak, **wrong)
+        with pytest.raises(bd.SettingError, match=r"^peak: expected a converged one"):
+            study.converge(replace(peak, status="not found: why"))
+        with pytest.raises(bd.SettingError, match=r"^peak: expected one of this study"):
+            study.with_(friction_coefficient=0.1).converge(peak)
+        with pytest.raises(bd.SettingError, match=r"^peak: expected a Peak"):
+            study.converge(study.track(5000.0, INTERVAL))
+
+
+class TestEnd:
+    def test_of_the_structure(self, study):
+        """Without residual modes there are the five modes that the study retains, at each harmonic's own diameter."""
+        study = study.with_(blade_modes=5)
+        peak = study.peak(5000.0, INTERVAL)
+        bases = study.model.bodies["blade"].bases
+        diameter = {l: study.model.folded_nodal_diameter(5 * l)[0] for l in range(2, 27)}
+        top = {l: np.sqrt(bases[d].omega2[4]) / (2.0 * np.pi) for l, d in diameter.items()}
+        first = min(l for l in top if l * peak.frequency > top[l])
+        found = study.converge(peak, harmonics=(3, 26))
+        assert 4 < first < 26 and [p.harmonics for p in found.peaks] == [1, 3, first - 1]
+        end = f"{1e-3 * top[first]:.3g} kHz"
+        assert f"the structure ends at {end}, harmonic {int(top[first] / peak.frequency)}" in found.note
+
+    def test_of_the_model_where_residual_modes_stand_for_the_rest(self, blade):
+        """20 modes up to 24 kHz and more are stored, 10 of them retained; harmonic 39 has nodal diameter 15."""
+        omega2 = blade.model.bodies["blade"].bases[15].omega2
+        assert len(omega2) == 20 and np.sqrt(omega2[-1]) / (2.0 * np.pi) == pytest.approx(25747.0, rel=1e-4)
+        assert 39 * 660.77 > 25747.0 > 38 * 660.77
+        assert room._most(blade.problem, 660.77, 64) == (38, "the structure ends at 25.7 kHz, harmonic 38")
+
+    def test_of_the_nodal_diameters(self):
+        model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
+        study = plain_study(model, bd.Excitation("tip"), 2)
+        found = study.converge(study.peak(5.0), harmonics=(3, 5))
+        assert [p.harmonics for p in found.peaks] == [1, 3]
+        assert found.limit == "the model has no modes of harmonic 4, nodal diameter 8"
+
+    def test_of_the_samples(self, study):
+        sampled = study.with_(evaluation=bd.Sampled(24))
+        found = sampled.converge(sampled.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
+        assert [p.harmonics for p in found.peaks] == [1, 3, 5]
+        assert found.limit.startswith("no 7 harmonics are possible with the same settings (evaluation: ")
+
+    def test_early_where_no_later_harmonic_meets_a_mode(self):
+        study = jenkins(harmonics=1)
+        found = study.converge(study.peak(0.0, BAND))
+        assert found.converged and found.limit == "no later harmonic meets a mode" and found.meetings == ()
+        assert found.peaks[-1].harmonics < 26
+
+    def test_not_before_a_mode_that_is_met_later(self):
+        study = with_absorber(19.0)
+        found = study.converge(study.peak(0.0, BAND))
+        assert found.peaks[-1].harmonics >= 20
+
+
+class TestMeetings:
+    @pytest.mark.parametrize("ratio", [3, 7])
+    def test_name_a_mode_that_is_placed_on_purpose(self, ratio):
+        study = with_absorber(ratio)
+        peak = study.peak(0.0, BAND)
+        found = study.converge(peak, harmonics=(2, 3, 5, 7, 9))
+        (met,) = (m for m in found.meetings if m.harmonic == ratio)
+        K = np.array([[2.0, 0.0], [0.0, 0.0]]) + 0.01 * (2.0 * np.pi * 0.1763 * ratio) ** 2 * np.array([[1, -1], [-1, 1]])
+        modes = np.sqrt(np.linalg.eigvals(np.diag([1.0, 100.0]) @ K)) / (2.0 * np.pi)
+        assert (met.mode, met.nodal_diameter) == (2, -1) and met.frequency == pytest.approx(modes.max(), rel=1e-9)
+        assert met.distance == pytest.approx(ratio * peak.frequency / modes.max() - 1.0, rel=1e-9)
+        assert re.match(rf"harmonic {ratio} is within .* % of mode 2 of the stuck structure \(", str(met))
+
+    def test_at_the_nodal_diameter_of_the_harmonic(self, blade):
+        """Harmonic 16 of engine order 5 has nodal diameter 20 of 60 sectors."""
+        found = list(room._meetings(blade.with_(harmonics=16).problem, blade.peak(103.6)))
+        met = {m.harmonic: m for m in found}
+        assert met[16].nodal_diameter == 20 and met[16].mode == 7 and met[16].distance == pytest.approx(0.016, abs=2e-3)
+        assert all(abs(m.distance) <= room.NEAR for m in found) and 14 not in met
+
+
+class TestClaims:
+    def test_agreement_of_a_few_is_no_convergence(self):
+        """Figures of the turbine blade: the same with 3 to 9 harmonics, 6 % less from 14 on."""
+        found = series(75.3e-6, 75.0e-6, 75.0e-6, 74.2e-6, 69.4e-6, 70.7e-6, 69.2e-6)
+        assert not found.converged and [p.harmonics for p in found.settled] == [9, 11, 13]
+        assert found.note.startswith("75.3 µm with 1 harmonic, 69.2 to 70.7 µm with 9 to 13: not converged with 1")
+
+    def test_meetings_are_named(self):
+        found = series(1.0, 1.0, 0.8, 0.8, meetings=(Meeting(4, 4, 10, 9e3, -0.03), Meeting(5, 4, 10, 9e3, 0.01)))
+        where = "harmonic 5 is within 1 % of mode 4 of the stuck structure at nodal diameter 10 (9000 Hz)"
+        assert where in str(found)
+
+    def test_all_agree_up_to_the_end(self):
+        assert series(1.0, 1.01, 0.99).converged and "converged to 5 %" in series(1.0, 1.01, 0.99).note
+        assert not series(1.0, 1.0).converged and "agrees so far" in series(1.0, 1.0).note
+        assert not series(1.0, 1.0, 1.0, status="incomplete: why").converged
+
+    def test_nothing_settles(self):
+        found = series(1.0, 0.8, 0.6)
+        assert found.range == (0.6, 1.0) and "600 to 800 mm with 3 to 5: not converged with 1" in found.note
+
+
+class TestOptimalCurve:
+    def test_has_it_at_its_optimum(self, study, curve, tmp_path):
+        found = room.beside(study.problem, curve, lambda: curve)
+        more = found.convergence
+        assert [p.harmonics for p in more.peaks][:3] == [1, 5, 7] and max(p.harmonics for p in more.peaks) <= 16
+        assert more.peaks[0].amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-4)
+        alone = study.converge(study.peak(curve.optimum.preload, INTERVAL), harmonics=(5, 7, 9, 12, 16))
+        assert found.cost.evaluations == curve.cost.evaluations + more.cost.evaluations
+        assert more.cost.evaluations > alone.cost.evaluations and found.cost.seconds > curve.cost.seconds
+        assert f"More harmonics: {more.verdict}." in found.bottom_line() and more.note in found.details()
+        found.save(tmp_path / "optimal.h5")
+        assert bd.load(tmp_path / "optimal.h5").convergence == more
+
+    def test_says_why_there_is_none(self, study, curve):
+        wrong = replace(curve, optimum=replace(curve.optimum, amplitude=0.5 * curve.optimum.amplitude))
+        assert room.at_optimum(study.problem, wrong).status.startswith("not found: the highest peak there is ")
+        none = replace(curve, optimum=replace(curve.optimum, preload=np.nan))
+        assert room.at_optimum(study.problem, none) is None
+
+    def test_ends_with_the_work_beside_it(self, study, curve, monkeypatch):
+        def stops(*_):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(room, "highest_peak", stops)
+        assert room.beside(study.problem, curve, lambda: curve).convergence.status == "interrupted"
+        with pytest.raises(KeyboardInterrupt):
+            room.beside(study.problem, curve, stops)
+
+
+@pytest.mark.slow
+def test_the_turbine_blade(blade):
+    """Three to nine harmonics agree and are 6 to 8 % above what sixteen and more say; five times the optimum converges."""
+    found = blade.converge(blade.peak(103.6))
+    amplitude = {p.harmonics: 1e6 * p.amplitude for p in found.peaks}
+    expected = {3: 75.29, 5: 74.95, 7: 74.96, 9: 75.16, 12: 74.19, 16: 69.41, 20: 70.67, 26: 69.19}
+    assert amplitude == pytest.approx(expected, rel=1e-3) and found.status == "complete"
+    assert found.note.startswith("75.3 µm with 3 harmonics, 69.2 to 70.7 µm with 16 to 26: not converged with 3")
+    far = blade.converge(blade.peak(518.0))
+    assert far.converged and far.peaks[-1].amplitude == pytest.approx(188.36e-6, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_fourteen_and_fifteen_harmonics_of_the_turbine_blade(blade):
+    """At one frequency, 660.77 Hz, with one harmonic more at a time."""
+    known, peak = [], blade.peak(103.6)
+    y, problem = peak.y.copy(), blade.problem
+    y[-1] = 2.0 * np.pi * 660.77
+    for n in (3, 7, 12, 13, 14, 15):
+        richer = blade.with_(harmonics=n).problem
+        system = richer.system(103.6)
+        guess = embed(problem, richer, 103.6, y)
+        c = system.correct_at(guess[:-1], guess[-1], system.units(guess, guess[-1]), 1e-9, 40, 2)
+        assert c.status == OK and c.orientation == 1
+        y, problem = c.y, richer
+        known.append(1e6 * abs(system.response(y[:-1])[1]))
+    assert known == pytest.approx([75.3, 74.9, 74.0, 73.3, 70.3, 68.5], abs=0.06)

@@ -1,0 +1,336 @@
+"""Crossings over rotor speed, the run-up along a line, and both against each other."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses.engine_order_line import exact, follow_line
+from bdamper.analyses.run_up import run_up
+from bdamper.analyses.speed_family import SpeedFamily
+from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.rotor_speed import Conditions
+from bdamper.plot import plot_crossings
+from bdamper.response.curve import Curve
+from bdamper.response.peak import amplitude_at
+from bdamper.util.cost import CostMeter
+from tests.plain import plain_study
+from tests.turning import turning_disk
+
+SPEEDS = (400.0, 450.0, 500.0, 560.0)
+OVER_SPEED = {"friction": {300.0: 0.3, 600.0: 0.4}, "excitation": lambda omega, order: 0.04 * omega}
+
+
+@pytest.fixture(scope="module")
+def study():
+    return plain_study(turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
+
+
+@pytest.fixture(scope="module")
+def found(study):
+    return study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001))
+
+
+def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
+    """The other crossings are there, and what the model neglects is told of them."""
+    both = study.crossings(SPEEDS, [4, 5])
+    assert both.status[0].startswith("failed") and "nodal diameter" in both.status[0] and not both.complete
+    assert both.values[1]["kind"] == "complete" and both.values[1]["amplitude"] == found.values[1]["amplitude"]
+    assert both.warnings == ("", "")
+
+
+def test_a_crossing_is_the_highest_point_of_the_line(study, found):
+    """On the line, at the preload of its speed, and solutions on the line beside it are lower, as a maximum has them."""
+    assert found.complete and {value["kind"] for value in found.values} == {"complete"}
+    assert list(found.points[1].values()) == [1.0, 5]
+    value = found.values[1]
+    assert value["speed"] == pytest.approx(2.0 * np.pi * value["frequency"] / 5, rel=1e-12)
+    assert value["preload"] == pytest.approx(study.at_speed(value["speed"]).preload, rel=1e-12)
+    run = study.run_up((400.0, 560.0))
+    assert len(run) > 10 and run.peak.kind == "peak"
+    assert run.speed[run.peak.index] == pytest.approx(value["speed"], rel=1e-7)
+    assert run.peak.amplitude == pytest.approx(value["amplitude"], rel=1e-9)
+    family = SpeedFamily(study.problem, Conditions())
+    top = exact(family, follow_line(family, (400.0, 560.0), 1, CostMeter())[2].peak)[0]
+    lower = []
+    for part in (-4e-4, -2e-4, 2e-4, 4e-4):
+        speed = top.parameter * (1.0 + part)
+        c = family.system(speed).correct_at(top.y[:-1], 5.0 * speed, top.scale, 1e-10, 30)
+        assert c.status == 0
+        lower.append(1.0 - amplitude_at(family.system(speed), c.y) / top.amplitude)
+    assert min(lower) > 0.0
+    assert lower[0] / lower[1] == pytest.approx(4.0, rel=0.1) and lower[3] / lower[2] == pytest.approx(4.0, rel=0.1)
+
+
+def test_the_peak_at_fixed_speed_is_that_of_the_study_there(study, found):
+    value = found.values[1]
+    at = study.at_speed(value["fixed_speed"])
+    peak = at.peak(at.preload)
+    assert peak.amplitude == pytest.approx(value["fixed_speed_amplitude"], rel=1e-6)
+    assert 2.0 * np.pi * peak.frequency / 5 == pytest.approx(value["fixed_speed"], rel=1e-6)
+    assert 0.0 < value["amplitude"] / value["fixed_speed_amplitude"] - 1.0 < 1e-3
+
+
+def test_derivatives_by_the_mass_are_those_of_crossings_at_other_masses(found):
+    """Load and inertia together; the inertia alone changes a hundredth as much."""
+    low, middle, high = found.values
+    for name in ("amplitude", "speed"):
+        assert middle[f"{name}_by_mass"] == pytest.approx((high[name] - low[name]) / 0.002, rel=1e-4)
+    assert high["mass"] / low["mass"] == pytest.approx(1.001 / 0.999, rel=1e-12)
+
+
+def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
+    """With the highest point and the peak at fixed speed of the crossing; its unknowns are those of no study."""
+    run = study.run_up((420.0, 465.0))
+    value = found.values[1]
+    assert isinstance(run, Curve) and run.complete and not run.peak_at_end, str(run)
+    assert run.speed.min() == pytest.approx(420.0) and run.speed.max() == pytest.approx(465.0)
+    np.testing.assert_allclose(2.0 * np.pi * run.frequency, 5.0 * run.speed, rtol=1e-12)
+    top = run.peak.index
+    assert run.amplitude[top] == pytest.approx(value["amplitude"], rel=1e-9)
+    assert run.unknowns.shape == (len(run), 0)
+    fixed = f"{1e3 * value['fixed_speed_amplitude']:.4g} mm at {value['fixed_speed']:.5g} rad/s"
+    assert f"above the peak at fixed speed, {fixed}" in run.details()
+    assert "interpolation over speed leaves a residual of" in run.details()
+    assert "along engine order 5, at 4208.3 rpm (440.69 rad/s)" in run.bottom_line()
+    assert run.plot().get_xlabel() == "Rotor speed (rpm)" and run.columns()["speed"].unit == "rad/s"
+    run.save(tmp_path / "run.h5")
+    again = bd.load(tmp_path / "run.h5")
+    np.testing.assert_array_equal(again.speed, run.speed)
+    assert again.details() == run.details()
+    with pytest.raises(bd.SettingError, match=r"curve: expected a tracking curve .study.track., found a run-up curve"):
+        study.hysteresis(run)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mass", "highest", "fixed"), [(1.0, (2.9284e-3, 487.80), (2.9262e-3, 487.49)),
+                                                        (0.5, (1.5582e-3, 493.56), (1.5582e-3, 493.56))])  # fmt: skip
+def test_where_faces_open_the_highest_point_is_the_end_of_a_plateau(mass, highest, fixed):
+    """It meets the line at a higher speed than the highest peak at fixed speed does, under more load, and is higher."""
+    shipped = bd.reference_model("bladed_disk", 9)
+    study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=1)
+    found = study.crossings((400.0, 600.0), [5], damper_mass=(mass,))
+    (value,) = found.values
+    assert value["kind"] == "complete", str(found)
+    assert (value["amplitude"], value["speed"]) == pytest.approx(highest, rel=1e-4)
+    assert (value["fixed_speed_amplitude"], value["fixed_speed"]) == pytest.approx(fixed, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_where_the_response_has_a_shoulder_both_are_named():
+    """Three harmonics: no second maximum at fixed speed, and the highest point is 2.4 % above the peak."""
+    shipped = bd.reference_model("bladed_disk", 9)
+    study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
+    (value,) = study.crossings((400.0, 600.0), [5]).values
+    assert 0.02 < value["amplitude"] / value["fixed_speed_amplitude"] - 1.0 < 0.03
+    run = study.run_up()
+    assert run.peak.amplitude == pytest.approx(value["amplitude"], rel=1e-6) and "% above the peak" in run.details()
+
+
+def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
+    """The same line up to just before its highest maximum: a maximum of its own is no more its highest point."""
+    run = study.run_up((420.0, 465.0))
+    higher = replace(run, harmonics=np.vstack([run.harmonics[:-1], 1.01 * run.harmonics[[run.peak.index]]]))
+    assert not run.peak_at_end and higher.peak_at_end
+    assert "lies at an end of the curve" in higher.bottom_line()
+
+
+def test_pictures_of_crossings(study, found):
+    ax = plot_crossings(found)
+    assert [text.get_text() for text in ax.texts] == ["EO 5"] and ax.get_ylabel() == "Resonance amplitude (mm)"
+    with pytest.raises(bd.SettingError, match="quantity: expected crossings with a margin, found none"):
+        plot_crossings(found, quantity="margin")
+    campbell = study.campbell(SPEEDS, [5], modes=1, damped=found)
+    labels = campbell.plot().get_legend_handles_labels()[1]
+    assert labels[:2] == ["free, nodal diameter 5", "stuck"] and labels[-1].startswith("damped, ")
+    assert campbell.plot_safe(500.0).get_title() == "4775 rpm"
+    with pytest.raises(bd.SettingError, match=r"damped: expected crossings, as Study\.crossings"):
+        study.campbell(SPEEDS, [5], damped=bd.sweep(study, {"preload": [2e3]}, frequency=(340.0, 350.0)))
+
+
+@pytest.fixture(scope="module")
+def line(study):
+    """A family and its line, with residual modes, friction and excitation that change with speed."""
+    turning = plain_study(
+        turning_disk((0, 5), spin=True), study.excitation, 5, friction_coefficient=0.3, contact_stiffness="residual_modes"
+    )
+    family = SpeedFamily(turning.problem, Conditions(**OVER_SPEED))
+    return family, follow_line(family, (440.0, 500.0), 1, CostMeter())
+
+
+def test_the_response_along_the_line_is_that_of_each_speed(line):
+    """All harmonics, by rows that change with the speed."""
+    family, (equations, curve, _) = line
+    for i in (2, len(curve) // 2, len(curve) - 3):
+        own = family.system(float(curve.speed[i])).response(curve.unknowns[i])
+        np.testing.assert_allclose(curve.harmonics[i], own, rtol=1e-5, atol=1e-9 * abs(own[1]))
+    assert not np.allclose(curve.harmonics[2], equations.response(curve.unknowns[2]), rtol=1e-4, atol=0.0)
+
+
+def test_the_highest_point_of_a_run_up_is_made_at_its_own_speed(line):
+    """Not that of the interpolated equations."""
+    family, (_, curve, highest) = line
+    run, own = run_up(family.whole, (440.0, 500.0), **OVER_SPEED), exact(family, highest.peak)[0]
+    assert len(run) == len(curve) and run.peak.index == highest.index
+    assert run.peak.amplitude == pytest.approx(own.amplitude, rel=1e-12)
+    assert abs(highest.peak.amplitude / own.amplitude - 1.0) > 1e-11
+    assert run.residual[highest.index] < 1e-9
+
+
+def test_the_equations_along_the_line_are_those_of_each_speed(line):
+    """The interpolation of NumPy gives the same residual, and its differences the derivative along the line."""
+    equations, top = line[1][0], line[1][2].peak
+    y = top.y * (1.0 + 1e-3 * np.random.default_rng(0).standard_normal(len(top.y)))
+    y[-1] = 5.0 * 470.0
+    r, J, by_line = equations.evaluate_at(y)
+    there = equations.structure.at(y[-1])
+    np.testing.assert_allclose(r, there.residual(y), rtol=1e-9, atol=1e-12 * np.abs(r).max())
+    np.testing.assert_allclose(J, there.evaluate_at(y)[1], rtol=1e-9, atol=1e-12 * np.abs(J).max())
+
+    def difference(h, value):
+        return (value(y[-1] + h) - value(y[-1] - h)) / (2.0 * h)
+
+    def residual(omega):
+        return equations.structure.at(omega).residual(np.append(y[:-1], omega))
+
+    def height(omega):
+        return 0.5 * amplitude_at(equations.structure.at(omega), np.append(y[:-1], omega)) ** 2
+
+    errors = [float(np.abs(difference(h, residual) - by_line).max()) for h in (0.05, 0.15, 0.5)]
+    assert min(errors) <= 1e-8 * np.abs(by_line).max(), errors
+    assert not np.allclose(by_line, there.evaluate_at(y)[2], rtol=1e-2, atol=0.0), "speed changes more than frequency"
+    gradient, square = equations.rows.squared_gradient(y)
+    assert square == pytest.approx(2.0 * height(y[-1]), rel=1e-12)
+    assert gradient[-1] == pytest.approx(difference(0.5, height), rel=1e-6) and gradient[-1] != 0.0
+
+
+def test_interpolated_equations_are_those_of_a_speed(line):
+    """At a speed that is none of the points; what is left are kinks where the static state changes."""
+    family, found = line
+    equations, _, highest = found
+    top, error = exact(family, highest.peak)
+    assert error < 1e-4 and top.residual < 1e-9
+    assert top.amplitude == pytest.approx(highest.peak.amplitude, rel=1e-6)
+    made, own = equations.structure.at(top.y[-1]), family.system(top.parameter)
+    np.testing.assert_allclose(made.structure.arrays["stiffness"], own.structure.arrays["stiffness"], rtol=1e-8)
+    np.testing.assert_allclose(made.structure.arrays["kn"], own.structure.arrays["kn"], rtol=1e-5)
+
+
+def test_the_top_is_stationary_with_the_rows_of_each_speed(line):
+    equations, top = line[1][0], line[1][2].peak
+    gradient, square = equations.rows.squared_gradient(top.y)
+    assert abs(gradient @ (top.tangent * top.scale)) / square <= 2e-8 * abs(top.curvature)
+
+
+def test_unknowns_of_two_speeds_are_comparable(line):
+    """Residual modes have any phase of their own: aligned they change as little as the speed does."""
+    a, b = (line[0].problem(omega).bases[1].G for omega in (450.0, 452.0))
+    assert np.linalg.norm(a - b) < 1e-2 * np.linalg.norm(a)
+
+
+def test_corners_of_tables_over_speed_take_a_shorter_range(study):
+    """Friction that rises from a speed near the crossing on: polynomials over the whole range are off there."""
+    table = {300.0: 0.3, 435.0: 0.3, 600.0: 0.6}
+    found = study.crossings((400.0, 500.0), [5], friction=table)
+    with pytest.raises(bd.SettingError, match="speeds: expected a range in which the equations change smoothly"):
+        study.run_up((400.0, 500.0), friction=table)
+    beyond = study.run_up((436.5, 470.0), friction=table)
+    assert found.values[0]["kind"] == "complete", str(found)
+    assert found.values[0]["amplitude"] == pytest.approx(beyond.peak.amplitude, rel=1e-6)
+
+
+def test_coupled_friction(study, found):
+    coupled = study.with_(friction_law="coupled", evaluation=bd.Sampled(64))
+    other = coupled.crossings((400.0, 500.0), [5])
+    assert other.values[0]["kind"] == "complete", str(other)
+    assert other.values[0]["amplitude"] == pytest.approx(found.values[1]["amplitude"], rel=0.2)
+
+
+def test_executors_and_files_give_the_same_table(study, found, tmp_path):
+    with ThreadPoolExecutor(2) as pool:
+        other = study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), executor=pool, resume=tmp_path / "kept")
+    np.testing.assert_allclose(other.array("amplitude"), found.array("amplitude"), rtol=1e-12)
+    again = study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), resume=tmp_path / "kept")
+    np.testing.assert_array_equal(again.array("amplitude"), other.array("amplitude"))
+    again.save(tmp_path / "table.h5")
+    assert str(bd.load(tmp_path / "table.h5")) == str(again)
+    with pytest.raises(bd.BdamperError, match="found those of another one"):
+        study.crossings((400.0, 500.0), [5], resume=tmp_path / "kept")
+
+
+def test_answers_of_another_function_are_not_taken_up(study, tmp_path):
+    """Two functions of one name, and a search without a crossing, which ends at once."""
+    for mu in (0.3, 0.4):
+        where = tmp_path / "kept"
+        if mu == 0.4:
+            with pytest.raises(bd.BdamperError, match="found those of another one"):
+                study.crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+        else:
+            study.crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+
+
+def test_nodal_diameters_without_data_over_speed_are_told():
+    study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, harmonics=2, friction_coefficient=0.3)
+    blade = study.model.bodies["blade"]
+    bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
+    study = study.with_(model=replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}))
+    told = "nodal diameters 10: modes of one rotor speed"
+    assert told in study.crossings((100.0, 200.0), [5]).details() and told in str(study.at_speed(400.0))
+    assert "neglected" not in str(study.with_(harmonics=1).at_speed(400.0))
+
+
+def test_tables_are_asked_where_they_reach(study):
+    with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 300 and 400"):
+        study.run_up(friction={300.0: 0.3, 400.0: 0.3})
+
+
+def test_a_line_without_a_maximum_is_told(study):
+    """The range ends before the highest point."""
+    found = study.crossings((400.0, 425.0), [5])
+    assert found.values[0]["kind"] == "not found" and np.isnan(found.values[0]["amplitude"])
+    assert "no maximum of mode 1 between 400 and 425 rad/s: does the excitation move it" in found.warnings[0], str(found)
+
+
+def test_no_crossing_in_the_range(study):
+    found = study.crossings((100.0, 200.0), [5])
+    assert found.values[0]["kind"] == "none" and np.isnan(found.values[0]["speed"]) and found.complete
+    assert found.warnings == ("engine order 5 meets no resonance of mode 1 between 100 and 200 rad/s",)
+    with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 100 and 200"):
+        study.run_up((100.0, 200.0))
+
+
+def test_a_range_whose_end_is_highest_is_named(study):
+    end = r"found none: Highest response of .* rpm \(425 rad/s\). It lies at an end of the curve .* and is not a peak."
+    with pytest.raises(bd.BdamperError, match=end):
+        study.run_up(np.array([400.0, 425.0]))
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (((500.0, 400.0), [5]), r"speeds: expected \(low, high\) in rad/s"),
+        (((0.0, 400.0), [5]), "speeds: expected a sequence of one or more finite numbers > 0 rad/s"),
+        (((400.0, 500.0), []), "engine_orders: expected at least one"),
+        (((400.0, 500.0), [0]), "engine_orders: expected a whole number >= 1"),
+    ],
+)
+def test_questions_that_do_not_fit(study, asked, words):
+    with pytest.raises(bd.SettingError, match=words):
+        study.crossings(*asked)
+    with pytest.raises(bd.SettingError, match="damper_mass: expected"):
+        study.crossings((400.0, 500.0), [5], damper_mass=(0.0,))
+
+
+def test_the_mass_factor_alone_scales_inertia(study):
+    """At the same preload a heavier damper changes little; with its own load much more."""
+    at = study.at_speed(470.0)
+    same = vary(at, {"damper_mass_factor": 1.5}).peak(at.preload).amplitude
+    own = vary(at, {"damper_mass": 1.5}).peak(1.5 * at.preload).amplitude
+    peak = at.peak(at.preload)
+    base = peak.amplitude
+    found = at.peak_sensitivities(peak, ("preload", "damper_mass_factor", "damper_mass"))
+    parts = at.preload * found["preload"].amplitude + found["damper_mass_factor"].amplitude
+    assert found["damper_mass"].amplitude == pytest.approx(parts, rel=1e-5), "load and inertia together"
+    assert abs(same / base - 1.0) < 0.05 < abs(own / base - 1.0)

@@ -1,0 +1,444 @@
+"""What a study carries with an effect switched off: unknowns, points, kernels, and what remains of the equations."""
+
+import pickle
+import re
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.contact.law_codes import LAW_CONSTANT
+from bdamper.contact.static_state import OPEN
+from bdamper.harmonic_balance.equations import OK, Correction
+from bdamper.harmonic_balance.problem import stuck_springs
+from bdamper.model.patch_merging import group_patches, unite_contact_points
+from bdamper.response.mean_position import notes, why_no_solution
+from tests import models
+from tests.plain import plain_study
+
+PRELOAD = 300.0
+
+
+@pytest.fixture(scope="module")
+def model():
+    return models.wedge_model(1, n_points=6, harmonics=5)
+
+
+@pytest.fixture(scope="module")
+def full(model):
+    return plain_study(
+        model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
+    )
+
+
+def effects(study, **changes):
+    return replace(bd.Effects.of(study), **changes)
+
+
+# n modes: 4 of the blade, 6 + 1 of the damper; points: 2 faces of 6 with friction, 2 planes of 3
+COUNTS = [
+    ({}, 11 * 7, 18),
+    ({"harmonics": 1}, 11 * 3, 18),
+    ({"harmonics": (1, 3)}, 11 * 5, 18),
+    ({"bias": False}, 11 * 6, 18),
+    ({"rotation": ()}, 8 * 7, 18),
+    ({"rotation": ("X", "Y")}, 10 * 7, 18),
+    ({"translation": ("X", "Y")}, 10 * 7, 18),
+    ({"damper_modes": 0}, 10 * 7, 18),
+    ({"blade_modes": 2}, 9 * 7, 18),
+    ({"constraints": False}, 11 * 7, 12),
+    ({"contact_points": 2}, 11 * 7, 10),
+    ({"harmonic_nodal_diameters": False}, 11 * 7, 18),
+    ({"harmonics": 1, "bias": False, "rotation": (), "damper_modes": 0, "constraints": False}, 7 * 2, 12),
+]
+
+
+@pytest.mark.parametrize(("changes", "unknowns", "points"), COUNTS, ids=lambda v: str(v))
+def test_unknowns_and_points_of_an_effect_that_is_off_are_gone(full, changes, unknowns, points):
+    system = full.with_effects(effects(full, **changes)).problem.system(PRELOAD)
+    assert (system.n_unknowns, system.n_points) == (unknowns, points)
+
+
+def test_every_evaluation_of_a_curve_is_counted(full):
+    """Contact laws are evaluated once for each point of the system and each evaluation of the residual."""
+    cheap = full.with_effects(effects(full, harmonics=1, damper_modes=0))
+    for study in (full, cheap):
+        curve = study.track(5000.0, (780.0, 880.0))
+        assert curve.complete
+        # one Jacobian for each corrector iteration, and one for the tangent of each point
+        assert curve.cost.evaluations >= curve.cost.jacobians >= curve.cost.iterations + len(curve)
+        assert curve.unknowns.shape[1] == study.problem.system(5000.0).n_unknowns
+
+
+def state_of(study, rng, size=3e-6):
+    system = study.problem.system(PRELOAD)
+    u = size * rng.standard_normal(system.n_unknowns)
+    if study.settings.bias:
+        u[: system.n_mean] = study.static(PRELOAD).q
+    return system, u
+
+
+def embedded(cheap, rich, u, study):
+    """Unknowns of the richer system: those of the cheap one where there are any, else rest."""
+    out = np.zeros(rich.n_unknowns)
+    out[: rich.n_mean] = study.static(PRELOAD).q
+    for l in range(cheap.n_harmonics + 1):
+        for a, b in zip(cheap.layout.slices(l), rich.layout.slices(l)):
+            if a.stop > a.start:
+                out[b] = u[a]
+    return out
+
+
+@pytest.mark.parametrize("changes", [{"harmonics": (1, 3)}, {"harmonics": 2}, {"bias": False}], ids=str)
+def test_equations_that_remain_are_those_of_the_full_system(full, changes):
+    rng = np.random.default_rng(1)
+    study = full.with_effects(effects(full, **changes))
+    cheap, u = state_of(study, rng)
+    rich = full.problem.system(PRELOAD)
+    r, J, d = cheap.evaluate(u, 2000.0)
+    R, K, D = rich.evaluate(embedded(cheap, rich, u, study), 2000.0)
+    index = np.flatnonzero(embedded(cheap, rich, np.ones(len(u)), study) == 1.0)
+    assert len(index) == len(u)
+    scale = np.abs(R).max()
+    np.testing.assert_allclose(r, R[index], atol=1e-11 * scale)
+    np.testing.assert_allclose(J, K[np.ix_(index, index)], rtol=1e-9, atol=1e-9 * np.abs(K).max())
+    np.testing.assert_allclose(d, D[index], rtol=1e-12, atol=1e-14)
+
+
+def test_without_separation_the_normal_spring_is_two_sided(full):
+    rng = np.random.default_rng(2)
+    gap = np.linspace(0.0, 1e-7, 6)
+    study = full.with_effects(effects(full, separation=False)).with_(gap={"left": gap, "right": gap})
+    closed = ~(study.static(PRELOAD).status == OPEN).any(axis=1)
+    friction = np.arange(18) < 12
+    system, u = state_of(study, rng, 3e-5)
+    X, F, share = system.contact(u)
+    n = int((closed | ~friction).sum())
+    held = np.flatnonzero(closed & friction)
+    assert system.n_points == n + len(held)
+    both = F[: len(held), 2] - F[n:, 2]
+    assert (study.problem.point_gaps[held] > 0.0).any(), "no closed point has a gap: the test saw nothing"
+    expected = study.problem.point_stiffness[held, 2, None] * X[: len(held), 2]
+    expected[:, 0] -= study.problem.point_stiffness[held, 2] * study.problem.point_gaps[held]
+    np.testing.assert_allclose(both, expected, atol=1e-9 * np.abs(expected).max())
+    assert np.abs(F[n:]).max() > 1e-3 * np.abs(F).max(), "no point was pulled: the test saw nothing"
+    assert (share[: len(held), 4] > 0.0).any()
+
+
+def test_constant_normal_load_limits_friction_by_its_static_value(full):
+    rng = np.random.default_rng(3)
+    study = full.with_effects(effects(full, variable_normal_load=False))
+    assert not bd.Effects.of(study).separation
+    state = study.static(PRELOAD)
+    system, u = state_of(study, rng, 3e-5)
+    X, F, share = system.contact(u)
+    held = np.flatnonzero(~(state.status[:12] == OPEN).any(axis=1))
+    friction = slice(0, len(held))
+    assert (system.structure.points.law[friction] == LAW_CONSTANT).all()
+    np.testing.assert_array_equal(share[friction, 4], 0.0)
+    assert share[friction, 1].max() > 0.1
+    # with harmonics up to H the sum of the series overshoots the limit; the mean square cannot
+    power = F[friction, :2, 0] ** 2 + 0.5 * (F[friction, :2, 1:] ** 2).sum(axis=2)
+    limit = 0.4 * state.force[held, 2]
+    assert (power <= limit[:, None] ** 2 * (1 + 1e-12)).all()
+    expected = study.problem.point_stiffness[held, 2, None] * X[friction, 2]  # two-sided
+    np.testing.assert_allclose(F[friction, 2], expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
+    study = full.with_effects(effects(full, variable_normal_load=False, bias=True, constraints=False))
+    assert not bd.Effects.of(study).variable_normal_load
+    curve = study.track(20.0, (780.0, 880.0))
+    assert curve.complete
+    assert curve.shares[:, 1].max() > 0.01
+    top = np.abs(curve.harmonics).max(axis=0)
+    assert top[2] < 1e-6 * top[3]
+
+
+@pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
+def test_stuck_response_does_not_depend_on_how_points_would_slip_or_open(full, changes):
+    a = full.track(1e6, (780.0, 880.0))
+    b = full.with_effects(effects(full, **changes)).track(1e6, (780.0, 880.0))
+    assert a.shares[:, 0].min() == 1.0
+    assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-8)
+    assert b.peak.frequency == pytest.approx(a.peak.frequency, rel=1e-9)
+
+
+# ---- contact points ----
+
+
+def test_groups_of_patches_are_of_equal_area_and_compact(model):
+    face = bd.reference_model("bladed_disk", 24).interfaces["left"]
+    for n in (1, 4, 6, 12):
+        label = group_patches(face, n)
+        assert sorted(np.unique(label)) == list(range(n))
+        area = np.bincount(label, face.area)
+        assert np.ptp(area) < 0.35 * area.mean()
+
+
+def test_united_points_keep_rigid_motion_area_and_energy(model):
+    rng = np.random.default_rng(4)
+    small = unite_contact_points(model, 2)
+    for name in ("left", "right"):
+        old, new = model.interfaces[name], small.interfaces[name]
+        assert new.area.sum() == pytest.approx(old.area.sum())
+        body = small.bodies["damper"]
+        rows = small.port_slice("damper", (name, "a"))
+        rigid = models.rigid_modes(body.mass, body.centre, body.inertia, new.points)
+        turned = np.einsum("pij,pjk->pik", new.frame, rigid)
+        np.testing.assert_allclose(body.bases[0].contact_modes[rows, :, :6], turned, atol=1e-12)
+    # a force on the groups does the same work on both
+    blade, united = model.bodies["blade"].bases[2], small.bodies["blade"].bases[2]
+    f = rng.standard_normal(united.flexibility.shape[0])
+    assert (f @ united.flexibility @ f).real > 0.0
+    residual = united.flexibility - (
+        united.contact_modes.reshape(len(f), -1) / blade.omega2 @ united.contact_modes.reshape(len(f), -1).conj().T
+    )
+    assert np.linalg.eigvalsh(residual).min() > -1e-12 * np.abs(united.flexibility).max()
+
+
+def test_as_many_groups_as_points_change_nothing(full):
+    a = full.track(2000.0, (780.0, 880.0))
+    b = full.with_effects(effects(full, contact_points=6)).track(2000.0, (780.0, 880.0))
+    assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-9)
+
+
+def test_given_stiffness_is_that_of_the_points_of_the_model(full):
+    whole = full.with_(contact_stiffness=2e7)
+    united = whole.with_(contact_points=2)
+    np.testing.assert_allclose(united.problem.point_stiffness[:2], 6e7)
+    total = whole.problem.point_stiffness[:12].sum(axis=0)
+    np.testing.assert_allclose(united.problem.point_stiffness[:4].sum(axis=0), total)
+    by_name = united.with_(contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.problem.coupling.interfaces})
+    np.testing.assert_allclose(by_name.problem.point_stiffness[0], [3e7, 6e7, 9e7])
+
+
+def test_given_gap_is_that_of_the_points_of_the_model(full):
+    gap = np.linspace(0.0, 5e-6, 6)
+    united = full.with_(contact_points=2, gap={"left": gap})
+    np.testing.assert_allclose(np.sort(united.problem.point_gaps[:2]).mean(), gap.mean())
+    assert united.problem.point_gaps[:2].min() > 0.0
+    np.testing.assert_array_equal(united.problem.point_gaps[2:4], 0.0)
+
+
+# ---- the interface ----
+
+
+def test_effects_and_settings_are_one(full):
+    chosen = bd.Effects(harmonics=(1, 3), rotation=("Z",), blade_modes=3, contact_points=3, bias=False)
+    study = plain_study(full.model, bd.Excitation("tip"), engine_order=2).with_effects(chosen)
+    assert bd.Effects.of(study) == chosen
+    assert study.settings.harmonics == (1, 3) and study.settings.rigid_modes == ("TX", "TY", "TZ", "RZ")
+    assert bd.Effects.of(study.with_(harmonics=2)).harmonics == 2
+    assert bd.Effects.of(study.with_effects(bd.Effects.of(full))) == bd.Effects.of(full)
+
+
+def test_every_effect_has_an_assumption():
+    text = bd.Effects().describe()
+    for f in fields(bd.Effects):
+        assert f.metadata["off"] in text
+    assert "variable normal load excites them" in bd.Effects(harmonics=(1, 3)).describe()
+    assert "excites them" not in bd.Effects(harmonics=(1, 3), variable_normal_load=False).describe()
+
+
+@pytest.mark.parametrize(
+    ("name", "changed"),
+    [
+        ("bias", {"bias": False}),
+        ("variable normal load", {"variable_normal_load": False, "separation": False}),
+        ("separation", {"separation": False}),
+        ("harmonic nodal diameters", {"harmonic_nodal_diameters": False}),
+        ("constraints", {"constraints": False}),
+        ("rotation X", {"rotation": ("Y", "Z")}),
+        ("translation Z", {"translation": ("X", "Y")}),
+        ("harmonics beyond 3", {"harmonics": 3}),
+        ("harmonics beyond 1", {"harmonics": 1}),
+        ("damper modes beyond 0", {"damper_modes": 0}),
+        ("blade modes beyond 2", {"blade_modes": 2}),
+        ("contact points beyond 4", {"contact_points": 4}),
+    ],
+)
+def test_a_set_without_one_effect(name, changed):
+    whole = bd.Effects(harmonics=5, damper_modes=2)
+    assert whole.without(name) == replace(whole, **changed)
+    assert whole.without(name).without(name) == whole.without(name)
+
+
+def test_what_is_off_or_fewer_already_remains():
+    assert bd.Effects(harmonics=(1, 3)).without("harmonics beyond 3").harmonics == (1, 3)
+    assert bd.Effects(harmonics=(1, 3, 5)).without("harmonics beyond 3").harmonics == (1, 3)
+    assert bd.Effects(contact_points=3).without("contact points beyond 4").contact_points == 3
+    for name in ("gravity", "rotation", "rotation W", "harmonics beyond", "harmonics beyond all", "stability"):
+        with pytest.raises(bd.SettingError, match=r"effect: expected .* found"):
+            bd.Effects().without(name)
+
+
+def test_stability_is_judged_only_where_it_is_on(full):
+    assert full.track(1000.0, (838.0, 842.0)).stable is None
+    judged = full.with_effects(effects(full, stability=True))
+    curve = judged.track(1000.0, (838.0, 842.0))
+    assert curve.stable is not None and curve.stable.shape == (len(curve),)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"harmonics": 0}, {"harmonics": (2, 3)}, {"harmonics": "all"}, {"harmonics": (1, 1)}, {"harmonics": 1.5},
+     {"rotation": ("W",)}, {"translation": ("X", "X")}, {"contact_points": 0}],
+    ids=str,
+)
+def test_bad_effects_are_named(wrong):
+    name = next(iter(wrong))
+    with pytest.raises(bd.SettingError, match=rf"^{name}: expected .* found"):
+        bd.Effects(**wrong)
+
+
+def test_coupled_friction_brings_a_sampled_evaluation(full):
+    assert full.settings.evaluation == "exact"
+    assert isinstance(full.with_(friction_law="coupled").settings.evaluation, bd.Sampled)
+    coupled = full.with_effects(effects(full, friction_law="coupled"))
+    assert isinstance(coupled.settings.evaluation, bd.Sampled) and coupled.settings.friction_law == "coupled"
+    kept = full.with_(evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
+    assert kept.settings.evaluation == bd.Sampled(256)
+
+
+# ---- settings together ----
+
+
+@pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
+def test_bonded_points_do_not_know_of_separation(full, changes):
+    """They pull as well as they push (and have no gaps, which would be refused)."""
+    bonded = full.with_(friction_law="bonded", constraints=False)
+    plain, other = bonded.problem.system(PRELOAD), bonded.with_(**changes).problem.system(PRELOAD)
+    u = np.random.default_rng(5).normal(size=plain.n_unknowns)
+    for a, b in zip(plain.evaluate(u, 2000.0), other.evaluate(u, 2000.0)):
+        np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9 * np.abs(a).max())
+
+
+def test_modes_of_a_system_are_those_of_its_points(full):
+    """Whatever reads the equations of a system finds the motion of its points in its modes."""
+    system = full.with_(separation=False).problem.system(PRELOAD)
+    u = np.random.default_rng(6).normal(size=system.n_unknowns)
+    X, _, _ = system.contact(u)
+    for l in range(1, 4):
+        motion = np.einsum("pim,m->pi", system.structure.bases[l].G, system.layout.amplitudes(u, l))
+        np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
+
+
+def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
+    interval = (600.0, 800.0)
+    faces = {name: np.full((face.n_points, 3), 1e6) for name, face in full.model.interfaces.items()}
+    stiffness = [1e6, 2e6, bd.PerArea(1e12), bd.PerArea((1e12, 1e12, 2e12)), faces, "unit_traction"]
+    curves = [full.with_(contact_stiffness=k).free(interval) for k in stiffness]
+    for i, a in enumerate(curves):
+        assert all(a.settings != b.settings for b in curves[:i])
+    # numbers of whatever kind can be saved
+    numbers = full.with_(
+        harmonics=np.int64(2),
+        blade_modes=np.int64(3),
+        contact_points=np.int64(2),
+        evaluation=bd.Sampled(np.int64(64)),
+        damping_ratio=np.float32(0.001),
+        excitation=bd.Excitation("tip", direction=np.array([1.0, 0.0, 0.0]), amplitude=np.float32(2.0)),
+        contact_stiffness=faces,
+        gap={"left": np.linspace(0.0, 1e-6, 6)},
+    ).free(interval)
+    numbers.save(tmp_path / "curve.h5")
+    assert bd.load(tmp_path / "curve.h5").settings == numbers.settings
+    assert numbers.settings["harmonics"] == [1, 2]
+    assert numbers.settings["gap"]["left"][-1] == 1e-6
+
+
+def test_studies_can_be_keys_and_be_sent_elsewhere(full):
+    again = pickle.loads(pickle.dumps(full))
+    assert len({full, full, full.another(full.problem.with_()), again}) == 3
+    assert again.model.hash == full.model.hash
+    # to rounding, which depends on where arrays lie in memory
+    np.testing.assert_allclose(again.static(PRELOAD).force, full.static(PRELOAD).force, rtol=0.0, atol=1e-12 * PRELOAD)
+
+
+def test_a_curve_of_other_settings_is_refused(full):
+    curve = full.track(PRELOAD, (1090.0, 1110.0))
+    assert len(curve)
+    assert full.with_stability(curve).stable is not None
+    with pytest.raises(bd.SettingError, match="found one with other settings"):
+        full.with_(friction_coefficient=0.1).with_stability(curve)
+
+
+def test_linear_resonances_are_those_of_the_linear_curves(full):
+    """With residual modes, which have no inertia or that of the modes left out, as well as without."""
+    for method in ("unit_traction", "residual_modes"):
+        study = full.with_(contact_stiffness=method)
+        system, springs = study.problem.system(PRELOAD), stuck_springs(study.problem, study.static(PRELOAD))
+        low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
+        found = system.structure.linear.resonances((springs,), low, high)
+        assert len(found) >= 4
+        for omega, width, row in found:
+            near = omega + width * np.array([-1.0, 0.0, 1.0])
+            height = [abs(row @ system.structure.linear.response(w, springs)) for w in near]
+            assert height[1] / height[0] == pytest.approx(np.sqrt(2.0), rel=0.05)
+            assert height[1] / height[2] == pytest.approx(np.sqrt(2.0), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"engine_order": None}, "engine_order: expected that of the excitation"),
+        ({"engine_order": 1.5}, "engine_order: expected a whole number"),
+        ({"blade_modes": 2.5}, "blade_modes: expected a whole number"),
+        ({"damper_modes": "1"}, "damper_modes: expected a whole number"),
+        ({"gap": {"nowhere": np.zeros(3)}}, "gap: expected interfaces out of"),
+        ({"gap": {"left": np.zeros(5)}}, "gap of 'left': expected one or 6 finite numbers"),
+    ],
+    ids=str,
+)
+def test_wrong_settings_are_named_at_once(full, settings, message):
+    with pytest.raises(bd.SettingError, match=message):
+        full.with_(**settings)
+
+
+def test_whole_numbers_of_other_kinds_are_taken(full):
+    assert full.with_(blade_modes=3.0, engine_order=np.int64(2)).problem.system(PRELOAD).n_unknowns == 10 * 7
+
+
+def test_a_study_is_printed_without_its_model(full):
+    assert re.search("engine order +2", repr(full)) and len(repr(full)) < 2000
+
+
+def test_no_stuck_response_without_a_static_state(full):
+    study = full.another(full.problem.with_())
+    study.problem.static_states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
+    with pytest.raises(bd.BdamperError, match="expected a static state under 300 N, found none: lost"):
+        study.stuck((600.0, 800.0), PRELOAD)
+
+
+def test_residual_modes_are_no_bodies_that_walk(full):
+    """What is said of mean positions leaves coordinates alone that belong to no body."""
+    study = full.with_(contact_stiffness="residual_modes")
+    system, coordinates = study.problem.system(0.0), study.problem.bases[0].coordinates
+    assert any(c.body not in study.model.bodies for c in coordinates)
+    model = study.problem.coupling.model
+    y = np.append(np.zeros(system.n_unknowns), 3000.0)
+    assert why_no_solution(system, model, coordinates, y) == ""
+    moved = y.copy()
+    moved[next(k for k, c in enumerate(coordinates) if c.body not in model.bodies)] = 1.0
+    points = [
+        Correction(OK, p, np.zeros_like(p), np.ones_like(p), 1, 0.0, 0, kind=kind)
+        for p, kind in ((y, "regular"), (moved, "drift"))
+    ]
+    assert "kg^1/2 m" in notes(system, model, coordinates, points)[0]
+
+
+def test_a_peak_says_how_its_curve_ended(full):
+    peak = full.peak(1000.0, (820.0, 860.0))
+    assert peak.scan == "complete"
+    assert "higher one" not in peak.details()
+    assert (
+        "There may be a higher one, the curve ended as: incomplete (why)"
+        in replace(peak, scan="incomplete (why)").bottom_line()
+    )
+
+
+def test_no_harmonics_at_all_are_refused_by_name():
+    with pytest.raises(bd.SettingError, match="harmonics"):
+        bd.Effects().without("harmonics beyond 0")

@@ -1,0 +1,183 @@
+"""Executors that end, and several sweeps at once."""
+
+import tempfile
+import threading
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses import executors
+from bdamper.response.optimal_curve import optimal_curve
+from tests.util.test_disk import BAND, pressed
+
+ASKED = {"preload": (0.5, 5.0), "n": 6, "frequency": BAND}
+
+
+class Ends(Executor):
+    """Runs some tasks at once; then it refuses more, its tasks fail, or are cancelled."""
+
+    def __init__(self, tasks, how):
+        self.left, self.how = tasks, how
+
+    def submit(self, function, *arguments):
+        future = Future()
+        self.left -= 1
+        if self.left >= 0:
+            future.set_result(function(*arguments))
+        elif self.how == "shut down":
+            raise RuntimeError("cannot schedule new futures after shutdown")
+        elif self.how == "broken":
+            future.set_exception(BrokenExecutor("the workers\nare gone"))
+        else:
+            future.cancel()
+            future.set_running_or_notify_cancel()
+        return future
+
+
+REASONS = {
+    "shut down": "cannot schedule new futures after shutdown",
+    "broken": "the workers are gone",
+    "cancelled": "its tasks were cancelled",
+}
+
+
+def question(study, preload):
+    return {"value": 2.0 * preload}
+
+
+@pytest.mark.parametrize("how", REASONS)
+def test_points_that_were_finished_are_returned(how):
+    result = bd.sweep(pressed(), {"preload": [1.0, 2.0, 3.0, 4.0]}, question, executor=Ends(2, how))
+    assert result.status == ("complete", "complete", *[f"not run: {REASONS[how]}"] * 2)
+    assert result.array("value")[:2].tolist() == [2.0, 4.0]
+
+
+@pytest.mark.parametrize("how", REASONS)
+def test_curves_that_were_finished_are_returned(how, tmp_path):
+    whole = optimal_curve(pressed().problem, **ASKED)
+    path = tmp_path / "search.jsonl"
+    found = optimal_curve(pressed().problem, **ASKED, executor=Ends(4, how), resume=path)
+    known = np.isfinite(found.amplitude)
+    assert known.tolist() == [False] * 2 + [True] * 4  # from the highest preload down
+    np.testing.assert_array_equal(found.amplitude[known], whole.amplitude[known])
+    assert found.interrupted and found.optimum.status == f"interrupted: {REASONS[how]}"
+    assert len(path.read_text().splitlines()) == 1 + 4
+    again = optimal_curve(pressed().problem, **ASKED, resume=path)
+    np.testing.assert_array_equal(again.amplitude, whole.amplitude)
+    with pytest.raises(bd.BdamperError, match=f"^executor: expected one that takes tasks, found {REASONS[how]}$"):
+        optimal_curve(pressed().problem, **ASKED, executor=Ends(0, how))
+
+
+def test_pools_that_have_ended():
+    over = {"preload": [1.0, 2.0]}
+    with ThreadPoolExecutor(1) as pool:
+        pass
+    assert bd.sweep(pressed(), over, question, executor=pool).status == (f"not run: {REASONS['shut down']}",) * 2
+    with pytest.raises(bd.BdamperError, match="executor: expected one that takes tasks, found cannot schedule"):
+        optimal_curve(pressed().problem, **ASKED, executor=pool)
+    with ProcessPoolExecutor(1) as pool:
+        with pytest.raises(BrokenExecutor):
+            pool.submit(partial(exec, "import os; os._exit(1)")).result()
+        status = bd.sweep(pressed(), over, question, executor=pool).status
+        assert all(text.startswith("not run: ") and "process" in text for text in status)
+        with pytest.raises(bd.BdamperError, match="executor: expected one that takes tasks, found "):
+            optimal_curve(pressed().problem, **ASKED, executor=pool)
+
+
+def test_an_error_of_the_question_itself_is_not_that_of_the_executor():
+    def wrong(study, preload):
+        raise RuntimeError("of the question")
+
+    with ThreadPoolExecutor(1) as pool, pytest.raises(RuntimeError, match=r"^of the question$"):
+        bd.sweep(pressed(), {"preload": [1.0]}, wrong, executor=pool)
+
+
+def of_a_pool_that_has_ended(study, preload):
+    with ThreadPoolExecutor(1) as pool:
+        pass
+    return {"value": bd.sweep(study, {"preload": [preload]}, question, executor=pool).array("value")[0]}
+
+
+def test_an_executor_that_ends_within_a_question_fails_its_point_alone():
+    with ThreadPoolExecutor(1) as pool:
+        for executor in (None, pool):
+            result = bd.sweep(pressed(), {"preload": [1.0, 2.0]}, of_a_pool_that_has_ended, executor=executor)
+            assert result.status == (f"failed: {REASONS['shut down']}",) * 2
+
+
+def test_without_room_for_a_temporary_folder_tasks_carry_the_job(monkeypatch, tmp_path):
+    with ProcessPoolExecutor(1) as pool:
+        pool.submit(int).result()  # begins the worker before the sweep
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+        result = bd.sweep(pressed(), {"preload": [1.0, 2.0, 3.0]}, question, executor=pool)
+    assert result.complete and result.array("value").tolist() == [2.0, 4.0, 6.0]
+
+
+# ---- several sweeps at once ----
+
+
+class Meeting:
+    """A question that waits until another sweep asks one, too; it knows how often it was read from a file."""
+
+    both = threading.Barrier(2)
+    read = 0
+
+    def __init__(self, factor):
+        self.factor, self.calls = factor, 0
+
+    def __setstate__(self, state):
+        type(self).read += 1
+        self.__dict__.update(state)
+
+    def __call__(self, study, preload):
+        self.both.wait(30.0)
+        self.calls += 1
+        return {"value": self.factor * preload}
+
+
+@pytest.mark.parametrize("factors", [(2.0, 3.0), (2.0, 2.0)])
+def test_sweeps_side_by_side_keep_their_own_jobs(factors):
+    over, questions, found = {"preload": [float(k) for k in range(1, 21)]}, [Meeting(f) for f in factors], [None, None]
+    Meeting.read = 0
+
+    def ask(k):
+        with ThreadPoolExecutor(1) as pool:
+            found[k] = bd.sweep(pressed(), over, questions[k], executor=pool)
+
+    threads = [threading.Thread(target=ask, args=[k]) for k in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60.0)
+    for result, factor in zip(found, factors, strict=True):
+        assert result.complete and result.array("value").tolist() == [factor * p for p in over["preload"]]
+    if factors[0] != factors[1]:
+        assert Meeting.read == 0, "a job of this process is never read from a file"
+        assert [q.calls for q in questions] == [20, 20]
+
+
+def test_a_worker_keeps_a_few_jobs(tmp_path):
+    for k in range(3 * executors.MOST_JOBS):
+        with ThreadPoolExecutor(1) as pool:
+            assert bd.sweep(pressed(), {"preload": [1.0]}, Count(k), executor=pool).array("value").tolist() == [float(k)]
+    with ProcessPoolExecutor(1) as pool:
+        for k in range(3 * executors.MOST_JOBS):
+            bd.sweep(pressed(), {"preload": [1.0]}, Count(k), executor=pool)
+        assert pool.submit(kept).result() == executors.MOST_JOBS
+
+
+class Count:
+    """A question that tells which one it is."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def __call__(self, study, preload):
+        return {"value": float(self.number)}
+
+
+def kept():
+    return len(executors._jobs)

@@ -1,0 +1,436 @@
+"""Parameters from synthetic measurements: recovered where the model is right, bracketed where it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses import response_residuals
+from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit
+from bdamper.analyses.response_residuals import Separation, _Swept
+from bdamper.harmonic_balance.parameters import vary
+from bdamper.importers.measurements import Measured
+from bdamper.response.quasi_static_sweep import sweep_of
+from bdamper.util.errors import StaticError
+
+RANGES = {"friction_coefficient": (0.1, 0.9), "contact_stiffness_factor": (0.2, 5.0)}
+TRUE = {"friction_coefficient": 0.4, "contact_stiffness_factor": 1.3}
+LOADS = 0.5, 2.0, 6.0  # slips through, slips, mostly sticks under 1 N
+
+
+@pytest.fixture(scope="module")
+def jenkins():
+    """One mass with an elastic friction element, whose normal load is that of a second mass."""
+    contact = bd.Contact(tangential=0, normal=1, kt=1.0, kn=20.0, mu=0.5)
+    return bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, loads={1: 1.0}, harmonics=1)
+
+
+def measured(study, test, noise=0.0, seed=0):
+    """A test with the response of a study at its frequencies, found by the equations alone, and noise."""
+    f = test.data.frequency
+    study = study if test.force is None else vary(study, {"excitation.amplitude": test.force})
+    swept = _Swept(study.problem, test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
+    noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
+    response = np.array([swept.first(swept.at(at)) for at in f]) * np.exp(noise_of[0] + 1j * noise_of[1])
+    response = response if test.data.response.imag.any() else np.abs(response) + 0j
+    return bd.Test(bd.importers.Measurement(test.data.name, f, response), test.preload, test.force, test.sweep)
+
+
+def blank(preload, band, n=20, phase=True, **how):
+    unit = np.ones(n) * (1j if phase else 1.0)
+    return bd.Test(bd.importers.Measurement(f"{preload:g} N", np.linspace(*band, n), unit), preload, **how)
+
+
+@pytest.fixture(scope="module")
+def tests(jenkins):
+    truth = vary(jenkins, TRUE)
+    return [measured(truth, blank(load, (0.2, 0.32), phase=load != 2.0)) for load in LOADS]
+
+
+def test_a_jenkins_oscillator_is_recovered_without_noise(jenkins, tests):
+    found = fit(jenkins, tests, RANGES)
+    assert found.values == pytest.approx(list(TRUE.values()), rel=1e-6)
+    assert found.misfit < 1e-6 and found.status == "complete"
+    assert found.information.sum(axis=1) == pytest.approx([1.0, 1.0])
+    assert found.information[0].argmax() == 1 and found.information[1].argmax() == 2  # slip tells friction, stick stiffness
+
+
+@pytest.mark.slow
+def test_the_whole_of_the_experiment_times_three_changes_nothing(jenkins, tests):
+    """Without gaps the response is proportional to preload and force together."""
+    truth = vary(jenkins, TRUE)
+    noisy = [measured(truth, test, 0.02, i) for i, test in enumerate(tests)]
+    larger = [(t, bd.importers.Measurement(t.data.name, t.data.frequency, 3.0 * t.data.response)) for t in noisy]
+    larger = [bd.Test(data, 3.0 * t.preload, 3.0) for t, data in larger]
+    first, second = fit(jenkins, noisy, RANGES), fit(jenkins, larger, RANGES)
+    assert second.values == pytest.approx(first.values, rel=1e-6)
+    assert second.deviation == pytest.approx(first.deviation, rel=1e-4)
+    for j, name in enumerate(RANGES):  # of the right model: both intervals are alike, and hold
+        assert first.low[j] < TRUE[name] < first.high[j]
+        assert 0.6 < first.misfit < 1.4
+
+
+def test_derivatives_of_residuals(jenkins, tests):
+    objective = Objective(jenkins, tests, RANGES | {"damping_factor": (0.1, 10.0), "force_factor": (0.5, 2.0)}, 0.02)
+    x = np.log([0.45, 1.1, 1.2, 1.1])
+    exact, step = objective.jacobian(x), 1e-5
+    for j, away in enumerate(step * np.eye(4)):
+        difference = (objective.residual(x + away) - objective.residual(x - away)) / (2.0 * step)
+        assert np.abs(exact[:, j] - difference).max() < 1e-5 * np.abs(difference).max()
+
+
+def test_derivatives_of_distances_at_a_jump():
+    """Points around a fold are compared with the whole curve, with finite derivatives on either side."""
+    study = bd.lumped(1.0, 0.04, 1.0, cubic={0: 0.05}, forces={0: 0.12}, harmonics=1)
+    curve = study.track(0.0, (0.12, 0.28))
+    (jump,) = sweep_of(curve, "up").jumps
+    test = measured(study, blank(0.0, (0.97 * jump.frequency, 1.03 * jump.frequency), 25))
+    objective = Objective(study, [test], {"force_factor": (0.5, 2.0), "damping_factor": (0.5, 2.0)}, 0.02)
+    assert np.abs(objective.residual(np.zeros(2))).max() < 1e-5
+    x, step = np.log([1.01, 0.99]), 1e-6
+    exact = objective.jacobian(x)
+    near = np.abs(np.log(test.data.frequency / jump.frequency)) < 0.01
+    assert np.isfinite(exact).all() and np.abs(exact.reshape(-1, 2, 2)[near]).max() > 0.0
+    for j, away in enumerate(step * np.eye(2)):
+        difference = np.abs(objective.residual(x + away)) - np.abs(objective.residual(x - away))
+        signed = exact[:, j] * np.sign(objective.residual(x))
+        assert np.allclose(signed, difference / (2.0 * step), rtol=1e-3, atol=1e-3 * np.abs(exact[:, j]).max())
+
+
+@pytest.mark.slow
+def test_deviations_are_those_of_the_errors(jenkins):
+    """Over fifty seeds the variance of error over deviation is 1, as near as fifty tell."""
+    truth, plan = vary(jenkins, TRUE), blank(2.0, (0.21, 0.27), 15)
+    exact = measured(truth, plan)
+    ratios = []
+    for seed in range(50):
+        noise = np.random.default_rng(seed).standard_normal((2, 15)) * 0.02
+        data = bd.importers.Measurement("2 N", exact.data.frequency, exact.data.response * np.exp(noise[0] + 1j * noise[1]))
+        objective = Objective(jenkins, [bd.Test(data, 2.0)], RANGES, 0.02)
+        x = objective.least(np.log(list(TRUE.values())), np.ones(2, bool), 1e-8)
+        deviation = np.sqrt(np.diag(np.linalg.inv(objective.jacobian(x).T @ objective.jacobian(x))))
+        ratios.append((x - np.log(list(TRUE.values()))) / deviation)
+    assert (np.var(ratios, axis=0) > 0.55).all() and (np.var(ratios, axis=0) < 1.6).all()
+
+
+@pytest.mark.slow
+def test_stages_and_resonances():
+    """Damping, frequency and force gain from the response without damper; friction from resonances over load."""
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
+    truth = vary(study, {"friction_coefficient": 0.4, "damping_factor": 1.3, "frequency_factor": 1.01})
+    limit = truth.free((500.0, 700.0)).peak
+    width = 0.01 * limit.frequency
+    plan = blank(0.0, (limit.frequency - width, limit.frequency + width), 20, force=1.05)
+    free = bd.Test(measured(truth, plan).data, 0.0)  # the cell has shown 1 N of 1.05 N
+    loads = np.array([0.0, 20.0, 60.0, 200.0])
+    peaks = [limit, *(truth.peak(load) for load in loads[1:])]
+    data = Measured(loads, np.array([p.amplitude for p in peaks]), np.array([p.frequency for p in peaks]), "resonances")
+    found = fit(study, data, {"friction_coefficient": (0.2, 0.8)}, free=free)
+    assert found.names == ("damping_factor", "frequency_factor", "force_factor", "friction_coefficient")
+    assert found.values[:3] == pytest.approx([1.3, 1.01, 1.05], rel=1e-4)
+    assert np.isfinite(found.low).all() and (found.low <= found.values).all()
+    resonances = found.test == 1  # in Hz and m, as the swept response is, so that one picture shows both
+    assert found.place[resonances] == pytest.approx(data.frequency[1:], rel=1e-4)
+    assert np.abs(found.measured[resonances]) == pytest.approx(data.amplitude[1:] * found["force_factor"], rel=1e-3)
+    assert found.apply(study).settings.friction_coefficient == found["friction_coefficient"]
+
+
+def test_intervals_beside_a_richer_fit(jenkins, tests):
+    """They hold both fits and the interval of the richer one."""
+    found = fit(jenkins, tests[1], {"friction_coefficient": (0.1, 0.9)})
+    for factor in (0.8, 1.3):
+        richer = replace(
+            found, values=factor * found.values, low=0.98 * factor * found.low, high=1.02 * factor * found.high
+        )
+        both = found.beside(richer)
+        assert both.low[0] <= min(found.low[0] / max(factor, 1 / factor), richer.low[0]) * (1.0 + 1e-12)
+        assert both.high[0] >= max(found.high[0] * max(factor, 1 / factor), richer.high[0]) * (1.0 - 1e-12)
+        assert both.values == found.values and "harmonics 1" in both.notes[-1]
+    with pytest.raises(bd.SettingError, match="richer: expected a fit of"):
+        found.beside(replace(found, names=("damping_factor",)))
+
+
+class Linear(Objective):
+    """Residuals A x - b of several tests; x are the logarithms of the parameters, so statistics are closed forms."""
+
+    def parts(self, x):
+        out = []
+        for A, b in self.held["tests"]:
+            residual = np.column_stack([A @ x - b, np.zeros(len(b))])
+            slopes = np.stack([A, 0.0 * A], axis=1) / np.exp(x)
+            empty = np.ones(len(b))
+            out.append(Separation(empty, empty + 0j, empty + 0j, residual, lambda slopes=slopes: slopes, empty < 0.0))
+        return out
+
+
+def linear(jenkins, tests):
+    ranges = {name: (np.exp(-20.0), np.exp(20.0)) for name in RANGES}
+    data = [Measured(np.zeros(1), np.ones(1), np.ones(1), f"test {i}") for i in range(len(tests))]
+    return Linear(jenkins, data, ranges, 0.02, {"tests": tests})
+
+
+def drawn_tests(rng, n_tests, size, spread=1.0):
+    """Draw tests whose best parameters are near 0."""
+    return [(rng.standard_normal((size, 2)), spread * rng.standard_normal(size)) for _ in range(n_tests)]
+
+
+@pytest.mark.parametrize("spread", [0.5, 5.0])
+def test_deviations_and_intervals_count_a_misfit_beyond_the_noise(jenkins, spread):
+    """Compare the covariance with that of linear regression; residuals below the noise do not reduce it."""
+    tests = drawn_tests(np.random.default_rng(4), 3, 8, spread)
+    A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
+    best, (square,), _, _ = np.linalg.lstsq(A, b, rcond=None)
+    expected = np.sqrt(max(square / (len(b) - 2), 1.0) * np.diag(np.linalg.inv(A.T @ A)))
+    found, C = _stage(linear(jenkins, tests))
+    assert np.log(found.values) == pytest.approx(best, abs=1e-6)
+    assert found.deviation == pytest.approx(expected, rel=1e-6) and np.sqrt(np.diag(C)) == pytest.approx(expected, rel=1e-6)
+    half = np.log(found.high / found.low) / 2.0
+    if spread < 1.0:
+        assert half == pytest.approx(2.0739 * expected, rel=0.06)  # t distribution, 22 degrees of freedom
+    else:
+        assert (half > 2.0 * 2.0739 * expected).all()  # the sum of squares rises by three times its excess
+
+
+def test_tests_left_out_are_those_of_a_jackknife_by_new_fits(jenkins):
+    tests = drawn_tests(np.random.default_rng(5), 4, 6, 3.0)
+    kept = [[test for j, test in enumerate(tests) if j != i] for i in range(4)]
+    ways = [(np.concatenate([A for A, _ in some]), np.concatenate([b for _, b in some])) for some in kept]
+    each = np.array([np.linalg.lstsq(A, b, rcond=None)[0] for A, b in ways])
+    found, _ = _stage(linear(jenkins, tests))
+    assert found.left_out == pytest.approx(np.sqrt(3.0 * each.var(axis=0)), rel=1e-5)
+    assert (np.log(found.high / found.low) / 2.0 >= 3.18 * found.left_out).all()  # t distribution, 3 degrees of freedom
+
+
+def test_a_profile_follows_a_curved_valley(jenkins):
+    """Residuals x0 and 100 (x1 - x0^2): with x1 fitted again the sum of squares is x0^2, otherwise it rises at once."""
+
+    class Valley(Objective):
+        def residual(self, x):
+            return np.array([x[0], 100.0 * (x[1] - x[0] ** 2)])
+
+        def jacobian(self, x):
+            return np.array([[1.0, 0.0], [-200.0 * x[0], 100.0]])
+
+    valley = Valley(jenkins, [], {name: (np.exp(-20.0), np.exp(20.0)) for name in RANGES}, 0.02)
+    for start in (0.5, 2.0, 30.0):
+        assert _profile(valley, np.zeros(2), 0, 4.0, start) == pytest.approx([2.0, 2.0], rel=0.06)
+
+
+def test_covariance_of_a_parameter_without_effect_is_large():
+    J = np.array([[1.0, 0.0], [2.0, 0.0]])
+    assert covariance(J)[0, 0] == pytest.approx(0.2) and covariance(J)[1, 1] > 1e12
+
+
+def test_coverage_of_linear_fits(jenkins):
+    """Of 200 drawn linear fits with the right noise (seed 65) 90 to 99 % of the intervals contain the truth."""
+    rng, inside = np.random.default_rng(65), []
+    for _ in range(200):
+        found, _ = _stage(linear(jenkins, drawn_tests(rng, int(rng.integers(1, 4)), int(rng.integers(8, 17)))))
+        inside.append((found.low <= 1.0) & (found.high >= 1.0))
+    print(np.mean(inside))
+    assert 0.9 <= np.mean(inside) <= 0.99
+
+
+@pytest.mark.slow
+def test_errors_of_held_parameters_move_the_others(jenkins, tests):
+    """Compare with new fits at other values of the held parameters, by differences."""
+    ranges, step = {"friction_coefficient": (0.1, 0.9)}, 1e-3
+    alone, own = _stage(Objective(jenkins, tests[1:2], ranges, 0.02))
+    held = replace(alone, names=tuple(UNLOADED), values=np.ones(3))
+    spread = np.diag([0.02, 0.001, 0.03]) ** 2
+    found, C = _stage(Objective(jenkins, tests[1:2], ranges, 0.02), (held, spread))
+    moves = []
+    for name in UNLOADED:
+        objective = Objective(jenkins, tests[1:2], ranges, 0.02, {name: np.exp(step)})
+        moves.append(objective.least(np.log(alone.values), np.ones(1, bool))[0] / step)
+    moves = np.array(moves) - np.log(alone.values[0]) / step
+    assert C[0, 0] - own[0, 0] == pytest.approx(moves @ spread @ moves, rel=0.05)
+    widths = np.log([found.high[0] / found.low[0], alone.high[0] / alone.low[0]])
+    quantile = 2.0930  # t distribution, 19 degrees of freedom: 20 amplitudes less one parameter
+    assert widths[0] == pytest.approx(np.hypot(widths[1], 2.0 * quantile * np.sqrt(moves @ spread @ moves)), rel=0.05)
+
+
+def drawn_fit(jenkins, seed):
+    """Fit drawn synthetic tests, every fourth time with a drawn response without load; return the result and the truth."""
+    rng = np.random.default_rng(seed)
+    unloaded = seed % 4 == 0
+    true = {"friction_coefficient": rng.uniform(0.25, 0.7), "contact_stiffness_factor": np.exp(rng.uniform(-0.5, 0.7))}
+    rig = {"damping_factor": rng.uniform(0.7, 1.5), "frequency_factor": rng.uniform(0.98, 1.02)} if unloaded else {}
+    gain = rng.uniform(0.9, 1.1) if unloaded else 1.0
+    truth = vary(jenkins, true | rig | {"excitation.amplitude": gain})
+    noise = np.exp(rng.uniform(*np.log([0.005, 0.05])))
+
+    def run(load, n, phase):
+        top = truth.peak(load).frequency if load else 0.225 * rig["frequency_factor"]
+        band = (top * (1.0 - rng.uniform(0.05, 0.15)), top * (1.0 + rng.uniform(0.05, 0.15)))
+        return measured(truth, blank(load, band, n, phase=phase), noise, int(rng.integers(2**31)))
+
+    loads = np.exp(rng.uniform(*np.log([0.4, 6.0]), int(rng.integers(1, 4))))
+    runs = [run(load, int(rng.integers(8, 16)), bool(rng.integers(2))) for load in loads]
+    free = run(0.0, 12, bool(rng.integers(2))) if unloaded else None
+    ranges = {"friction_coefficient": (0.1, 1.0), "contact_stiffness_factor": (0.3, 4.0)}
+    return fit(jenkins, runs, ranges, free=free, noise=noise), true | rig | {"force_factor": gain}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::bdamper.PlausibilityWarning")
+def test_coverage_of_drawn_fits(jenkins):
+    """The first 40 of the 200 seeds of docs/fit.md."""
+    inside = []
+    for seed in range(40):
+        found, truth = drawn_fit(jenkins, seed)
+        exact = np.array([truth[name] for name in found.names])
+        inside += ((found.low <= exact) & (exact <= found.high)).tolist()
+    print(np.mean(inside), len(inside))
+    print(np.mean(inside))
+    assert 0.9 <= np.mean(inside) <= 0.99
+
+
+class TestMistakes:
+    def test_constants_are_not_carried_to_other_settings(self, jenkins, tests, tmp_path):
+        found = fit(jenkins, tests[1], {"friction_coefficient": (0.1, 0.9)})
+        found.save(tmp_path / "fit.h5")
+        again = bd.load(tmp_path / "fit.h5")
+        assert again.values == pytest.approx(found.values)
+        with pytest.raises(bd.SettingError, match="harmonics 1"):
+            again.apply(jenkins.with_(harmonics=3))
+        assert "to no other settings" in str(found).replace("\n", " ")
+
+    def test_what_the_data_cannot_tell_apart(self, jenkins, tests):
+        with pytest.raises(bd.SettingError, match="a test without load"):
+            fit(jenkins, tests, RANGES | {"frequency_factor": (0.9, 1.1)})
+        with pytest.raises(bd.SettingError, match="did you mean friction_coefficient"):
+            fit(jenkins, tests, {"friction": (0.1, 0.5)})
+        with pytest.raises(bd.SettingError, match="range of friction_coefficient"):
+            fit(jenkins, tests, {"friction_coefficient": (0.5, 0.1)})
+        with pytest.raises(bd.SettingError, match="data: expected one test or more"):
+            fit(jenkins, [], RANGES, free=tests[0])
+        with pytest.raises(bd.BdamperError, match="amplitudes above 0, found 0"):
+            bd.Test(bd.importers.Measurement("rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])), 1.0)
+
+    def test_mistakes_of_the_settings_are_raised(self, tests):
+        """The model carries no load, so its preload is 0; formerly each point counted as lost and friction was "0.5"."""
+        contact = bd.Contact(tangential=0, normal=1, kt=1.0, kn=20.0, mu=0.5)
+        study = bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, harmonics=1)
+        with pytest.raises(bd.SettingError, match=r"preload: expected 0.*found 0.5 N"):
+            fit(study, tests[0], {"friction_coefficient": (0.1, 0.9)})
+
+    def test_a_parameter_without_effect_is_not_determined(self, jenkins, tests):
+        """Friction has no effect without a preload, nor has it alongside a parameter that has one."""
+        plan = blank(0.0, (0.2, 0.25))
+        free = measured(vary(jenkins, {"damping_factor": 1.2}), plan, 0.02)
+        ranges = {"friction_coefficient": (0.1, 0.9), "damping_factor": (0.5, 2.0)}
+        found = fit(jenkins, free, ranges)
+        assert [found.low[0], found.high[0]] == pytest.approx([0.1, 0.9]) and np.isinf(found.deviation[0])
+        assert "riction coefficient not determined by these data (0.1 to 0.9)" in found.bottom_line()
+        assert "friction coefficient not determined by these data" in found.status
+        assert 1.1 < found.low[1] < 1.2 < found.high[1] < 1.3  # damping is known
+
+    def test_failures_of_the_solver_are_counted(self, jenkins, tests, monkeypatch):
+        track = response_residuals.track
+
+        def fails(problem, preload, band):
+            if preload == LOADS[0]:
+                raise StaticError("no static state")
+            return track(problem, preload, band)
+
+        monkeypatch.setattr(response_residuals, "track", fails)
+        found = fit(jenkins, tests[:2], {"friction_coefficient": (0.1, 0.9)})
+        assert found["friction_coefficient"] == pytest.approx(0.4, rel=0.2)
+        assert "no response was found at 20 points of 0.5 N (0.5 N, up) (no static state)" in found.status
+        with pytest.raises(bd.BdamperError, match=r"no response could be computed .*no static state"):
+            fit(jenkins, tests[0], {"friction_coefficient": (0.1, 0.9)})
+
+    @pytest.mark.parametrize("factor", [1e3, 1e-6])
+    def test_wrong_units_are_named_first(self, jenkins, tests, factor):
+        data = bd.importers.Measurement("rig", tests[1].data.frequency, factor * tests[1].data.response)
+        found = fit(jenkins, bd.Test(data, 2.0), {"friction_coefficient": (0.1, 0.9)})
+        line = found.bottom_line().partition(".  ")[0]
+        assert line.startswith("The model does not describe these data (misfit ")
+        assert f"amplitudes are about {factor:g} times those of the model: check the units" in line
+        assert "the model does not describe these data" in found.status
+
+    @pytest.mark.slow
+    def test_what_the_free_response_tells_is_not_asked_of_the_others(self, jenkins, tests):
+        """Which is refused once the free response was fitted."""
+        with pytest.raises(bd.SettingError, match="beside those that are found from the free response"):
+            fit(jenkins, tests, {"damping_factor": (0.5, 2.0)}, free=tests[0])
+
+    def test_an_end_of_a_range_is_told(self, jenkins, tests):
+        found = fit(jenkins, tests[1], {"friction_coefficient": (0.45, 0.9)})
+        assert "friction coefficient is at an end of its range" in found.status
+
+    def test_probabilities(self, jenkins, tests):
+        objective = Objective(jenkins, tests[:1], RANGES, 0.02)
+        best, worse = objective.log_probability([0.4, 1.3]), objective.log_probability([0.41, 1.3])
+        assert best == pytest.approx(0.0, abs=1e-9) and worse < best
+        assert objective.log_probability([0.95, 1.3]) == -np.inf
+
+
+@pytest.mark.slow
+def test_a_rich_truth_fitted_with_a_coarse_model():
+    """24 contact points, ten modes and five harmonics, fitted with nine points, four modes and one harmonic.
+
+    Three loads are fitted, the test without damper first; three others are predicted.
+    """
+    rig, whole = bd.reference_model("test_rig"), {"contact_stiffness": "unit_traction"}
+    rich = bd.Study(rig, bd.Excitation("tip"), friction_coefficient=0.45, harmonics=5, blade_modes=10, **whole)
+    truth = vary(rich, {"contact_stiffness_factor": 0.6, "frequency_factor": 1.01, "damping_ratio": 0.003})
+    loaded = vary(truth, {"excitation.amplitude": 1.05})  # the load cell has shown 1 N
+    top = truth.free((240.0, 320.0)).peak.frequency
+    peaks = {load: loaded.peak(load) for load in (60.0, 120.0, 250.0, 500.0, 2000.0, 4000.0)}
+    plans = [blank(0.0, (0.976 * top, 1.024 * top), 40)]
+    plans += [blank(p, (0.93 * peaks[p].frequency, 1.07 * peaks[p].frequency), 40) for p in (60.0, 500.0, 4000.0)]
+    runs = [measured(loaded, plan, 0.02, seed) for seed, plan in enumerate(plans)]
+    coarse = bd.Study(
+        rig, bd.Excitation("tip"), harmonics=1, blade_modes=4, contact_points=9, damping_ratio=0.005, **whole
+    )  # fmt: skip
+    ranges = {"friction_coefficient": (0.1, 0.9), "contact_stiffness_factor": (0.1, 10.0)}
+    found = fit(coarse, runs[1:], ranges, free=runs[0])
+    print(found.values, found.low, found.high, found.left_out, found.misfits)
+    assert found["damping_factor"] == pytest.approx(0.6, rel=0.02)
+    assert found["frequency_factor"] == pytest.approx(1.01, rel=1e-4)
+    assert found["force_factor"] == pytest.approx(1.05, rel=0.02)
+    j = found.names.index("friction_coefficient")
+    assert found.low[j] < 0.45 < found.high[j]
+    assert found.misfit > 3.0 and "the model is wrong by more than the noise" in found.bottom_line()
+    assert "True constants may lie outside" in found.bottom_line()
+    assert found["contact_stiffness_factor"] > 1.0  # not 0.6: it makes up for what the coarse model leaves out
+    assert "contact points 9" in found.bottom_line()
+    with pytest.raises(bd.SettingError, match="contact points 9"):
+        found.apply(rich)
+    best = vary(found.apply(coarse), {"excitation.amplitude": found["force_factor"]})
+    misses = {load: best.peak(load).amplitude / peaks[load].amplitude - 1.0 for load in (120.0, 250.0, 2000.0)}
+    print(misses)
+    assert all(abs(miss) < 0.15 for miss in misses.values()), misses
+
+
+def several(sliders, spread, harmonics):
+    """The oscillator with sliders side by side that share its normal load unequally."""
+    share = np.exp(spread * np.linspace(-1.0, 1.0, sliders))
+    contacts = [bd.Contact(tangential=0, normal=1, kt=1.0 / sliders, kn=20.0 * s / share.sum(), mu=0.5) for s in share]
+    forced = {"forces": {0: 1.0}, "loads": {1: 1.0}}
+    return bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=contacts, harmonics=harmonics, **forced)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::bdamper.PlausibilityWarning")
+@pytest.mark.parametrize("seed", [101, 102, 103])
+def test_friction_of_a_rich_truth_under_drawn_loads(jenkins, seed):
+    """Four unequal sliders and five harmonics, fitted with one slider and one harmonic.
+
+    Numbers of loads, loads, friction, stiffness and inequality are drawn, the first three draws are kept.
+    """
+    rng = np.random.default_rng(seed)
+    loads = np.sort(np.exp(rng.uniform(*np.log([0.3, 12.0]), int(rng.integers(3, 6)))))
+    mu, stiffness, spread = rng.uniform(0.3, 0.6), np.exp(rng.uniform(*np.log([0.5, 2.0]))), rng.uniform(0.5, 1.5)
+    truth = vary(several(4, spread, 5), {"friction_coefficient": mu, "contact_stiffness_factor": stiffness})
+    runs = []
+    for load in loads:
+        top = truth.peak(load).frequency
+        runs.append(measured(truth, blank(load, (0.9 * top, 1.1 * top), 21), 0.02, int(rng.integers(1000))))
+    found = fit(jenkins, runs, {"friction_coefficient": (0.05, 3.0), "contact_stiffness_factor": (0.1, 10.0)})
+    print(mu, found.low[0], found.values[0], found.high[0], found.misfit)
+    assert found.low[0] < mu < found.high[0]
+    assert found.misfit > 1.5 and "True constants may lie outside" in found.bottom_line()

@@ -1,0 +1,157 @@
+"""Contact stiffness and friction of loops, against sliders added up one by one."""
+
+import re
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses.loop_fit import read_loop
+
+KT, MU, NORMAL = 4e7, 0.45, 100.0
+REACH = MU * NORMAL / KT
+
+
+def marched(x, spread, kt=KT, mu=MU, sliders=400):
+    """Force of sliders in parallel over a history of displacement that begins at rest."""
+    limits = mu * NORMAL / sliders * (1.0 + spread * np.linspace(-1.0, 1.0, sliders))
+    stretch, before, out = np.zeros(sliders), 0.0, np.empty(len(x))
+    for i, at in enumerate(x):
+        stretch = np.clip(stretch + (at - before) * kt / sliders, -limits, limits)
+        before, out[i] = at, stretch.sum()
+    return out
+
+
+def loop(spread, swing, n=200, kt=KT, mu=MU):
+    """One period of a settled loop: the second of two."""
+    x = swing * np.cos(2.0 * np.pi * np.arange(n) / n)
+    return x, marched(np.tile(x, 2), spread, kt, mu)[n:]
+
+
+@pytest.mark.parametrize("slip", [1.3, 3.0])
+def test_spread_sliders_are_found_again(slip):
+    x, force = loop(0.6, slip * REACH)
+    noise = np.random.default_rng(0).standard_normal(len(x)) * 0.02 * MU * NORMAL
+    found = bd.fit_loop(x, force + noise + 3.0, normal=NORMAL)
+    assert found.kt == pytest.approx(KT, rel=0.02) and found.mu == pytest.approx(MU, rel=0.02)
+    assert found.spread == pytest.approx(0.6, abs=0.1) and found.status == "complete"
+    assert abs(found.mu - MU) < 4.0 * found.deviation[1] and abs(found.kt - KT) < 4.0 * found.deviation[0]
+    alone = bd.fit_loop(x, force + noise, normal=NORMAL, sliders=1)
+    assert alone.kt < 0.97 * KT and alone.misfit > 1.5 * found.misfit  # one slider makes the contact too soft
+
+
+def test_noise_on_the_displacement_is_no_friction():
+    """Noise of 2 % of the swing, 1,000 points; sliders driven by the noisy displacement give mu 6.9 % too high."""
+    x, force = loop(0.3, 9e-6, 1000, 1e7, 0.3)
+    rng = np.random.default_rng(1)
+    found = bd.fit_loop(x + 0.02 * 9e-6 * rng.standard_normal(1000), force + 0.6 * rng.standard_normal(1000), normal=NORMAL)
+    assert found.noise == pytest.approx([1.8e-7, 0.6], rel=0.15)
+    assert found.mu == pytest.approx(0.3, rel=0.005) and found.kt == pytest.approx(1e7, rel=0.03)
+    assert found.deviation[1] < 0.005 * 0.3 and found.status == "complete" and found.misfit < 0.01
+
+
+@pytest.mark.slow
+def test_deviations_of_ten_drawn_loops():
+    """The error over 20 draws of the noise, bias included, is at most twice the stated deviation (seeds 0 to 9)."""
+    ratios = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        kt, mu = 10.0 ** rng.uniform(6.0, 9.0), rng.uniform(0.1, 0.8)
+        spread, slip = rng.uniform(0.0, 0.9), rng.uniform(1.5, 5.0)
+        n, (nx, ny) = int(rng.integers(200, 1500)), 10.0 ** rng.uniform(-3.0, np.log10(0.03), 2)
+        swing = slip * mu * NORMAL / kt
+        x, force = loop(spread, swing, n, kt, mu)
+        found = []
+        for _ in range(20):
+            noisy = x + nx * swing * rng.standard_normal(n), force + ny * mu * NORMAL * rng.standard_normal(n)
+            found.append(bd.fit_loop(*noisy, normal=NORMAL))
+        errors = np.array([[f.kt - kt, f.mu - mu, f.spread - spread] for f in found])
+        ratios.append(np.sqrt((errors**2).mean(axis=0)) / np.median([f.deviation for f in found], axis=0))
+        print(seed, ratios[-1])
+    assert np.max(ratios) < 2.0
+
+
+class TestRecords:
+    """What is judged before the fit."""
+
+    x, force = loop(0.3, 3.0 * REACH)
+
+    def test_start_and_stop_are_left_out(self):
+        """Ten periods whose amplitude rises and falls, and three that begin at rest with the full amplitude."""
+        t = np.linspace(0.0, 20.0 * np.pi, 3000)
+        x = 3.0 * REACH * np.clip(np.minimum(t, t[-1] - t) / (4.0 * np.pi), 0.0, 1.0) * np.sin(t)
+        found = bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
+        assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.02)
+        assert found.status == "complete" and len(found.force) < 2000
+        assert re.match(rf"fitted to {len(found.force)} of 3000 points, those of periods of full", found.notes[0])
+        x = 3.0 * REACH * np.sin(np.linspace(0.0, 6.0 * np.pi, 600))
+        found = bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
+        assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.01)
+
+    def test_a_coarse_converter(self):
+        """Steps of 1 % of the swing give equal values next to the turning points, with others between them."""
+        step = 0.03 * REACH
+        jitter = np.random.default_rng(2).uniform(-0.6, 0.6, 800) * step
+        x, force = loop(0.3, 3.0 * REACH, 800)
+        x, force = np.roll(x, 200), np.roll(force, 200)
+        coarse = np.minimum(np.round((x + jitter) / step) * step, 3.0 * REACH)
+        found = bd.fit_loop(coarse, force, normal=NORMAL)
+        assert found.mu == pytest.approx(MU, rel=0.01) and found.kt == pytest.approx(KT, rel=0.03)
+        assert len(found.force) == 800
+
+    @pytest.mark.parametrize("signs", [(-1.0, 1.0), (1.0, -1.0)])
+    def test_signs(self, signs):
+        with pytest.raises(bd.SettingError, match="energy that is supplied; change the sign of the force"):
+            bd.fit_loop(signs[0] * self.x, signs[1] * self.force, normal=NORMAL)
+
+    def test_direction(self):
+        with pytest.raises(bd.SettingError, match="energy that is supplied; reverse the order of the points"):
+            bd.fit_loop(self.x[::-1], self.force[::-1], normal=NORMAL)
+        both = "negative stiffness; change the sign of the force and reverse the order"
+        with pytest.raises(bd.SettingError, match=both):
+            bd.fit_loop(self.x[::-1], -self.force[::-1], normal=NORMAL)
+
+    def test_drift(self):
+        drift = np.linspace(0.0, 1.0, len(self.x))
+        with pytest.raises(bd.SettingError, match=r"displacement: expected a closed period .*remove drift"):
+            bd.fit_loop(self.x + 3.0 * REACH * drift, self.force, normal=NORMAL)
+        with pytest.raises(bd.SettingError, match=r"force: expected a closed period .*remove drift"):
+            bd.fit_loop(self.x, self.force + MU * NORMAL * drift, normal=NORMAL)
+        periods, drift = np.tile(self.x, 6), np.linspace(0.0, 1.0, 6 * len(self.x))
+        with pytest.raises(bd.SettingError, match=r"displacement: expected a closed period .*no full period"):
+            bd.fit_loop(periods + 3.0 * REACH * drift, np.tile(self.force, 6), normal=NORMAL)
+
+    def test_a_part_of_a_period_and_first_loading(self):
+        with pytest.raises(bd.SettingError, match=r"displacement: expected a closed period"):
+            bd.fit_loop(self.x[:150], self.force[:150], normal=NORMAL)
+        x = 3.0 * REACH * np.sin(np.linspace(0.0, 2.0 * np.pi, 200))
+        with pytest.raises(bd.SettingError, match=r"force: expected a closed period"):
+            bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
+        with pytest.raises(bd.SettingError, match="0 turning points and no full period"):
+            bd.fit_loop(x[:50], marched(x[:50], 0.3), normal=NORMAL)
+
+    def test_a_loop_that_sticks_is_refused(self):
+        x = 1e-7 * np.cos(np.linspace(0.0, 2.0 * np.pi, 50))
+        with pytest.raises(bd.SettingError, match=r"sticks|slip"):
+            bd.fit_loop(x, KT * x, normal=NORMAL)
+
+
+def test_another_law_is_not_described():
+    """A loop whose friction limit follows the displacement, as under a varying normal load."""
+    x, force = loop(0.0, 3.0 * REACH)
+    found = bd.fit_loop(x, force * (1.0 + 0.5 * x / x.max()), normal=NORMAL)
+    assert found.misfit > 0.05 and found.status.startswith("incomplete: the model does not describe this loop (misfit ")
+    assert found.bottom_line().startswith("The model does not describe this loop")
+
+
+def test_from_a_file(tmp_path):
+    x, force = loop(0.3, 2.0 * REACH)
+    path = tmp_path / "loop.csv"
+    rows = "\n".join(f"{1e6 * a:.9g},{b:.9g}" for a, b in zip(x, force))
+    path.write_text(f"# synthetic\ndisplacement (um),force (N)\n{rows}\n")
+    found = bd.fit_loop(*read_loop(path), normal=NORMAL)
+    assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.02)
+    assert "friction coefficient 0.45" in str(found).replace("\n", " ")
+    path.write_text("displacement (um),force (lbf)\n1,2\n")
+    with pytest.raises(bd.BdamperError, match=r"column 'force': expected its unit .* \['N', 'kN'\], .* 'lbf'"):
+        read_loop(path)

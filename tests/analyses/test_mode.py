@@ -1,0 +1,247 @@
+"""Nonlinear modes beside closed forms, an exact solution and an independent program."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses.nonlinear_mode import mode_system
+from bdamper.plot import save_figure
+from tests.modes import jenkins, wedge
+
+TWO_PI = 2.0 * np.pi
+FINE = bd.ContinuationOptions(tolerance=1e-12)
+
+
+def oscillator(harmonics, **settings):
+    contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
+    return bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=harmonics, **settings)
+
+
+def test_one_harmonic_is_the_closed_form():
+    mode = oscillator(1).nonlinear_mode(0.0, 1, (1e-3, 100.0), options=FINE)
+    assert mode.complete and mode.linear_to == pytest.approx(1.0, rel=1e-8)
+    assert mode.amplitude[[0, -1]] == pytest.approx([1e-3, 100.0], rel=1e-12)
+    omega, zeta = np.transpose([jenkins.closed_form(a) for a in mode.amplitude])
+    np.testing.assert_allclose(TWO_PI * mode.frequency, omega, rtol=1e-10)
+    np.testing.assert_allclose(mode.damping_ratio, zeta, rtol=1e-10)
+    # the largest damping is a point of the curve, where the closed form has its maximum
+    top = mode.point_kind.index("maximum")
+    a = mode.amplitude[top]
+    assert top == np.argmax(mode.damping_ratio)
+    assert max(jenkins.closed_form(a * s)[1] for s in (0.999, 1.001)) < mode.damping_ratio[top]
+
+
+def test_many_harmonics_are_the_exact_solution():
+    mode = oscillator(tuple(range(1, 22, 2))).nonlinear_mode(0.0, 1, (1.5, 20.0), options=FINE)
+    worst = []
+    for i in range(0, len(mode), 6):
+        omega, zeta = jenkins.exact(mode.amplitude[i])
+        worst.append([TWO_PI * mode.frequency[i] / omega - 1.0, mode.damping_ratio[i] / zeta - 1.0])
+    assert len(worst) > 5
+    assert np.abs(worst).max() < 1e-5
+    one = [jenkins.closed_form(a)[1] / jenkins.exact(a)[1] - 1.0 for a in (3.0, 6.0)]
+    assert min(map(abs, one)) > 1e-3  # what one harmonic is off by
+
+
+def test_all_losses_are_balanced():
+    """The power of the force in proportion to mass is that of friction and of viscous damping."""
+    study = wedge.study(0.5, 3)
+    mode = study.nonlinear_mode(wedge.LOAD, 3, (1e-6, 1e-3), options=FINE)
+    system = study.problem.system(wedge.LOAD)
+    l = np.arange(1, 4)
+    for i in range(0, len(mode), 10):
+        X, F, _ = system.contact(mode.unknowns[i])
+        friction = np.pi * (l * (F[..., 1::2] * X[..., 2::2] - F[..., 2::2] * X[..., 1::2])).sum()
+        omega, power = TWO_PI * mode.frequency[i], np.zeros(2)
+        for k in l:
+            basis, a = system.structure.bases[k], np.abs(system.layout.amplitudes(mode.unknowns[i], k)) ** 2
+            power += np.pi * k**2 * omega * np.array([a @ basis.mass, a @ basis.damping])
+        given = 2.0 * omega * mode.damping_ratio[i] * power[0]
+        assert friction + power[1] == pytest.approx(given, rel=1e-9), i
+
+
+def test_one_curve_serves_all_preloads():
+    study = wedge.study(0.5, 3)
+    one, other = (study.nonlinear_mode(p, 2, (p * 1e-8, p * 1e-5)) for p in (120.0, 30.0))
+    assert one.scales_to == np.inf and one.complete and len(one.folds) == 6
+    scaled = one.at_preload(30.0)
+    assert len(scaled) == len(other) and scaled.preload == 30.0
+    for name in ("amplitude", "frequency", "damping_ratio"):
+        np.testing.assert_allclose(getattr(scaled, name), getattr(other, name), rtol=1e-6, err_msg=name)
+    residual = [
+        np.abs(study.problem.system(30.0).evaluate(u, TWO_PI * f)[0][: study.problem.system(30.0).n_mean]).max()
+        for u, f in zip(scaled.unknowns, scaled.frequency)
+    ]
+    assert max(residual) < 1e-6 * 30.0
+    # gaps count once they close
+    study = bd.Study(
+        bd.reference_model("turbine_blade"), bd.Excitation("tip", "tangential"), engine_order=5, friction_coefficient=0.3
+    )
+    assert study.problem.static_system.n0.min() < 0.0
+    mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-5))
+    assert 100.0 < mode.scales_to < np.inf
+    with pytest.raises(bd.SettingError, match="that scales to"):
+        mode.at_preload(2.0 * mode.scales_to)
+    mode = oscillator(1).nonlinear_mode(0.0, 1, (0.5, 2.0))
+    assert mode.scales_to == 0.0
+    with pytest.raises(bd.SettingError, match="found one that does not scale"):
+        mode.at_preload(10.0)
+
+
+def test_a_constant_force_keeps_a_mode_at_its_preload():
+    """A force that does not grow with the preload changes the static state otherwise."""
+    study = wedge.study(0.5, 1)
+    name, body = next(iter(study.model.bodies.items()))
+    force = 1e-3 * np.arange(1.0, 1.0 + body.bases[0].n_modes)
+    model = replace(study.model, bodies=study.model.bodies | {name: replace(body, constant_force=force)})
+    pushed = study.with_(model=model)
+    assert pushed.problem.static_system.constant_force.any()
+    assert study.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == np.inf
+    assert pushed.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == 0.0
+
+
+def test_motions_that_damping_ends_at_once_are_named():
+    """A damping ratio of 0.6 without friction: no mode vibrates so."""
+    mode = bd.lumped(1.0, 1.2, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0}, harmonics=1)
+    found = mode.nonlinear_mode(0.0, 1, (2.0, 100.0))
+    assert not found.complete and found.damping_ratio.max() > 0.5
+    a = found.amplitude[np.argmax(found.damping_ratio > 0.5)]
+    assert f"damping is above 0.5 from {a:.6g} m on" in found.reason
+    light = oscillator(1).nonlinear_mode(0.0, 1, (2.0, 100.0))
+    assert light.complete and "damping" not in light.reason
+
+
+def test_steps_and_directions_change_nothing():
+    study, ends = wedge.study(0.5, 1), (1e-5, 4e-4)
+    short, long = (
+        study.nonlinear_mode(wedge.LOAD, 3, ends, options=bd.ContinuationOptions(max_step=step, step=0.05))
+        for step in (0.06, 0.3)
+    )
+    assert len(short) > 1.5 * len(long)
+    for a in (9e-5, 1.5e-4, 2.2e-4):
+        one, other = short.at(a), long.at(a)  # interpolated
+        assert len(one) == len(other) == 3, a
+        exact = [polished(study, mode, a) for mode in (short, long)]
+        np.testing.assert_allclose(*exact, rtol=1e-8)
+
+
+def own_modes(mu, harmonics, ends):
+    """The branch as the program of the tests follows it, and the points of it at an amplitude."""
+    program = wedge.Program(mu, harmonics)
+    points = program.branch(program.start(*program.stuck(2), ends[0]), ends[1])
+
+    def at(amplitude):
+        found, a = [], points[:, -1] - np.log(amplitude)
+        for i in np.flatnonzero(a[:-1] * a[1:] <= 0.0):
+            for part in (a[i] / (a[i] - a[i + 1]), 0.0, 1.0):  # between both, or from either
+                guess = points[i] + part * (points[i + 1] - points[i])
+                guess[-1] = np.log(amplitude)
+                if (solved := program.newton(guess, np.eye(len(guess))[-1], 20)) is not None:
+                    break
+            found.append((1e3 * solved[0][-3] / TWO_PI, solved[0][-2]))
+        return found
+
+    return at
+
+
+def polished(study, mode, amplitude):
+    """All motions of a mode at an amplitude, by the equations at this amplitude."""
+    system, _ = mode_system(study.problem, mode.preload, mode.mode, float(mode.amplitude.min()))
+    a, found = np.log(mode.amplitude / amplitude), []
+    for i in np.flatnonzero(a[:-1] * a[1:] <= 0.0):
+        near = ((mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1))
+        ends = [system.structure.point(*one) for one in near]
+        guess = ends[0] + a[i] / (a[i] - a[i + 1]) * (ends[1] - ends[0])
+        c = system.correct_at(guess[:-1], np.log(amplitude / system.structure.reference), np.abs(guess) + 1e-9, 1e-11, 20)
+        assert c.status == 0
+        found.append((c.y[-3] / TWO_PI, c.y[-2]))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("harmonics", [1, 2, 3])
+@pytest.mark.parametrize("mu", [0.3, 0.5, 0.8])
+def test_the_planar_wedge_as_an_independent_program_has_it(mu, harmonics):
+    """Through both folds: the same motions, three at one amplitude, and the same frequency and damping of each."""
+    study, ends = wedge.study(mu, harmonics), (3e-5, 4e-4)
+    at = own_modes(mu, harmonics, ends)
+    mode = study.nonlinear_mode(wedge.LOAD, 3, ends)
+    assert len(mode.folds) == 2
+    for amplitude in (5e-5, 1.3e-4, 2e-4, 2.7e-4, 3.8e-4):
+        one, other = at(amplitude), polished(study, mode, amplitude)
+        assert len(one) == len(other) and (len(one) == 3 or not 1.2e-4 < amplitude < 2.8e-4), amplitude
+        np.testing.assert_allclose(other, one, rtol=1e-6, err_msg=str(amplitude))
+
+
+@pytest.mark.slow
+def test_a_motion_on_no_branch_through_a_mode_solves_the_equations_of_both_programs():
+    """It is not looked for: the branch has three others at this amplitude."""
+    study, amplitude, random = wedge.study(0.3, 1), 2e-4, np.random.default_rng(0)
+    mode = study.nonlinear_mode(wedge.LOAD, 3, (3e-5, 4e-4))
+    system, _ = mode_system(study.problem, wedge.LOAD, 3, 3e-5)
+    known = zip(mode.unknowns, mode.frequency, mode.damping_ratio)
+    points = [system.structure.point(u, TWO_PI * f, z) for u, f, z in known]
+    known = polished(study, mode, amplitude)
+    for _ in range(2000):  # Newton's method from anywhere
+        a, b = (points[i] for i in random.integers(len(points), size=2))
+        guess = (a + random.uniform(-0.5, 1.5) * (b - a)) * (1.0 + 0.3 * random.standard_normal(len(a)))
+        guess[-3:] = a[-3] * random.uniform(0.9, 1.1), a[-2], np.log(amplitude / system.structure.reference)
+        c = system.correct_at(guess[:-1], guess[-1], np.abs(guess) + 1e-9, 1e-11, 60, True)
+        found = c.y[-3] / TWO_PI, c.y[-2]
+        if c.status == 0 and found == pytest.approx((218.416, 0.00828), rel=1e-3):
+            break
+    assert len(known) == 3 and all(abs(f / found[0] - 1.0) > 1e-3 for f, _ in known)
+    u, own = system.structure.motion(c.y[None])[0], wedge.Program(0.3, 1)
+    at = [study.with_(response=bd.Response(f"x{i}")).problem.system(wedge.LOAD).response(u) for i in range(6)]
+    turned = np.array(at) * [1.0, 1.0 / at[0][1]]  # over the first, which becomes a cosine of 1
+    x = np.stack([turned[:, 0].real, turned[:, 1].real, -turned[:, 1].imag], axis=1)
+    z = np.concatenate([x.ravel(), [1e-3 * c.y[-3], c.y[-2], np.log(amplitude)]])
+    assert np.abs(own.residuals(z[None])).max() < 1e-7
+
+
+def test_the_planar_wedge_begins_to_slip_as_an_independent_program_has_it():
+    mode = wedge.study(0.5, 3).nonlinear_mode(wedge.LOAD, 3, (3e-5, 5e-5))
+    ((frequency, damping),) = own_modes(0.5, 3, (4.4e-5, 4.5e-5))(4.45e-5)
+    ((other, zeta),) = polished(wedge.study(0.5, 3), mode, 4.45e-5)
+    assert damping > 0.01
+    assert (other, zeta) == pytest.approx((frequency, damping), rel=1e-6)
+
+
+def test_modes_of_the_model_print_plot_and_save(tmp_path):
+    study = bd.Study(
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip", "tangential", 1.0),
+        engine_order=5,
+        friction_coefficient=0.3,
+    )
+    mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-4))
+    assert mode.complete and mode.correlation.min() > 0.98
+    assert mode.damping_ratio.max() == pytest.approx(0.0252, abs=1e-4)
+    first = mode.bottom_line()
+    assert first.startswith("Damping of mode 1 under a preload of 100 N: at most 2.52 %, with 73.5 µm at 660 Hz")
+    assert str(mode).startswith(first[:80]) and "folds" in mode.details()
+    upper, lower = mode.plot()
+    for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
+        line, folds = axes.lines
+        np.testing.assert_allclose(line.get_xydata(), np.column_stack([mode.amplitude, values]))
+        assert len(folds.get_xdata()) == len(mode.folds)
+    save_figure((upper, lower), tmp_path / "mode.png")
+    mode.save(tmp_path / "mode.h5")
+    again = bd.load(tmp_path / "mode.h5")
+    assert str(again) == str(mode) and again.at(1e-4) == mode.at(1e-4)
+    assert {"frequency", "damping_ratio", "amplitude", "correlation", "kind"} <= set(mode.columns())
+
+
+def test_what_does_not_fit_is_named():
+    study = wedge.study(0.5, 1)
+    with pytest.raises(bd.SettingError, match="mode: expected"):
+        study.nonlinear_mode(wedge.LOAD, 9, (1e-6, 1e-4))
+    with pytest.raises(bd.SettingError, match=r"amplitude: expected \(low, high\) in m"):
+        study.nonlinear_mode(wedge.LOAD, 1, (1e-4, 1e-6))
+    two = bd.lumped(
+        [1.0, 1.0], 0.0, [1.0, 4.0], contacts=[bd.Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, response=0
+    )
+    with pytest.raises(bd.SettingError, match="mode 2 moves"):
+        two.nonlinear_mode(0.0, 2, (0.1, 1.0))

@@ -1,0 +1,651 @@
+"""Sweeps on any executor, results files that survive being killed, samples and percentiles."""
+
+import json
+import os
+import pickle
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import bdamper as bd
+from bdamper.analyses.executors import work
+from bdamper.analyses.sweep import OptimalTask, PeakTask
+from bdamper.harmonic_balance.parameters import study_fingerprint
+from bdamper.response.continuation import Follower
+from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.highest_peak import highest_peak
+from bdamper.response.optimal_curve import optimal_curve
+from bdamper.util.progress import LongWork
+from tests.models import ground_model
+from tests.plain import PLAIN, plain_study
+
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model(contact_points=9)
+    return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+
+
+MPI_SCRIPT = """
+import json
+from mpi4py.futures import MPIPoolExecutor
+import bdamper as bd
+
+if __name__ == "__main__":
+    model = bd.reference_model(contact_points=9)
+    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3, **{plain})
+    with MPIPoolExecutor() as pool:
+        print(json.dumps(bd.sweep(study, over={over}, frequency={interval}, executor=pool).values))
+"""
+OVER = {"friction_coefficient": [0.2, 0.3, 0.5], "preload": [800.0, 2000.0]}
+
+
+@pytest.fixture(scope="module")
+def serial(study):
+    return bd.sweep(study, over=OVER, frequency=INTERVAL)
+
+
+def answers(result):
+    return json.dumps(result.values)
+
+
+def residual_norm(study, preload):
+    """A quick question: size of the residual at rest."""
+    system = study.problem.system(preload)
+    r, _, _ = system.evaluate(np.full(system.n_unknowns, 1e-7), 2000.0)
+    return {"norm": float(np.linalg.norm(r)), "list": [float(r[0]), float(r[-1])]}
+
+
+def quick_question(study, preload):
+    return {"value": study.settings.friction_coefficient * preload, "note": "x" * 200}
+
+
+def slow_question(study, preload):
+    time.sleep(0.004)
+    return quick_question(study, preload)
+
+
+def stopping_question(study, preload):
+    """Ctrl-C at 300 N."""
+    if preload == 300.0:
+        raise KeyboardInterrupt
+    return {"value": preload}
+
+
+def part_so_far(study, preload):
+    """Ctrl-C within work that returns what it has by then, from 300 N."""
+    with LongWork():
+        stopping_question(study, preload)
+    return {"value": preload}
+
+
+def deadly_question(study, preload):
+    """The end of the worker at 300 N."""
+    if preload == 300.0:
+        os._exit(1)
+    return {"value": preload}
+
+
+class Few(Executor):
+    """Runs some tasks at once, and then breaks."""
+
+    def __init__(self, tasks):
+        self.left = tasks
+
+    def submit(self, function, *arguments):
+        future = Future()
+        self.left -= 1
+        if self.left < 0:
+            future.set_exception(BrokenExecutor("the workers are gone"))
+        else:
+            future.set_result(function(*arguments))
+        return future
+
+
+
+
+class TestAnswers:
+    def test_each_point_is_what_the_study_gives_alone(self, study, serial):
+        assert serial.complete
+        assert serial.shape == (3, 2)
+        amplitude = serial.array("amplitude")
+        for i, mu in enumerate(OVER["friction_coefficient"]):
+            for j, p in enumerate(OVER["preload"]):
+                alone = highest_peak(study.with_(friction_coefficient=mu).problem, p, INTERVAL)
+                assert amplitude[i, j] == pytest.approx(alone.amplitude, rel=1e-12)
+
+    def test_threads_and_processes_give_the_same(self, study, serial):
+        with ThreadPoolExecutor(2) as pool:
+            assert answers(bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)) == answers(serial)
+        with ProcessPoolExecutor(2) as pool:
+            assert answers(bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)) == answers(serial)
+
+    @pytest.mark.slow
+    def test_dask_gives_the_same(self, study, serial):
+        distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+        with (
+            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            result = bd.sweep(study, over=OVER, frequency=INTERVAL, executor=client.get_executor())
+        assert answers(result) == answers(serial)
+
+    def test_mpi_gives_the_same(self, serial, tmp_path):
+        """Under mpiexec, the way in which mpi4py's executor works everywhere."""
+        pytest.importorskip("mpi4py", reason="mpi4py is not installed")
+        mpiexec = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+        if mpiexec is None:
+            pytest.skip("mpiexec is not installed")
+        script = tmp_path / "on_mpi.py"
+        script.write_text(MPI_SCRIPT.format(over=OVER, interval=INTERVAL, plain=PLAIN))
+        command = [mpiexec, "-n", "2", sys.executable, "-m", "mpi4py.futures", str(script)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        if done.returncode != 0 and "bdamper" not in done.stderr:
+            pytest.skip(f"mpiexec does not run here: {done.stderr[-200:]}")
+        assert json.loads(done.stdout) == json.loads(answers(serial)), done.stderr
+
+    def test_a_question_of_ones_own_and_factors(self, study):
+        over = {"friction_coefficient": [0.3, 0.4], "damper_mass_factor": [1.0, 2.0], "preload": [100.0]}
+        result = bd.sweep(study, over=over, evaluate=residual_norm)
+        assert result.complete, result.status
+        direct = study.with_(friction_coefficient=0.3)
+        assert result.array("norm")[0, 0, 0] == residual_norm(direct, 100.0)["norm"]
+        assert len(np.unique(result.array("norm"))) == 4
+        assert result.array("list").shape == (2, 2, 1, 2)
+
+    def test_a_point_without_an_answer_is_marked(self, study):
+        result = bd.sweep(study, over={"preload": [1000.0, -1.0]}, frequency=INTERVAL)
+        assert result.status[0] == "complete"
+        assert result.status[1].startswith("failed: preload: expected")
+        assert np.isnan(result.array("amplitude")[1])
+        assert not result.complete
+        assert "1 failed" in result.details()
+
+    def test_save_load_print_and_plot(self, serial, tmp_path):
+        import matplotlib as mpl
+
+        mpl.use("Agg")
+        serial.save(tmp_path / "sweep.h5")
+        again = bd.load(tmp_path / "sweep.h5")
+        assert answers(again) == answers(serial)
+        assert again.points == serial.points
+        assert again.settings == serial.settings and again.settings["engine_order"] == 5
+        assert again.model_hash == serial.model_hash != ""
+        assert np.array_equal(again.seconds, serial.seconds)
+        assert again.cost == serial.cost
+        assert all(c.evaluations > 0 and c.iterations > 0 for c in again.cost)
+        assert f"; {sum(c.evaluations for c in again.cost)} evaluations, " in again.details()
+        assert "6 points" in serial.details()
+        assert len(serial.plot("amplitude").lines) == 3
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            ({"over": {}}, "over: expected"),
+            ({"over": {"preload": []}}, "at least one value"),
+            ({"over": {"preload": "abc"}}, "sequence"),
+            ({"over": {"colour": [1]}}, "expected one of .* found 'colour'"),
+            ({"over": {"friction_coefficient": [0.1]}}, "preload: expected a number"),
+            ({"over": {"preload": [1.0]}, "combine": "all"}, "combine"),
+            ({"over": {"preload": [1.0], "friction_coefficient": [0.1, 0.2]}, "combine": "zip"}, "as many values"),
+            ({"over": {"preload": [1.0]}, "evaluate": residual_norm, "frequency": INTERVAL}, "together with evaluate"),
+        ],
+    )
+    def test_bad_input(self, study, arguments, message):
+        with pytest.raises(bd.SettingError, match=message):
+            bd.sweep(study, **arguments)
+
+
+class Parcels(Executor):
+    """Tasks of processes, which may be kept from seeing the file of the job; counts the bytes that they take."""
+
+    def __init__(self, pool, seen=True):
+        self.pool, self.seen, self.bytes = pool, seen, []
+
+    def submit(self, function, key, path, packed, settings):
+        path = path if self.seen else path + " elsewhere"
+        self.bytes.append(len(pickle.dumps((function, key, path, packed, settings))))
+        return self.pool.submit(function, key, path, packed, settings)
+
+
+class TestWorkers:
+    """What all points have in common reaches each worker once."""
+
+    over = {"preload": np.geomspace(100.0, 1000.0, 30)}  # noqa: RUF012
+
+    def begun(self, pool, study, seen=True):
+        """A pool whose processes were there before the job, which they would inherit."""
+        bd.sweep(study.with_(friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
+        return Parcels(pool, seen)
+
+    def test_tasks_are_small_where_workers_see_the_file(self, study):
+        alone = answers(bd.sweep(study, self.over, residual_norm))
+        with ProcessPoolExecutor(2) as pool:
+            parcels = self.begun(pool, study)
+            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
+            assert len(parcels.bytes) == 30 and max(parcels.bytes) < 1000
+
+    def test_few_tasks_carry_the_job_where_they_do_not(self, study):
+        alone = answers(bd.sweep(study, self.over, residual_norm))
+        with ProcessPoolExecutor(2) as pool:
+            parcels = self.begun(pool, study, seen=False)
+            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
+        assert 1 <= sum(size > 100_000 for size in parcels.bytes) <= 10
+
+    def test_a_damaged_file_is_no_job(self, tmp_path):
+        (tmp_path / "job").write_bytes(pickle.dumps("something else"))
+        assert work("digest", str(tmp_path / "job"), None, {})[1] is None
+
+
+class TestInterrupted:
+    """Ctrl-C keeps the points that are finished."""
+
+    over = {"preload": [100.0, 200.0, 300.0, 400.0]}  # noqa: RUF012
+
+    def test_points_left_out_are_not_run(self, study, tmp_path):
+        result = bd.sweep(study, self.over, stopping_question, resume=tmp_path / "r.jsonl")
+        assert result.status == ("complete", "complete", "not run", "not run")
+        assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
+        assert not result.complete
+        assert result.details().count("interrupted: 2 of 4 parts were not run") == 1
+        assert ", 0 failed, 2 not run." in result.bottom_line()
+        result.save(tmp_path / "part.h5")
+        assert bd.load(tmp_path / "part.h5").status == result.status
+        lines = (tmp_path / "r.jsonl").read_text().splitlines()
+        assert [json.loads(line)["index"] for line in lines[1:]] == [0, 1]
+
+    def test_on_workers(self, study):
+        with ThreadPoolExecutor(1) as pool:
+            result = bd.sweep(study, self.over, stopping_question, executor=pool)
+        assert result.status[:3] == ("complete", "complete", "not run")
+
+    def test_a_part_interrupted_on_a_worker_alone_is_no_answer(self, study, tmp_path):
+        with ProcessPoolExecutor(1) as pool:
+            pool.submit(os.getpid).result()  # begins the worker outside of the sweep
+            result = bd.sweep(study, self.over, part_so_far, executor=pool, resume=tmp_path / "r.jsonl")
+        assert result.status[:3] == ("complete", "complete", "not run")
+        lines = (tmp_path / "r.jsonl").read_text().splitlines()[1:]
+        assert not {json.loads(line)["index"] for line in lines} & {2}
+
+    def test_the_end_of_a_worker_keeps_what_is_finished(self, study):
+        with ProcessPoolExecutor(1) as pool:
+            result = bd.sweep(study, self.over, deadly_question, executor=pool)
+        assert result.status[:2] == ("complete", "complete") and result.array("value")[:2].tolist() == [100.0, 200.0]
+        assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
+        assert "2 of 4 parts were not run: A process" in result.details()
+
+    def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
+        """Ctrl-C while a line is forced to disk; all four points are finished by then."""
+        calls = []
+
+        def stop(file):
+            calls.append(file)
+            if len(calls) == 2:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(os, "fsync", stop)
+        result = bd.sweep(study, self.over, residual_norm, executor=Few(4), resume=tmp_path / "r.jsonl")
+        assert result.complete
+        lines = (tmp_path / "r.jsonl").read_text().splitlines()
+        assert sorted(json.loads(line)["index"] for line in lines[1:]) == [0, 1, 2, 3]
+
+    def test_an_interrupted_part_is_no_answer(self, study, monkeypatch):
+        """A question that tracks a curve: what the curve has so far is not recorded as the answer."""
+
+        def question(study, preload):
+            return {"points": len(study.track(preload, (340.0, 360.0)))}
+
+        record = Follower.record
+        seen = []
+
+        def accept(follower, *args, **keywords):
+            seen.append(follower)
+            if len(seen) == stop:
+                raise KeyboardInterrupt
+            return record(follower, *args, **keywords)
+
+        stop = -1
+        monkeypatch.setattr(Follower, "record", accept)
+        assert bd.sweep(study, {"preload": [1000.0]}, question).complete
+        stop = 2 * len(seen) + len(seen) // 2  # within the second of two more
+        result = bd.sweep(study, {"preload": [1000.0, 1000.0]}, question)
+        assert len(seen) == stop and result.status == ("complete", "not run")
+
+    def test_samples(self, study, monkeypatch):
+        """Percentiles are those of the draws that were run; a robust optimum is never taken over a part of them."""
+        whole, made = optimal_curve, []
+
+        def stopped(*args, **options):
+            if len(made) == 3:
+                raise KeyboardInterrupt
+            made.append(whole(*args, **options))
+            return made[-1]
+
+        monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", stopped)
+        samples = {"friction_coefficient": [0.25, 0.3]}
+        four = {"friction_coefficient": [0.25, 0.3, 0.35, 0.4]}
+        curve = bd.uncertain_curve(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
+        assert curve.status == ("complete", "complete", "complete", "not run")
+        assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
+        assert "interrupted: 1 of 4 parts were not run" in curve.details() and "without a peak" not in curve.details()
+        ways = {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
+        made.clear()
+        found = bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
+        assert found.status == "interrupted"
+        with pytest.raises(KeyboardInterrupt):
+            bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
+        monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", lambda *_, **__: made[0])
+        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(3), **ways)
+        assert found.status == "interrupted: the workers are gone"
+        with pytest.raises(bd.BdamperError, match="robust optimum: the workers are gone"):
+            bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(0), **ways)
+
+    @pytest.mark.slow
+    @pytest.mark.usefixtures("interruptible")
+    def test_a_signal_to_all_processes(self, tmp_path):
+        """As a terminal sends it: to the process and to the workers of its pool."""
+        script = tmp_path / "pool.py"
+        script.write_text(POOL_SCRIPT)
+        child = subprocess.Popen(
+            [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        assert child.stdout.readline() == "begins\n"
+        time.sleep(2.0)
+        os.killpg(child.pid, signal.SIGINT)
+        out, err = child.communicate(timeout=60)
+        status = json.loads(out)
+        assert 0 < status.count("complete") < 1000 and set(status) == {"complete", "not run"}, err
+
+
+POOL_SCRIPT = """
+import json, time
+from concurrent.futures import ProcessPoolExecutor
+import bdamper as bd
+
+def question(study, preload):
+    time.sleep(0.05)
+    return {"value": preload}
+
+if __name__ == "__main__":
+    study = bd.Study(bd.reference_model(contact_points=9), excitation=bd.Excitation("tip"), engine_order=5)
+    pool = ProcessPoolExecutor(2)
+    print("begins", flush=True)
+    result = bd.sweep(study, {"preload": [float(p) for p in range(1, 1001)]}, question, executor=pool)
+    print(json.dumps(result.status))
+"""
+
+
+class TestResultsFile:
+    over = {"friction_coefficient": np.linspace(0.1, 0.6, 10), "preload": [100.0, 200.0, 300.0]}  # noqa: RUF012
+
+    def run(self, study, path, evaluate=quick_question, **more):
+        return bd.sweep(study, over=self.over, evaluate=evaluate, resume=path, **more)
+
+    def test_killed_at_random_moments_and_resumed(self, study, tmp_path):
+        """10 kills, each at a random moment; no finished point is lost, and the results are those of one quiet run."""
+        assert hasattr(os, "fork")
+        begin = time.monotonic()
+        quiet = answers(self.run(study, tmp_path / "quiet.jsonl", slow_question))
+        span = time.monotonic() - begin
+        path = tmp_path / "killed.jsonl"
+        rng = random.Random(1)
+        finished = 0
+        for _ in range(10):
+            child = os.fork()
+            if child == 0:
+                try:
+                    self.run(study, path, slow_question)
+                finally:
+                    os._exit(0)
+            time.sleep(rng.uniform(0.0, 0.7 * span))
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            lines = path.read_bytes().split(b"\n")[1:-1] if path.exists() else []
+            indices = [json.loads(line)["index"] for line in lines]
+            assert len(set(indices)) == len(indices)  # nothing computed twice
+            assert len(indices) >= finished
+            finished = len(indices)
+        assert finished > 0
+        assert answers(self.run(study, path, slow_question)) == quiet
+        # and a run of a finished file computes nothing
+        before = path.read_bytes()
+        assert answers(self.run(study, path, slow_question)) == quiet
+        assert path.read_bytes() == before
+
+    def test_torn_last_line_at_every_length(self, study, tmp_path):
+        """The file may end anywhere."""
+        path = tmp_path / "r.jsonl"
+        full = self.run(study, path)
+        content = path.read_bytes()
+        starts = [0, *[i + 1 for i, c in enumerate(content) if c == 10]]
+        for cut in [0, 5, starts[1] - 1, starts[1], starts[1] + 1, starts[2] - 1, len(content) - 1, len(content) - 30]:
+            path.write_bytes(content[:cut])
+            assert answers(self.run(study, path)) == answers(full), cut
+            assert answers(self.run(study, path)) == answers(full), cut  # and the mended file reads well
+            assert path.read_bytes().startswith(content[: starts[1]])
+
+    def test_on_workers(self, study, tmp_path):
+        path = tmp_path / "r.jsonl"
+        with ThreadPoolExecutor(2) as pool:
+            first = self.run(study, path, executor=pool)
+        assert answers(first) == answers(self.run(study, path))
+
+    def test_file_of_another_study_is_refused(self, study, tmp_path):
+        path = tmp_path / "r.jsonl"
+        self.run(study, path)
+        content = path.read_bytes()
+        with pytest.raises(bd.BdamperError, match="another one: study"):
+            self.run(study.with_(engine_order=60), path)
+        with pytest.raises(bd.BdamperError, match="another one: over"):
+            bd.sweep(study, over={"preload": [1.0]}, evaluate=quick_question, resume=path)
+        with pytest.raises(bd.BdamperError, match="another one: evaluate"):
+            bd.sweep(study, over=self.over, evaluate=residual_norm, resume=path)
+        assert path.read_bytes() == content
+
+    def test_something_else_is_refused_and_left_alone(self, study, tmp_path):
+        for text in (b"notes of mine\n", b"notes", b'{"format": "other"}\n'):
+            path = tmp_path / "notes.txt"
+            path.write_bytes(text)
+            with pytest.raises(bd.BdamperError, match="something else"):
+                self.run(study, path)
+            assert path.read_bytes() == text
+
+    def test_two_runs_on_one_file_are_refused(self, study, tmp_path):
+        from bdamper.util.checkpoint_file import ResultsFile
+
+        header = {"format": "bdamper-sweep-results"}
+        first = ResultsFile(tmp_path / "r.jsonl", header)
+        with pytest.raises(bd.BdamperError, match="another run"):
+            ResultsFile(tmp_path / "r.jsonl", header)
+        first.close()
+        ResultsFile(tmp_path / "r.jsonl", header).close()
+
+    def test_fingerprint_sees_every_setting(self, study):
+        base = study_fingerprint(study.problem)
+        others = [
+            study.with_(friction_coefficient=0.31),
+            study.with_(harmonics=3),
+            study.with_(excitation=replace(study.excitation, amplitude=2.0)),
+            study.with_(contact_stiffness=1e7),
+            study.with_(evaluation=bd.Sampled(64)),
+            study.with_(model=bd.reference_model(contact_points=24)),
+        ]
+        prints = [study_fingerprint(s) for s in others]
+        assert len({base, *prints}) == len(prints) + 1
+        assert study_fingerprint(study.another(study.problem.with_()).problem) == base
+
+
+DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_factor": stats.lognorm(0.1)}
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return bd.draw(DISTRIBUTIONS, 4, seed=3)
+
+
+@pytest.fixture(scope="module")
+def curve(study, samples):
+    return bd.uncertain_curve(study, samples, (200.0, 10e3), 5, frequency=INTERVAL)
+
+
+class TestWarnings:
+    """What an answer leaves open reaches the result of a sweep, and what is made of sweeps."""
+
+    @pytest.fixture
+    def short(self, monkeypatch):
+        """Scans that stop early."""
+        options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, budget=450)
+        for name in ("coarse_options", "ContinuationOptions"):
+            monkeypatch.setattr(sys.modules["bdamper.response.highest_peak"], name, lambda: options)
+
+    def test_a_peak_of_an_incomplete_scan(self, study, short):
+        wide = (200.0, 1200.0)
+        peak = study.peak(3000.0, wide)
+        assert peak.scan.startswith("incomplete")
+        result = bd.sweep(study, {"preload": [3000.0]}, frequency=wide)
+        assert result.complete
+        assert result.array("scan").tolist() == [peak.scan]
+        assert result.warnings == (f"scan {peak.scan}",)
+        assert "0 failed" in result.details() and result.details().count(f"\nscan {peak.scan}") == 1
+
+    def test_none_of_a_whole_scan(self, serial):
+        assert set(serial.array("scan").ravel()) == {"complete"}
+        assert serial.warnings == ("",) * len(serial)
+        assert "\nscan " not in serial.details()
+
+    def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
+        whole = optimal_curve
+
+        def coarse(*args, **options):
+            curve = whole(*args, **options)
+            coarse_optimum = replace(curve.optimum, status="incomplete: lost", uncertainty=0.1)
+            return replace(curve, optimum=coarse_optimum, status=("scan incomplete (lost)", *curve.status[1:]))
+
+        monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", coarse)
+        samples = {"friction_coefficient": [0.3]}
+        result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
+        assert result.plot().get_ylabel() == "Optimum amplitude (µm)"
+        assert result.values[0]["optimum_status"] == "incomplete: lost"
+        assert result.values[0]["optimum_uncertainty"] == 0.1
+        expected = (
+            "500 N: scan incomplete (lost); optimum: least value at the end of the range, the optimum may lie beyond; "
+            "optimum incomplete: lost, preload known to a relative 0.1"
+        )
+        assert result.warnings == (expected,)
+        curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
+        assert curve.warnings == (expected,)
+        assert "optimum incomplete: lost" in curve.details()
+        curve.save(tmp_path / "curve.h5")
+        assert bd.load(tmp_path / "curve.h5").warnings == (expected,)
+        robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)
+        assert robust.warnings == 1
+
+
+class TestUncertainty:
+    def test_draws_follow_their_distributions(self):
+        samples = bd.draw(DISTRIBUTIONS, 1024, seed=1)
+        for name, distribution in DISTRIBUTIONS.items():
+            assert stats.kstest(samples[name], distribution.cdf).pvalue > 1e-3
+        again = bd.draw(DISTRIBUTIONS, 1024, seed=1)
+        assert np.array_equal(samples["damping_factor"], again["damping_factor"])
+
+    def test_sobol_means_converge_faster_than_random_ones(self):
+        draws = [bd.draw({"x": stats.norm(0, 1)}, 256, seed=seed)["x"] for seed in range(20)]
+        drawn = [np.random.default_rng(seed).standard_normal(256) for seed in range(20)]
+        sobol, random_ones = (np.std([np.mean(x**2) - 1.0 for x in each]) for each in (draws, drawn))
+        assert sobol < 0.2 * random_ones
+
+    def test_every_draw_is_its_own_optimal_curve(self, study, samples, curve):
+        from bdamper.harmonic_balance.parameters import vary
+
+        own = vary(study, {name: float(v[2]) for name, v in samples.items()})
+        alone = own.optimal_curve((200.0, 10e3), 5, frequency=INTERVAL, check=False)
+        assert curve.amplitude[2] == pytest.approx(alone.amplitude, rel=1e-9)
+        assert curve.frequency[2] == pytest.approx(alone.frequency, rel=1e-9)
+
+    def test_percentiles_are_ordered_and_reach_the_extremes(self, curve):
+        low, mid, high = curve.percentile([5.0, 50.0, 95.0])
+        assert np.all(low < mid)
+        assert np.all(mid < high)
+        assert curve.percentile(0.0) == pytest.approx(curve.amplitude.min(axis=0))
+        assert curve.percentile(100.0) == pytest.approx(curve.amplitude.max(axis=0))
+
+    def test_save_load_print_and_plot(self, curve, tmp_path):
+        import matplotlib as mpl
+
+        mpl.use("Agg")
+        curve.save(tmp_path / "u.h5")
+        again = bd.load(tmp_path / "u.h5")
+        assert np.array_equal(again.amplitude, curve.amplitude)
+        assert list(again.samples) == list(curve.samples)
+        assert again.settings == curve.settings and again.settings["engine_order"] == 5
+        assert again.model_hash == curve.model_hash != ""
+        assert "4 draws" in curve.details()
+        curve.plot()
+        curve.plot(quantity="frequency")
+
+    @pytest.mark.slow
+    def test_robust_optimum_of_one_draw_is_the_optimum(self, study):
+        """A sample of equal draws has the optimum of the study itself."""
+        plain = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False).optimum
+        same = {"friction_coefficient": [0.3, 0.3]}
+        found = bd.robust_optimum(study, same, (25.0, 60.0), n=8, tolerance=1e-2, frequency=INTERVAL)
+        assert found.kind == "interior"
+        assert found.preload == pytest.approx(plain.preload, rel=2e-2)
+        assert found.amplitude == pytest.approx(plain.amplitude, rel=1e-3)
+
+    @pytest.mark.slow
+    def test_robust_optimum_bounds_a_spread_of_friction(self, study):
+        """Friction and preload act nearly as a product, so the robust preload lies between the two extremes' optima."""
+        spread = {"friction_coefficient": [0.25, 0.3, 0.35]}
+        found = bd.robust_optimum(
+            study, spread, (20.0, 70.0), percentile=100.0, n=7, tolerance=0.05, frequency=INTERVAL
+        )  # fmt: skip
+        worst = bd.uncertain_curve(study, spread, [0.9 * found.preload, found.preload, 1.1 * found.preload],
+                                   frequency=INTERVAL).percentile(100.0)  # fmt: skip
+        assert worst[1] == pytest.approx(found.amplitude, rel=1e-9)
+        assert worst[1] <= min(worst[0], worst[2])
+
+    @pytest.mark.parametrize(
+        ("call", "message"),
+        [
+            (lambda s: bd.draw({}, 8), "distributions: expected"),
+            (lambda s: bd.draw({"x": 3}, 8), "one of scipy.stats"),
+            (lambda s: bd.draw({"x": stats.norm()}, 7), "power of two"),
+            (lambda s: bd.uncertain_curve(s, {"preload": [1.0]}), "other than the preload"),
+            (lambda s: bd.robust_optimum(s, {"friction_coefficient": [0.3]}, percentile=101), "percentile"),
+        ],
+    )
+    def test_bad_input(self, study, call, message):
+        with pytest.raises(bd.SettingError, match=message):
+            call(study)
+
+
+def test_models_without_a_loaded_body_say_so():
+    study = plain_study(ground_model(), excitation=bd.Excitation("tip"), engine_order=2, contact_stiffness=1e6)
+    with pytest.raises(bd.SettingError, match="carries a load"):
+        study.optimal_curve(check=False)
+    assert PeakTask(0.0) == PeakTask(0.0)
+    result = bd.sweep(study, over={"friction_coefficient": [0.1]}, evaluate=OptimalTask())
+    assert result.status[0].startswith("failed: optimal_curve: expected a model with a body that carries a load")
+
+
+def test_answers_do_not_depend_on_order(study):
+    """To the last bit, also where only the preload varies and all points share one study."""
+    loads = [5000.0, 700.0, 1500.0]
+    fresh = study.another(study.problem.with_())
+    first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
+    again = bd.sweep(study.another(study.problem.with_()), over={"preload": loads[::-1]}, frequency=INTERVAL)
+    assert first.values == again.values[::-1]

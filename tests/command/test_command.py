@@ -1,0 +1,135 @@
+"""The command: prints, files and exit codes; every question on the typical blade."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.__main__ import main, parser
+
+QUICK = {
+    "track": ["--preload", "104", "--band", "630", "690"],
+    "optimum": ["--preloads", "80", "160", "-n", "4"],
+    "crossings": ["--speeds", "9000", "9500", "--orders", "5"],
+    "margin": ["--preload", "104", "--endurance=300", "--ultimate=1200", "--yield=900"],
+}
+
+
+@pytest.mark.parametrize("command", [pytest.param(c, marks=[pytest.mark.slow] * (c == "optimum")) for c in QUICK])
+def test_answers_are_printed_and_written(command, tmp_path, capsys):
+    files = [f"--{kind}={tmp_path / f'out.{kind}'}" for kind in ("csv", "h5", "png")]
+    files += [f"--html={tmp_path / 'out.html'}"] * (command == "optimum")
+    assert main([command, "--demo", "--harmonics", "1", *QUICK[command], *files]) == 0
+    out = capsys.readouterr().out
+    result = bd.load(tmp_path / "out.h5")
+    assert str(result).splitlines()[0] in out
+    assert (tmp_path / "out.csv").read_text().count("\n") > 2
+    assert (tmp_path / "out.png").read_bytes()[1:4] == b"PNG"
+    assert (tmp_path / "out.html").exists() == (command == "optimum")
+
+
+def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
+    path, picture = tmp_path / "curve.h5", tmp_path / "curve.png"
+    asked = ["--direction=axial", "--friction=0.5", "--force=2", "--harmonics=1", "--preload=104", "--band", "630", "690"]
+    assert main(["track", "--demo", *asked, "--quiet", "--h5", str(path), "--png", str(picture)]) == 0
+    told, wrote = capsys.readouterr().err.splitlines()
+    assert "excitation direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
+    np.testing.assert_array_equal(bd.load(path).amplitude, study.track(104.0, (630.0, 690.0)).amplitude)
+
+
+def test_info_of_a_file(capsys, tmp_path):
+    bd.save_model(bd.reference_model("blade_to_ground"), tmp_path / "model.h5")
+    assert main(["info", str(tmp_path / "model.h5"), "--png", str(tmp_path / "model.png")]) == 0
+    assert "platform: friction, blade on ground" in capsys.readouterr().out
+    assert (tmp_path / "model.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["info", "nowhere.h5"], 1, "nowhere.h5"),
+        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "meets no resonance of mode 1 between 104.72 and"),
+        (["track", "--demo", "--preload", "-1"], 2, "preload"),
+        (["track", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
+    ],
+)
+def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == code
+    out, err = capsys.readouterr()
+    assert text in out + err and "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "the following arguments are required: command"),
+        (["trak", "--demo"], "invalid choice: 'trak'"),
+        (["track"], "one of the arguments model --demo is required"),
+        (["track", "--demo", "m.h5"], "not allowed with argument"),
+        (["optimum", "--demo", "-n", "many"], "argument -n: invalid int value: 'many'"),
+        (
+            ["track", "--demo", "--png", "out.xyz"],
+            "--png: expected .png or .pdf or .svg in a folder that exists, found 'out.xyz'",
+        ),
+        (["track", "--demo", "--csv", "nowhere/out.csv"], "found 'nowhere/out.csv'"),
+        (["explore", "--demo", "--png=out.png"], "unrecognized arguments: --png"),
+        (["margin", "--demo"], "the following arguments are required: --endurance, --ultimate, --yield"),
+    ],
+)
+def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("bdamper") and words in line
+
+
+def test_the_check_of_an_optimum_is_one_that_a_study_has(capsys):
+    assert main(["optimum", "--demo", "--check", "-n", "1"]) == 2
+    assert capsys.readouterr().err == "bdamper: n: expected a whole number >= 2, found 1\n", "not refused for the check"
+
+
+def test_help_names_units_and_defaults(capsys):
+    words = {"optimum": "in N, default 20 2000", "margin": "yield strength in MPa", "crossings": "rpm"}
+    for command, word in words.items():
+        with pytest.raises(SystemExit, match="0"):
+            parser().parse_args([command, "--help"])
+        assert word in capsys.readouterr().out
+
+
+def test_doubts_and_details(capsys, tmp_path):
+    asked = ["--band", "3900", "4400", "--harmonics=1", "--quiet", f"--png={tmp_path / 'curve.png'}"]
+    assert main(["track", "--demo", *asked]) == 0
+    out, err = capsys.readouterr()
+    assert "--details has the rest" in out and "details()" not in out
+    assert err.startswith("bdamper: frequency: plausible an interval in Hz") and "radians per second suspected\n" in err
+    assert main(["track", "--demo", *asked, "--details"]) == 0
+    (residual,) = (line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  residual "))
+    assert 0.0 < float(residual[1]) <= float(residual[2]) < 1e-6  # the least and the largest of the points
+
+
+def test_runs_as_a_module():
+    run = subprocess.run([sys.executable, "-m", "bdamper.cli", "--version"], capture_output=True, text=True)
+    assert run.stdout.strip() == bd.__version__
+
+
+def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["track", "--demo", "--harmonics", "1", *QUICK["track"]]) == 0
+    assert not list(tmp_path.iterdir())
+    told = capsys.readouterr().err.splitlines()  # no terminal: a line at each tenth of the way, never back
+    tenths = [int(line.removeprefix("tracking: ").removesuffix(" %")) for line in told]
+    assert tenths == sorted(set(tenths)) and tenths[-1] == 100 and all(x % 10 == 0 for x in tenths)
+
+
+@pytest.mark.parametrize("kind", ["csv", "h5", "png"])
+def test_an_answer_is_printed_before_a_file_that_cannot_be_written(kind, tmp_path, capsys):
+    path = tmp_path / f"out.{kind}"
+    path.mkdir()  # in place of the file
+    assert main(["track", "--demo", "--harmonics", "1", "--quiet", *QUICK["track"], f"--{kind}", str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert out.startswith("Resonance of ") and err.splitlines()[-1].startswith(f"bdamper: {path}: expected a file that")

@@ -1,0 +1,156 @@
+"""Cyclic reduction against full rings that know nothing of it: frequencies and the sense of the wave."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+from skfem import MeshHex
+
+from bdamper.fem.assembly import discretise
+from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
+from bdamper.fem.geometry import Material, turn
+from bdamper.fem.mesh import join_blocks
+from bdamper.fem.sector_faces import match_faces
+from bdamper.fem.sector_matrices import SectorFE
+
+N = 6
+
+
+def ring_block(k: int, n_sectors: int = N) -> list:
+    """A hub segment with a leaning, swept lug: no symmetry plane, so the two senses of a wave differ."""
+    half = np.pi / n_sectors
+    angle = np.array([-half, -0.3 * half, 0.3 * half, half])
+    z = np.array([-0.1, 0.15])
+    hub = np.empty((4, 2, 2, 3))
+    for j, radius in enumerate((0.5, 1.0)):
+        hub[:, j, :, 0] = (radius * np.sin(angle))[:, None]
+        hub[:, j, :, 1] = (radius * np.cos(angle))[:, None]
+    hub[..., 2] = z
+    lug = np.empty((2, 2, 2, 3))
+    lug[:, 0] = hub[1:3, 1]
+    lug[:, 1] = hub[1:3, 1] + [0.25, 0.6, 0.2]
+    return [block @ np.linalg.matrix_power(turn(2 * half), k).T for block in (hub, lug)]
+
+
+def clamped_nodes(body) -> np.ndarray:
+    return np.flatnonzero(np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 0.5 + 1e-9)
+
+
+@pytest.fixture(scope="module")
+def ring():
+    body = discretise(join_blocks([b for k in range(N) for b in ring_block(k)]), Material())
+    fixed = np.zeros(len(body.nodes), bool)
+    fixed[clamped_nodes(body)] = True
+    return body, np.flatnonzero(np.repeat(~fixed, 3))
+
+
+@pytest.fixture(scope="module")
+def sector():
+    body = discretise(join_blocks(ring_block(0)), Material())
+    angle = np.arctan2(body.nodes[:, 0], body.nodes[:, 1])
+    on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
+    left = np.flatnonzero(on & (np.abs(angle + np.pi / N) < 1e-9))
+    right = np.flatnonzero(on & (np.abs(angle - np.pi / N) < 1e-9))
+    return body, match_faces(body.nodes, left, right, N), clamped_nodes(body)
+
+
+def test_full_ring_has_the_same_frequencies(ring, sector):
+    body, free = ring
+    full = scipy.linalg.eigh(
+        body.stiffness[free][:, free].toarray(), body.mass[free][:, free].toarray(), eigvals_only=True
+    )
+    waves = []
+    for d in range(N):
+        s = CyclicSector(*sector, d)
+        waves.append(scipy.linalg.eigh(s.stiffness.toarray(), s.mass.toarray(), eigvals_only=True))
+    np.testing.assert_allclose(np.sort(np.concatenate(waves)), full, rtol=1e-8)
+
+
+@pytest.mark.parametrize("d", range(N // 2 + 1))
+def test_travelling_wave_solves_the_full_ring(ring, sector, d):
+    """u(k+1) = R u(k) exp(+2 pi i d/N); with the other sign it must not, unless the wave stands."""
+    body, free = ring
+    s = CyclicSector(*sector, d)
+    omega2, shapes = s.modes(4)
+    assert np.isrealobj(shapes) == (d in (0, N // 2))
+
+    def residual(sign: int) -> float:
+        u = np.full((len(body.nodes), 3, 4), np.nan, complex)
+        for k in range(N):
+            turned = np.linalg.matrix_power(turn(2 * np.pi / N), k)
+            place = s.body.nodes @ turned.T
+            node = np.array([body.nearest_node(x) for x in place])
+            wave = np.einsum("ij,njm->nim", turned, shapes.reshape(-1, 3, 4)) * np.exp(
+                sign * 2j * np.pi * k * d / N
+            )
+            u[node] = wave
+        u = u.reshape(-1, 4)
+        assert np.all(np.isfinite(u))
+        force = body.stiffness @ u
+        return np.abs((force - body.mass @ u * omega2)[free]).max() / np.abs(force).max()
+
+    assert residual(+1) < 1e-8
+    if 0 < d < N // 2:
+        assert residual(-1) > 1e-2
+
+
+def test_modes_are_normalised_over_one_sector_with_a_definite_phase(sector):
+    body = sector[0]
+    for d in (0, 1):
+        omega2, u = CyclicSector(*sector, d).modes(6)
+        np.testing.assert_allclose(u.conj().T @ (body.mass @ u), np.eye(6), atol=1e-10)
+        square = np.einsum("im,im->m", u, body.mass @ u)
+        assert np.all(np.abs(square.imag) < 1e-9)
+        assert np.all(square.real > 0.0)
+        assert np.all(np.diff(omega2) > 0.0)
+
+
+def test_receptance_is_hermitian_and_the_sum_over_all_modes(sector):
+    s = CyclicSector(*sector, 2)
+    contact = np.zeros((4, s.body.n_dof))
+    contact[np.arange(4), 3 * s.body.nearest_node([0.2, 1.6, 0.3]) + np.array([0, 1, 2, -3])] = 1.0
+    flexibility = s.receptance(sp.csr_matrix(contact))
+    np.testing.assert_allclose(flexibility, flexibility.conj().T, rtol=0, atol=0)
+    omega2, q = scipy.linalg.eigh(s.stiffness.toarray(), s.mass.toarray())
+    phi = contact @ s.transformation @ q
+    np.testing.assert_allclose(
+        (phi / omega2) @ phi.conj().T, flexibility, atol=1e-10 * np.abs(flexibility).max()
+    )
+
+
+def test_reference_sector_between_its_neighbours():
+    """The wave of the reference sector over three sectors balances at every node of the middle one."""
+    fe = SectorFE()
+    pitch, d = fe.geometry.pitch, 5
+    omega2, shapes = fe.cyclic(d).modes(3)
+    cells = fe.blade.mesh
+    points = np.concatenate([cells.p.T @ np.linalg.matrix_power(turn(pitch), k).T for k in (-1, 0, 1)])
+    _, first, inverse = np.unique(
+        np.round(points / 1e-7).astype(int), axis=0, return_index=True, return_inverse=True
+    )
+    n = cells.p.shape[1]
+    t = np.concatenate([inverse.reshape(-1)[cells.t + k * n] for k in range(3)], axis=1)
+    three = discretise(MeshHex(np.ascontiguousarray(points[first].T), np.ascontiguousarray(t)), Material())
+    u = np.full((len(three.nodes), 3, 3), np.nan, complex)
+    middle = None
+    for k in (-1, 1, 0):
+        turned = np.linalg.matrix_power(turn(pitch), k)
+        node = np.array([three.nearest_node(x) for x in fe.blade.nodes @ turned.T])
+        u[node] = np.einsum("ij,njm->nim", turned, shapes.reshape(-1, 3, 3)) * np.exp(2j * k * np.pi * d / 65)
+        middle = node
+    u = u.reshape(-1, 3)
+    force = three.stiffness @ u
+    residual = (force - three.mass @ u * omega2).reshape(-1, 3, 3)
+    loose = np.setdiff1d(np.arange(len(fe.blade.nodes)), fe.clamped)
+    assert np.abs(residual[middle[loose]]).max() < 1e-7 * np.abs(force).max()
+
+
+def test_x_or_y_alone_fixed_on_a_face_is_refused(sector):
+    body, faces, _ = sector
+    fixed = np.zeros((len(body.nodes), 3), bool)
+    fixed[[faces.independent[0], faces.dependent[0]], 0] = True
+    with pytest.raises(ValueError, match="fixed in one of the directions X and Y"):
+        cyclic_transformation(len(body.nodes), faces, fixed, 1)

@@ -1,0 +1,127 @@
+"""The free damper: exact rigid modes, inertia relief, elastic modes, centrifugal load."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.integrate import trapezoid
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+from bdamper.fem.assembly import discretise
+from bdamper.fem.contact_points import averaging_matrix, wedge_patches
+from bdamper.fem.free_body import FreeBody, isostatic_dofs
+from bdamper.fem.geometry import Geometry, Material, turn
+from bdamper.fem.mesh import MeshDensity, damper_mesh
+from bdamper.model.rigid_motions import rigid_motions
+
+G = Geometry()
+AXES = turn(0.5 * G.pitch).T
+
+
+def damper(face=3, ridge=1, height=2, length=6, **options):
+    density = MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, face, ridge, height, length)
+    return FreeBody(discretise(damper_mesh(G, density), Material()), AXES, **options)
+
+
+@pytest.fixture(scope="module")
+def free():
+    return damper()
+
+
+def test_rigid_modes_are_exact(free):
+    mass, stiffness = free.body.mass, free.body.stiffness
+    np.testing.assert_allclose(free.rigid.T @ (mass @ free.rigid), np.eye(6), atol=1e-13)
+    assert np.abs(stiffness @ free.rigid).max() < 1e-12 * np.abs(stiffness).max() * np.abs(free.rigid).max()
+    # They span the rigid motions, in the order of the axes: the first is a pure translation along the first
+    # axis.
+    exact = rigid_motions(free.body.nodes, free.centre, AXES)
+    np.testing.assert_allclose(free.rigid[:, 0], exact[:, 0] / np.sqrt(free.total_mass), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(free.remove_rigid(exact), 0.0, atol=1e-13)
+
+
+def test_mass_centre_and_inertia(free):
+    """Against the prism: rectangle, trapezoid roof, and the axial parallel-axis sums."""
+    s, c = np.sin(G.face_angle) * G.face_length, np.cos(G.face_angle) * G.face_length
+    width = G.ridge_width + 2 * s
+    y = np.linspace(-G.damper_body_height, c, 200001)
+    w = np.where(y < 0, width, width - 2 * s * np.maximum(y, 0) / c)
+    area = trapezoid(w, y)
+    mean = trapezoid(w * y, y) / area
+    i_zz = trapezoid(w**3 / 12 + w * (y - mean) ** 2, y) / area
+    mass = 7850.0 * area * G.face_width
+    assert free.total_mass == pytest.approx(mass, rel=1e-8)
+    assert free.total_mass == pytest.approx(0.069, rel=1e-3)
+    centre = turn(0.5 * G.pitch) @ [0.0, G.ridge_radius - c + mean, 0.0]
+    np.testing.assert_allclose(free.centre, centre, atol=1e-9)
+    assert free.inertia[2, 2] == pytest.approx(mass * i_zz, rel=1e-6)
+
+
+def test_receptance_does_not_depend_on_the_constraints(free):
+    contact = averaging_matrix(free.body, wedge_patches(G, "left", 9))
+    reference = free.receptance(contact)
+    choices = [isostatic_dofs(free.body.nodes, corner) for corner in (0, 17, 200)]
+    assert len({tuple(c) for c in choices}) == 3
+    for choice in choices:
+        other = FreeBody(free.body, AXES, constrained=choice)
+        np.testing.assert_allclose(other.receptance(contact), reference, atol=1e-10 * np.abs(reference).max())
+
+
+def test_elastic_displacement_satisfies_equilibrium(free):
+    load = np.random.default_rng(3).standard_normal(free.body.n_dof)
+    u = free.elastic_response(load)
+    self_equilibrated = load - free.body.mass @ (free.rigid @ (free.rigid.T @ load))
+    assert np.linalg.norm(free.body.stiffness @ u - self_equilibrated) < 1e-9 * np.linalg.norm(load)
+    assert np.abs(free.rigid.T @ (free.body.mass @ u)).max() < 1e-12 * np.linalg.norm(free.body.mass @ u)
+
+
+def test_sum_over_all_modes_is_the_receptance():
+    small = damper(1, 1, 1, 2)
+    contact = averaging_matrix(small.body, wedge_patches(G, "right", 4))
+    omega2, modes = scipy.linalg.eigh(small.body.stiffness.toarray(), small.body.mass.toarray())
+    assert np.sum(omega2 < 1e-6 * omega2[6]) == 6
+    phi = contact @ modes[:, 6:]
+    exact = small.receptance(contact)
+    np.testing.assert_allclose((phi / omega2[6:]) @ phi.T, exact, atol=1e-8 * np.abs(exact).max())
+    # Truncated sums approach it from below.
+    rest = [np.linalg.eigvalsh(exact - (phi[:, :n] / omega2[6 : 6 + n]) @ phi[:, :n].T) for n in (5, 20, 80)]
+    assert all(r[0] > -1e-10 * np.abs(exact).max() for r in rest)
+    assert rest[0][-1] > rest[1][-1] > rest[2][-1]
+
+
+def test_elastic_modes(free):
+    omega2, modes = free.modes(12)
+    assert np.all(omega2[:6] == 0.0)
+    assert np.all(np.diff(omega2[5:]) > 0.0)
+    np.testing.assert_allclose(modes.T @ (free.body.mass @ modes), np.eye(12), atol=1e-9)
+    residual = free.body.stiffness @ modes[:, 6:] - free.body.mass @ modes[:, 6:] * omega2[6:]
+    assert np.abs(residual).max() < 1e-6 * np.abs(free.body.stiffness @ modes[:, 6:]).max()
+    with pytest.raises(ValueError, match="six rigid"):
+        free.modes(5)
+
+
+def test_centrifugal_load(free):
+    radial = turn(0.5 * G.pitch) @ [0.0, 1.0, 0.0]
+    force = free.centrifugal_load(radial).reshape(-1, 3)
+    np.testing.assert_allclose(force.sum(axis=0), radial, atol=1e-12)
+    # The resultant of rho (x, y, 0) passes through the axis and the centre of gravity: no moment.
+    np.testing.assert_allclose(np.cross(free.body.nodes - free.centre, force).sum(axis=0), 0.0, atol=1e-13)
+    # Its generalised force on the rigid modes: only the radial translation, 1/sqrt(m).
+    generalised = free.rigid.T @ force.ravel()
+    np.testing.assert_allclose(generalised, [0, free.total_mass**-0.5, 0, 0, 0, 0], atol=1e-10)
+
+
+def test_patch_receptance_converges_while_a_node_does_not():
+    patch, node = [], []
+    for n in (1, 2, 4):
+        body = damper(n, n, n, 2 * n)
+        contact = averaging_matrix(body.body, wedge_patches(G, "left", 9))
+        patch.append(body.receptance(contact))
+        position = G.face_points([0.5 * G.face_length])[0]
+        unit = np.zeros(body.body.n_dof)
+        unit[3 * body.body.nearest_node(turn(0.5 * G.pitch) @ [*position, 0.0]) + 1] = 1.0
+        node.append(unit @ body.elastic_response(unit))
+    coarse, fine = (np.linalg.norm(patch[k + 1] - patch[k], 2) / np.linalg.norm(patch[2], 2) for k in (0, 1))
+    assert fine < 0.5 * coarse
+    assert fine < 0.05  # four elements across the face
+    assert np.all(np.diff([np.trace(p) for p in patch]) > 0.0)
+    assert np.diff(node)[1] > np.diff(node)[0] > 0.0

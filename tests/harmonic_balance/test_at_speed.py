@@ -1,0 +1,133 @@
+"""A study at a rotor speed: preload of the damper's mass, faces displaced by rotation, conditions by speed."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.rotor_speed import Conditions, preload_at
+from tests.plain import plain_study
+from tests.turning import turning_disk
+
+SPEED = 400.0
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = turning_disk((0, 5), spin=True)
+    return plain_study(model, bd.Excitation("tip", amplitude=10.0), 5, friction_coefficient=0.3)
+
+
+def test_the_preload_is_mass_times_radius_times_squared_speed(study):
+    damper = study.model.bodies["damper"]
+    radius = np.hypot(damper.centre[0], damper.centre[1])
+    assert study.at_speed(SPEED).preload == pytest.approx(damper.mass * radius * SPEED**2, rel=1e-12)
+    heavy = vary(study.at_speed(SPEED), {"damper_mass": 2.0})
+    assert "neglected" not in str(heavy)
+    assert heavy.preload == pytest.approx(2.0 * study.at_speed(SPEED).preload, rel=1e-12), "load and inertia together"
+    assert re.search(r"speed +400\.0 rad/s", str(heavy))
+    inert = vary(study.at_speed(SPEED), {"damper_mass_factor": 2.0})
+    loads = [at.preload * at.problem.damper_load[1] for at in (study.at_speed(SPEED), heavy)]
+    elastic = study.at_speed(SPEED).preload * study.problem.damper_load[1]
+    np.testing.assert_allclose(loads[1] - 2.0 * elastic, loads[0] - elastic, rtol=1e-9, err_msg="faces displaced by speed")
+    own = study.at_speed(SPEED).problem.damper_load[1]
+    np.testing.assert_allclose(inert.problem.damper_load[1], own, rtol=1e-12, err_msg="by load")
+    with pytest.raises(bd.SettingError, match="expected a study at a rotor speed"):
+        _ = study.preload
+
+
+def test_an_imposed_displacement_of_the_faces_is_taken_up_by_springs_and_bodies(study):
+    """Forces are those of the contact springs on the motion of the bodies and of the faces by rotation together."""
+    at = study.at_speed(SPEED)
+    state = at.static(at.preload)
+    spin = at.problem.damper_load[1] - at.problem.coupling.load()[1]
+    moved = SPEED**2 * at.model.bodies["blade"].spin.contact
+    rows = at.problem.coupling.rows("left")
+    port = next(p for p in at.model.bodies["blade"].ports if p[0] == "left")
+    sign = (1.0 if port[1] == "b" else -1.0) * np.array([1.0, 1.0, -1.0])
+    expected = sign * moved[at.model.port_slice("blade", port)]
+    np.testing.assert_allclose(at.preload * spin[rows], expected, rtol=1e-12)
+    x = at.problem.static_basis.G.real @ state.q + state.load * at.problem.static_system.shift
+    normal = np.maximum(at.problem.point_stiffness[:, 2] * (x[:, 2] - at.problem.point_gaps), 0.0)
+    np.testing.assert_allclose(state.force[:, 2], normal, atol=1e-9 * normal.max())
+    still = at.with_(speed=None).static(at.preload)
+    assert np.abs(state.force - still.force).max() > 0.1 * np.abs(still.force).max(), "it redistributes the pressure"
+
+
+def test_without_a_loaded_body_rotation_alone_closes_the_faces(study):
+    bodies = {name: replace(body, load=None) for name, body in study.model.bodies.items()}
+    at = plain_study(replace(study.model, bodies=bodies), bd.Excitation("tip"), 5).at_speed(SPEED)
+    assert at.preload == 0.0
+    closing = SPEED**2 * at.problem.coupling.closing_by_rotation()
+    np.testing.assert_array_equal(at.problem.static_system.constant_shift, closing)
+    assert at.static(0.0).converged
+
+
+def test_the_contact_pattern_does_not_depend_on_speed_without_gaps(study):
+    """Load and displacement of the faces both grow with the squared speed."""
+    at = study.at_speed(SPEED)
+    once, more = (at.static(p) for p in (at.preload, 1.7 * at.preload))
+    np.testing.assert_allclose(more.force, 1.7 * once.force, atol=1e-10 * np.abs(more.force).max())
+    assert (once.status == more.status).all()
+
+
+def test_force_and_preload_times_a_factor_scale_the_response(study):
+    at, factor = study.with_(rigid_modes=("TX", "TY", "RZ")).at_speed(SPEED), 1.8  # axial planes have gaps
+    more = at.with_(excitation=replace(at.excitation, amplitude=factor * at.excitation.amplitude))
+    one, two = at.peak(at.preload), more.peak(factor * at.preload)
+    assert two.amplitude == pytest.approx(factor * one.amplitude, rel=1e-10)
+    assert two.frequency == pytest.approx(one.frequency, rel=1e-10)
+    system = more.problem.system(factor * at.preload)
+    residual = system.residual(np.append(factor * one.y[:-1], one.y[-1])) * system.row_scale
+    assert np.abs(residual).max() < 1e-10
+
+
+def test_friction_by_temperature_and_excitation_by_order(study):
+    at = study.at_speed(
+        SPEED, friction={20.0: 0.2, 420.0: 0.4}, temperature=lambda omega: 0.3 * omega, excitation={5: {300.0: 6.0, 500.0:
+        8.0}}
+    )
+    assert at.settings.friction_by_interface()["left"] == pytest.approx(0.25)
+    assert at.excitation.amplitude == pytest.approx(7.0)
+    assert study.at_speed(SPEED, excitation=lambda omega, order: omega / order).excitation.amplitude == 80.0
+    assert repr(Conditions(friction={1.0: 0.3, 2.0: 0.4})) == "Conditions(friction={1.0: 0.3, 2.0: 0.4})"
+    assert "0x" not in repr(Conditions(friction=np.sqrt)), "the same from run to run"
+    one, other = Conditions(friction=lambda omega: 0.3), Conditions(friction=lambda omega: 0.4)
+    assert repr(one) == repr(other) and one.values([SPEED], [5]) != other.values([SPEED], [5]), "known by their values"
+    reach = Conditions(friction={100.0: 0.3, 500.0: 0.4}, excitation={4: {200.0: 1.0, 900.0: 2.0}, 5: 3.0}).reach
+    assert (reach(4), reach(5)) == ((200.0, 500.0), (100.0, 500.0))
+
+
+@pytest.mark.parametrize(
+    ("conditions", "words"),
+    [
+        ({"friction": {100.0: 0.3, 200.0: 0.4}}, "friction: expected a table that reaches 400, found 100 to 200"),
+        ({"friction": "0.3"}, "friction: expected a function, or a mapping of numbers to numbers, found '0.3'"),
+        ({"temperature": {0.0: 20.0}}, "temperature: expected friction with it"),
+        ({"excitation": {4: 10.0}}, "excitation: expected one for engine order 5"),
+        ({"excitation": {5: -1.0}}, "excitation of engine order 5: expected a finite number > 0 N"),
+        ({"friktion": {}}, r"at_speed: expected keywords that it has, found friktion; did you mean friction\?"),
+    ],
+)
+def test_conditions_that_do_not_fit(study, conditions, words):
+    with pytest.raises(bd.SettingError, match=words):
+        study.at_speed(SPEED, **conditions)
+
+
+def test_speeds_and_bodies_that_do_not_fit(study):
+    for omega in (0.0, -1.0, np.inf, "400"):
+        with pytest.raises(bd.SettingError, match="rotor speed: expected a finite number > 0 rad/s"):
+            study.at_speed(omega)
+    with pytest.raises(bd.SettingError, match=r"speed: expected a model at 400 rad/s, as study\.at_speed"):
+        study.with_(speed=SPEED)
+    assert preload_at(study.problem, SPEED) > 0.0
+
+
+def test_a_speed_is_varied_with_its_model(study):
+    """As sweeps do; the factor on the mass comes with its own preload."""
+    found, at = vary(study, {"speed": SPEED, "damper_mass": 2.0}), study.at_speed(SPEED)
+    assert found.model.bodies["blade"].bases[5].omega2[0] == at.model.bodies["blade"].bases[5].omega2[0]
+    assert found.preload == pytest.approx(2.0 * at.preload)

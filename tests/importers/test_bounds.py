@@ -1,0 +1,104 @@
+"""Files that would read without end, fill the memory or lead to other folders: one line each, before they are read."""
+
+import io
+import struct
+import tracemalloc
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+from tests.io.test_io_files import DECK
+from tests.io.test_keywords import BULK
+
+from bdamper.importers import read_body, read_inp, read_matrix
+from bdamper.util.errors import ModelError
+
+
+@pytest.mark.parametrize("line", ["/etc/{}", "../{}", "sub/../../{}", "..\\{}", "C:\\{}", "\\\\host\\{}"])
+@pytest.mark.parametrize("reader", ["inp", "bdf"])
+def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
+    if reader == "bdf":
+        pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception)
+    (tmp_path / "own" / "sub").mkdir(parents=True)
+    (tmp_path / "more").write_text(DECK if reader == "inp" else BULK)
+    word = line.format("more")
+    text = f"*INCLUDE, INPUT={word}\n" if reader == "inp" else f"INCLUDE '{word}'\n{BULK}"
+    (tmp_path / "own" / f"a.{reader}").write_text(text)
+    expected = rf"a\.{reader}: .*INCLUDE in line 1: expected a file in the folder of this one or below, found '.*more'$"
+    with pytest.raises(ModelError, match=expected):
+        read_body(tmp_path / "own" / f"a.{reader}")
+
+
+def test_files_of_own_folders_are_included_with_either_slash(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "mesh.inp").write_text(DECK)
+    for slash in "/\\":
+        (tmp_path / "a.inp").write_text(f"*INCLUDE, INPUT=sub{slash}mesh.inp\n")
+        assert len(read_inp(tmp_path / "a.inp").numbers) == 8
+
+
+def test_the_number_of_included_files_is_bounded(tmp_path):
+    """Three files of ten lines each make 1,110 reads, five of 100 lines 10^10."""
+    (tmp_path / "d.inp").write_text("** nothing\n")
+    for own, other in ("ab", "bc", "cd"):
+        (tmp_path / f"{own}.inp").write_text(10 * f"*INCLUDE, INPUT={other}.inp\n")
+    expected = r"\.inp: \*INCLUDE in line \d+: expected at most 100 included files, 5 in each other, found more"
+    with pytest.raises(ModelError, match=expected):
+        read_inp(tmp_path / "a.inp")
+
+
+def test_included_bulk_data_stands_in_its_place(tmp_path):
+    pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception)
+    lines = BULK.splitlines()
+    (tmp_path / "grid.bdf").write_text("\n".join([*lines[1:5], ""]))
+    (tmp_path / "a.bdf").write_text("\n".join([lines[0], "include 'grid.bdf'", *lines[5:], "ENDDATA", ""]))
+    assert read_body(tmp_path / "a.bdf").nodes.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+def refused(path, expected):
+    """Refused with a message, and without room for the numbers."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(ModelError, match=expected):
+            read_matrix(path)
+        assert tracemalloc.get_traced_memory()[1] < 60_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("names", [("K",), ("format", "shape", "indices", "indptr", "data")])
+def test_compressed_zeros_are_not_expanded(names, tmp_path, monkeypatch):
+    """2 GB of zeros in an archive of NumPy, alone and as the numbers of a sparse matrix."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (250_000_000,)})
+    small = io.BytesIO()
+    np.save(small, np.array([2, 2]))
+    with zipfile.ZipFile(tmp_path / "k.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name in names[:-1]:
+            archive.writestr(f"{name}.npy", small.getvalue())
+        with archive.open(f"{names[-1]}.npy", "w", force_zip64=True) as member:
+            member.write(head.getvalue())
+            for _ in range(200):
+                member.write(bytes(10_000_000))
+    assert (tmp_path / "k.npz").stat().st_size < 2e7
+    refused(tmp_path / "k.npz", r"k\.npz: arrays: expected a size, bytes, from 1 to 1600000000, found 2000\d+")
+
+
+def test_a_sparse_file_of_zeros_is_not_read(tmp_path):
+    np.lib.format.open_memmap(tmp_path / "k.npy", "w+", float, (250_000_000,))  # has no blocks on disk
+    refused(tmp_path / "k.npy", r"k\.npy: arrays: expected a size, bytes, from 1 to 1600000000, found 2000000128")
+
+
+def test_a_compressed_variable_of_matlab_is_not_expanded(tmp_path):
+    """An element of type 14 of 2 GB in one of type 15: flags, dimensions, name, and zeros."""
+    packer = zlib.compressobj(1)
+    parts = [packer.compress(struct.pack("<II", 14, 2_000_000_056))]
+    parts.append(packer.compress(struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, 250_000_000, 1)))
+    parts.append(packer.compress(struct.pack("<II8s", 1, 1, b"K") + struct.pack("<II", 9, 2_000_000_000)))
+    parts += [packer.compress(bytes(10_000_000)) for _ in range(200)]
+    content = b"".join([*parts, packer.flush()])
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    (tmp_path / "k.mat").write_bytes(head + struct.pack("<II", 15, len(content)) + content)
+    expected = r"compressed variable: expected bytes, with those before it, from 0 to 1600000000, found 2000000056"
+    refused(tmp_path / "k.mat", expected)

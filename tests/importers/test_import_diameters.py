@@ -1,0 +1,140 @@
+"""Which nodal diameters an import makes, what the report says of it, and what is seen of the work."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+import bdamper as bd
+from bdamper.importers import Modes, build_model
+from bdamper.importers.build import _diameters
+from bdamper.util import storage
+from bdamper.util.errors import ModelError, SettingError
+from tests.annulus import small_sector
+from tests.fe_bodies import blade_and_damper, contacts
+
+N = 6
+SETTINGS = {
+    "n_blades": N, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "n_modes": 4, "n_damper_modes": 6,
+    "contacts": contacts(4), "check_units": False,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def fe():
+    return small_sector(N)
+
+
+@pytest.fixture(scope="module")
+def bodies(fe):
+    return blade_and_damper(fe)
+
+
+@pytest.mark.parametrize(
+    ("n_blades", "order", "harmonics", "expected"),
+    [
+        (36, 4, None, {0, 4, 8, 12, 16}),  # 9 sectors, all of theirs
+        (65, 5, None, {0, 5, 10, 15, 20, 25, 30}),
+        (31, 3, None, set(range(16))),  # 31 sectors: a march needs all
+        (36, 5, None, {0, 5, 10, 15, 16, 11, 6, 1, 4, 9}),  # 36 sectors: nine harmonics alone
+        (36, 5, 3, {0, 5, 10, 15}),
+        (36, [4, 5], 2, {0, 4, 8, 5, 10}),
+        (36, (6, 9, 12), None, {0, 6, 12, 18, 9}),
+    ],
+)
+def test_those_of_nine_harmonics_and_a_march(bodies, n_blades, order, harmonics, expected):
+    found, excited, reason = _diameters(n_blades, order, harmonics, None, bodies[0])
+    assert set(found) == expected
+    orders = (order,) if isinstance(order, int) else order
+    assert set(excited) == {min(o % n_blades, -o % n_blades) for o in orders}
+    assert ", ".join(map(str, orders)) in reason and ("a march in time" in reason) == (harmonics is None)
+
+
+def test_a_file_of_modes_limits_them(bodies):
+    shape = Modes(4, np.ones(1), np.arange(2), np.ones((2, 3, 1)))
+    alone = replace(bodies[0], stiffness=None, mass=None, modes=(shape, replace(shape, nodal_diameter=0)))
+    assert _diameters(36, 4, None, None, alone)[0] == (0, 4)
+    assert _diameters(36, None, None, None, alone)[0] == (0, 4)
+
+
+def test_the_report_names_them_and_nine_harmonics_run(bodies):
+    """A study with nine harmonics finds all that it needs."""
+    tip = int(bodies[0].numbers[bodies[0].nodes[:, 1].argmax()])
+    built = build_model(*bodies, **SETTINGS, engine_order=[1, 2], locations={"tip": tip})
+    blade = built.model.bodies["blade"]
+    assert sorted(blade.bases) == [0, 1, 2, 3]
+    assert list(built.model.meshes["blade"].modes) == [1, 2]
+    text = "4 nodal diameters, for 9 harmonics of engine order 1, 2 and a march in time"
+    assert text in str(built)
+    study = bd.Study(built.model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.3, harmonics=9)
+    assert len(study.problem.bases) == 10
+
+
+def test_a_wave_that_travels_backward_has_the_diameter_of_the_one_forward(bodies):
+    """Of 6 blades the engine orders 5 and 8 repeat from blade to blade as 1 and 2 do, one backward, one forward."""
+    forward, folded = (build_model(*bodies, **SETTINGS, engine_order=orders, harmonics=1) for orders in ([1, 2], [5, 8]))
+    assert list(folded.model.meshes["blade"].modes) == [1, 2]
+    assert folded.model.hash == forward.model.hash
+
+
+def rounded(body, share, direction):
+    """The body with one inner node of its second face moved by a share of its largest extent."""
+    node = body.node_sets["HIGH"][len(body.node_sets["HIGH"]) // 2] - body.numbers[0]
+    nodes = body.nodes.copy()
+    nodes[node] += share * np.ptp(nodes, axis=0).max() * np.array(direction)
+    return replace(body, nodes=nodes)
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 0.6, -0.8)])
+def test_sector_faces_match_as_exactly_as_files_round_positions(bodies, direction):
+    """Six digits of a position are rounded by 5e-6 of the sector; what is 3e-5 off is another mesh, 3e-4 another face."""
+    for share, words in ((5e-6, "pairs of nodes match"), (3e-5, "meshes that differ")):
+        built = build_model(rounded(bodies[0], share, direction), bodies[1], **SETTINGS, nodal_diameters=(1,))
+        assert sum(words in line for line in built.checks) == 1
+    with pytest.raises(ModelError, match=r"sector_faces: expected two sets of nodes .* largest distance .* apart"):
+        build_model(rounded(bodies[0], 3e-4, (1.0, 0.0, 0.0)), bodies[1], **SETTINGS, nodal_diameters=(1,))
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        ([1, 1], "engine_order: expected whole numbers, each at most once"),
+        ("1", "engine_order: expected a whole number >= 0, found '1'"),
+        ([1, 2.5], "engine_order: expected a whole number >= 0, found 2.5"),
+    ],
+)
+def test_engine_orders_that_are_none(bodies, order, words):
+    with pytest.raises(SettingError) as error:
+        build_model(*bodies, **SETTINGS, engine_order=order)
+    assert words in str(error.value)
+
+
+def test_steps_are_named_and_counted(bodies, capsys):
+    settings = {**SETTINGS, "nodal_diameters": (0, 2)}
+    build_model(*bodies, **settings, wheel="BLADE", progress=True)
+    shown = capsys.readouterr().err
+    for step in ("nodal diameter 2", "disk of the wheel, nodal diameter 3", "damper"):
+        assert f"import: {step}" in shown
+    told = [int(share) for share in re.findall(r"^import: .*: (\d+) %$", shown, re.M)]
+    assert told == sorted(told) and told[-1] == 100  # waves 0, 1, 2, 3, the disk at each, the damper
+    build_model(*bodies, **settings)
+    assert "import" not in capsys.readouterr().err, "no terminal, no bar"
+
+
+def test_an_interruption_leaves_nothing_half_written(bodies, tmp_path, monkeypatch):
+    """Neither of the build nor of the file, and an existing file as it was."""
+    built = build_model(*bodies, **SETTINGS, nodal_diameters=(1,))
+    built.save(tmp_path / "model.h5")
+    before = (tmp_path / "model.h5").read_bytes()
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(storage.os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        built.save(tmp_path / "model.h5")
+    assert [path.name for path in tmp_path.iterdir()] == ["model.h5"]
+    assert (tmp_path / "model.h5").read_bytes() == before

@@ -1,0 +1,196 @@
+"""Stress sets of an import: those of the finite element model, CalculiX' own of modes, loads and rotation, and refusals."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+import bdamper as bd
+from bdamper.fem import SectorFE
+from bdamper.fem.blade_stress import blade_points
+from bdamper.fem.bladed_disk_model import bladed_disk
+from bdamper.fem.contact_points import wedge_patches
+from bdamper.fem.element_stress import von_mises_size
+from bdamper.importers import build_model, read_arrays
+from bdamper.importers.abaqus import read_inp
+from bdamper.importers.contact_faces import lay_contacts
+from bdamper.importers.prepared_body import Placement, PreparedBody
+from bdamper.util.errors import BdamperError
+from examples.calculix.decks import run_job
+from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
+from tests.own_sector import OUTPUT, OwnSector
+
+STEEL = (2.1e11, 0.3)
+SETTINGS = {
+    "n_blades": 65, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (5,), "n_modes": 8,
+    "n_damper_modes": 8, "contacts": contacts(4),
+}  # fmt: skip
+needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
+
+
+@pytest.fixture(scope="module")
+def fe():
+    return SectorFE(density=SPARSE)
+
+
+@pytest.fixture(scope="module")
+def bodies(fe):
+    return sector_and_damper(fe)
+
+
+def same(found, expected, tolerance):
+    """Within a share of the largest number of the array."""
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    "as_arrays", [pytest.param(False, id="bodies", marks=pytest.mark.slow), pytest.param(True, id="read_arrays")]
+)
+def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
+    """Rows of modes, contact forces and rotation to 1e-6, from bare matrices."""
+    blade, damper = bodies
+    at = blade_points(fe.blade, fe.geometry)
+    settings = SETTINGS | {"stress": {"blade": FIRST_NUMBER + at}, "elasticity": STEEL}
+    patches = (wedge_patches(fe.geometry, side, 4) for side in ("left", "right"))
+    settings["contacts"] = [*(replace(c, patches=p) for c, p in zip(contacts(4), patches)), *contacts(4)[2:]]
+    if as_arrays:
+        blade, damper = (
+            read_arrays(b.stiffness, b.mass, (b.numbers, b.nodes), elements=b.elements, sets=b.node_sets)
+            for b in (blade, damper)
+        )
+    built = build_model(blade, damper, **settings)
+    ours, own = built.model.stress["blade"], built.model.bodies["blade"]
+    model = bladed_disk(4, n_modes=8, n_damper_modes=8, nodal_diameters=(5,), fe=fe, stress=True)
+    theirs, reference = model.stress["blade"], model.bodies["blade"]
+    order = np.argsort(at)  # sets come in the order of the nodes
+    np.testing.assert_allclose(ours.points, theirs.points[order], atol=1e-12)
+    for d in (0, 5):
+        # the sign of a mode is free
+        shapes = [body.bases[d].contact_modes.reshape(-1, 8) for body in (own, reference)]
+        sign = np.sign((shapes[0].conj() * shapes[1]).sum(axis=0).real)
+        same(ours.modes[d] * sign, theirs.modes[d][order], 1e-6)
+        same(ours.contact[d], theirs.contact[d][order], 1e-6)
+    same(ours.static, theirs.static[order], 1e-6)
+    np.testing.assert_allclose(ours.spread, theirs.spread[order], rtol=1e-5, atol=1e-9)
+    np.testing.assert_array_equal(ours.near_contact, theirs.near_contact[order])
+
+
+def test_it_reaches_a_margin_and_a_file(bodies, fe, tmp_path):
+    blade, damper = bodies
+    at = FIRST_NUMBER + blade_points(fe.blade, fe.geometry)
+    built = build_model(blade, damper, **SETTINGS, stress=at, elasticity=STEEL, locations={"tip": int(at[0])})
+    assert "stress 'stress': 10 nodes" in str(built)
+    built.save(tmp_path / "model.h5")
+    model = bd.load_model(tmp_path / "model.h5")
+    assert model.hash == built.model.hash and len(model.stress["stress"]) == 10
+    study = bd.Study(model, bd.Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.4, harmonics=1)
+    peak = study.peak(50.0)
+    cycle, faster = study.stress(peak, speed=300.0), study.stress(peak, speed=600.0)
+    of_rotation = (faster.coefficients - cycle.coefficients)[..., 0].real
+    np.testing.assert_allclose(of_rotation, (600.0**2 - 300.0**2) * model.stress["stress"].static, rtol=1e-6)
+    assert not cycle.notes and np.all(cycle.amplitude_and_mean().amplitude > 0.0)
+
+
+def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
+    """The first are known by the geometry, the second left out, which the report says."""
+    blade, damper = bodies
+    under, low = blade.node_sets["RIGHT_UNDERSIDE"], blade.node_sets["LOW"]
+    tip = FIRST_NUMBER + fe.blade.nodes[:, 1].argmax()
+    given = np.concatenate([under, low, [tip]])
+    built = build_model(blade, damper, **SETTINGS, stress={"root": given}, elasticity=STEEL)
+    found = built.model.stress["root"]
+    inner = np.setdiff1d(given, np.concatenate([low, blade.node_sets["HIGH"]]))
+    np.testing.assert_allclose(found.points, fe.blade.nodes[inner - FIRST_NUMBER], atol=1e-12)
+    assert found.counted[np.flatnonzero(inner == tip)].all()
+    assert found.near_contact[np.isin(inner, under)].all()
+    assert f"stress 'root': {len(np.unique(given)) - len(inner)} nodes on the sector faces are left out" in str(built)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"stress": "NOWHERE"}, "stress 'NOWHERE': expected a set out of"),
+        ({"stress": "LOW"}, "stress 'LOW': expected nodes away from the faces at which the sector repeats, found none"),
+        ({"stress": "RIGHT_UNDERSIDE", "elasticity": None}, "expected elastic constants in the file, or elasticity="),
+        ({"stress": "RIGHT_UNDERSIDE", "elasticity": (2.1e11, 0.5)}, "a Poisson's ratio above -1 and below 0.5"),
+        ({"stress": "RIGHT_UNDERSIDE", "elasticity": 2.1e11}, "elasticity: expected"),
+    ],
+)
+def test_what_is_refused(bodies, settings, words):
+    with pytest.raises(BdamperError) as error:
+        build_model(*bodies, **{**SETTINGS, "elasticity": STEEL, **settings})
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_type_and_material_of_a_deck(tmp_path):
+    """By section, with two materials; orthotropic ones are unknown."""
+    lines = ["*NODE", *(f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(np.random.default_rng(0).random((8, 3)), 1))]
+    for k, kind in enumerate(("C3D4", "C3D4H", "C3D8RH"), 1):
+        lines += [f"*ELEMENT, TYPE={kind}, ELSET=E{k}", f"{k}, " + ", ".join(map(str, range(1, 9)[: 8 if k == 3 else 4]))]
+    lines += ["*MATERIAL, NAME=A", "*ELASTIC", "2.1e5, 0.3, 20.", "2.0e5, 0.3, 400.", "*MATERIAL, NAME=B"]
+    lines += ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1., 1., 1., .3, .3, .3, 1., 1.", "1."]
+    lines += [*(f"*SOLID SECTION, ELSET=E{k}, MATERIAL={m}" for k, m in enumerate("ABa", 1))]
+    (tmp_path / "deck.inp").write_text("\n".join(lines))
+    kinds = read_inp(tmp_path / "deck.inp").element_kinds
+    assert [(k.name, k.youngs_modulus, k.poisson_ratio) for k in kinds] == [
+        ("C3D4", 2.1e5, 0.3), ("C3D4", None, None), ("C3D8R", 2.1e5, 0.3),
+    ]  # fmt: skip
+
+
+# -----------------------------------------------------------------------------------------------------------
+# A user's own sector
+
+
+@pytest.fixture(scope="module", params=["C3D20R", pytest.param("C3D10", marks=pytest.mark.slow)])
+def imported(request, tmp_path_factory):
+    own, folder = OwnSector(request.param), tmp_path_factory.mktemp(request.param)
+    own.write_and_run(folder)
+    bodies = own.read(folder)
+    built = build_model(*bodies, **own.settings, nodal_diameters=(4,), n_modes=10, stress={"root": "FILLET"})
+    return own, folder, bodies, built.model
+
+
+@needs_ccx
+def test_modes_have_the_stress_of_calculix(imported):
+    """At nodal diameter 4, where either direction and any phase may come."""
+    own, folder, _, model = imported
+    run_job(own.cyclic(own.steps_of_modes(4, 4)), folder, "nd4")
+    ours = model.stress["root"].modes[4]
+    for mode in range(4):
+        theirs, fits = own.stress_of(folder / "nd4.frd", mode), []
+        for mine in (ours[..., mode], ours[..., mode].conj()):
+            scale = np.vdot(mine, theirs) / np.vdot(mine, mine)
+            fits.append((von_mises_size(theirs - scale * mine).max() / von_mises_size(theirs).max(), abs(scale)))
+        error, size = min(fits)
+        assert error < 1e-3
+        assert size == pytest.approx(1000.0**-0.5, rel=1e-4)  # their modal mass is one tonne
+
+
+@needs_ccx
+def test_a_unit_contact_force_and_rotation_have_the_stress_of_calculix(imported):
+    """Of nodal diameter 0: what modes and the contact vectors carry together, and the centrifugal load."""
+    own, folder, bodies, model = imported
+    basis, rows = model.bodies["blade"].bases[0], model.stress["root"]
+    place = Placement(own.axis, own.radial, (0.0, 0.0, 0.0), own.units)
+    prepared = {name: PreparedBody(name, body, place) for name, body in zip(("blade", "damper"), bodies)}
+    laid = lay_contacts(own.settings["contacts"], prepared, own.geometry.n_blades)
+    force = np.random.default_rng(0).standard_normal(3 * 12)
+    nodal = (laid.rows["blade"].T @ force).reshape(-1, 3) @ own.axes.T
+    loads = [f"{n + 1}, {i + 1}, {f[i]:.12e}" for n, f in enumerate(nodal) for i in range(3) if f[i]]
+    axis = ", ".join(map(str, own.axis))
+    steps = ["*STEP", "*STATIC", "*CLOAD", *loads, *OUTPUT]
+    steps += ["*STEP", "*STATIC", "*CLOAD, OP=NEW", "*DLOAD", f"BODY, CENTRIF, 90000., 0., 0., 0., {axis}", *OUTPUT]
+    run_job(own.cyclic(steps), folder, "static")
+    modal = basis.contact_modes.reshape(-1, basis.n_modes).T @ force / basis.omega2
+    ours = rows.modes[0] @ modal + rows.contact[0] @ force
+    theirs = own.stress_of(folder / "static.frd")
+    assert von_mises_size(ours - theirs).max() < 2e-3 * von_mises_size(theirs).max()
+    alone = rows.modes[0] @ modal
+    assert von_mises_size(alone - theirs).max() > 0.02 * von_mises_size(theirs).max(), "the modes alone would not do"
+    theirs = own.stress_of(folder / "static.frd", 1)
+    assert von_mises_size(90000.0 * rows.static - theirs).max() < 2e-3 * von_mises_size(theirs).max()
+
+

@@ -1,0 +1,694 @@
+"""Plain files, CalculiX, Nastran and universal files: what is written here comes back, what is broken is named."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+from bdamper.fem.assembly import discretise, local_order
+from bdamper.fem.contact_patches import Facets
+from bdamper.fem.element_faces import area_vectors
+from bdamper.fem.geometry import Geometry, Material
+from bdamper.fem.mesh import MeshDensity, damper_mesh, join_blocks
+from bdamper.importers import (
+    Measurement,
+    read_abaqus_matrix,
+    read_arrays,
+    read_body,
+    read_calculix,
+    read_dofs,
+    read_frd,
+    read_inp,
+    read_matrix,
+    read_measurements,
+    read_nodes,
+    read_set,
+    read_unv,
+)
+from bdamper.importers.abaqus import read_frd_stress
+from bdamper.importers.reader_registry import parsing
+from bdamper.util.errors import BdamperError, ModelError, mismatch
+from bdamper.util.storage import load
+from examples.calculix.decks import matrix_input, run_job
+from tests.calculix_runs import free_input
+
+NASTRAN = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "nastran"
+
+
+@pytest.fixture(scope="module")
+def bar():
+    grid = np.stack(np.meshgrid([0.0, 0.1, 0.25], [0.3, 0.5], [0.0, 0.2], indexing="ij"), axis=-1)
+    return discretise(join_blocks([grid]), Material())
+
+
+# ---- matrices and tables ----
+
+
+def coordinate_text(matrix, triangle=True):
+    entries = sp.triu(matrix).tocoo() if triangle else matrix.tocoo()
+    return "".join(f"{i + 1}, {j + 1}, {v:.16e}\n" for i, j, v in zip(entries.row, entries.col, entries.data))
+
+
+def node_text(matrix, numbers):
+    entries = sp.triu(matrix).tocoo()
+    return "".join(
+        f"{numbers[i // 3]},{i % 3 + 1}, {numbers[j // 3]},{j % 3 + 1}, {v:.16e}\n"
+        for i, j, v in zip(entries.row, entries.col, entries.data)
+    )
+
+
+def test_every_form_of_a_matrix(bar, tmp_path):
+    k = bar.stiffness
+    sp.save_npz(tmp_path / "sparse.npz", k)
+    np.savez(tmp_path / "dense.npz", K=k.toarray(), other=np.ones(3))
+    np.save(tmp_path / "dense.npy", k.toarray())
+    scipy.io.savemat(tmp_path / "both.mat", {"K": k, "M": bar.mass})
+    scipy.io.savemat(
+        tmp_path / "compressed.mat", {"K": k.toarray(), "text": "x", "z": np.ones(2) * 1j}, do_compression=True
+    )
+    scipy.io.savemat(tmp_path / "integers.mat", {"K": np.arange(9).reshape(3, 3)})
+    scipy.io.mmwrite(tmp_path / "array.mtx", k.toarray(), symmetry="general")
+    scipy.io.mmwrite(tmp_path / "triangle.mtx", k.toarray(), symmetry="symmetric")
+    scipy.io.mmwrite(tmp_path / "market.mtx", sp.triu(k).tocoo(), symmetry="general")
+    scipy.io.mmwrite(tmp_path / "symmetric.mtx", k.tocoo(), symmetry="symmetric")
+    (tmp_path / "abaqus.mtx").write_text(coordinate_text(k))
+    (tmp_path / "whole.mtx").write_text(coordinate_text(k, triangle=False))
+    for name, key in (
+        ("sparse.npz", None), ("dense.npz", "K"), ("dense.npy", None), ("both.mat", "K"), ("symmetric.mtx", None),
+        ("compressed.mat", "K"), ("array.mtx", None), ("triangle.mtx", None),
+        ("abaqus.mtx", None), ("whole.mtx", None),
+    ):  # fmt: skip
+        found = read_matrix(tmp_path / name, key)
+        assert abs(found - k).max() < 1e-9 * abs(k).max(), name
+    np.testing.assert_array_equal(read_matrix(tmp_path / "integers.mat").toarray(), np.arange(9).reshape(3, 3))
+    upper = read_matrix(tmp_path / "market.mtx")
+    assert abs(upper - sp.triu(k)).max() < 1e-9 * abs(k).max()  # a general matrix is taken as it stands
+
+
+def test_arrays_and_tables_together(bar, tmp_path):
+    """Matrices with the table of nodes in them, CSV for everything else."""
+    numbers = 7 * np.arange(1, len(bar.nodes) + 1)
+    shuffled = np.random.default_rng(0).permutation(len(numbers))
+    (tmp_path / "k.mtx").write_text(node_text(bar.stiffness, numbers))
+    (tmp_path / "m.mtx").write_text(node_text(bar.mass, numbers))
+    rows = [f"{numbers[i]}," + ",".join(map(repr, bar.nodes[i].tolist())) for i in shuffled]
+    (tmp_path / "nodes.csv").write_text(
+        "number,x,y,z\n" + "\n".join(r.replace("np.float64(", "").replace(")", "") for r in rows)
+    )
+    (tmp_path / "ends.csv").write_text("# ends\n7\n14\n")
+    (tmp_path / "faces.csv").write_text("7,14,21,28\n")
+    found = read_arrays(
+        tmp_path / "k.mtx", tmp_path / "m.mtx", tmp_path / "nodes.csv",
+        sets={"ends": tmp_path / "ends.csv", "face": tmp_path / "faces.csv", "given": np.array([7])},
+    )  # fmt: skip
+    assert list(found.node_sets["ends"]) == [7, 14]
+    assert found.face_sets["face"][0].tolist() == [[7, 14, 21, 28]]
+    order = np.lexsort((found.dofs[:, 1], found.dofs[:, 0]))
+    k = found.stiffness.toarray()[np.ix_(order, order)]
+    np.testing.assert_allclose(k, bar.stiffness.toarray(), atol=1e-9 * k.max())
+    m = found.mass.toarray()[np.ix_(order, order)]
+    np.testing.assert_allclose(m, bar.mass.toarray(), atol=1e-14)
+    np.testing.assert_allclose(found.nodes, bar.nodes[shuffled])
+
+
+BAD_TEXT = [
+    ("k.mtx", "1, 1\n", "line 1: expected 3 or 5 numbers, found 2"),
+    ("k.mtx", "1, 1, 2.0\n1, x, 3.0\n", "line 2: expected numbers, found 1, x"),
+    ("k.mtx", "1.5, 1, 2.0\n", "column 1: expected whole numbers, found 1.5"),
+    ("k.mtx", "1, 1, nan\n", "expected finite numbers"),
+    ("k.mtx", "0, 1, 1.0\n", "rows and columns counted from 1"),
+    ("k.mtx", "1, 1000000000, 1.0\n", "rows and columns counted from 1"),
+    ("k.mtx", "\n", "at least one line of numbers, found none"),
+    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n3 3 400000000\n1 1 1.0\n", "size line"),
+    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "expected 1 entries, .* found 2"),
+    ("k.mtx", "%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1.0 2.0\n", "a real matrix"),
+    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 3 1\n1 1 1.0\n", r"a square matrix, found shape \(2, 3\)"),
+    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1,5\n", "after the sizes, found '1,5'$"),
+    ("k.npz", "no archive", "a matrix as .npz"),
+    ("k.mat", "no MATLAB file", "a MATLAB file of version 5 to 7.2 .save -v7., found no such header"),
+    ("k.dat", "1 1 1.0", "the ending .npz, .npy, .mat or .mtx, found '.dat'"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "message"), BAD_TEXT, ids=[m[:30] + n for n, _, m in BAD_TEXT])
+def test_bad_matrices(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ModelError, match=message) as caught:
+        read_matrix(tmp_path / name)
+    assert name in str(caught.value)
+
+
+def test_bad_tables(tmp_path, bar):
+    def file(text):
+        (tmp_path / "t.csv").write_text(text)
+        return tmp_path / "t.csv"
+
+    with pytest.raises(ModelError, match="line 2: expected 4 numbers, found 3"):
+        read_nodes(file("1,0,0,0\n2,0,0\n"))
+    with pytest.raises(ModelError, match="column 1: expected whole numbers"):
+        read_nodes(file("1.5,0,0,0\n"))
+    with pytest.raises(ModelError, match="expected 2 numbers"):
+        read_dofs(file("1,2,3\n"))
+    assert read_dofs(file("12.3\n13.1\n")).tolist() == [[12, 3], [13, 1]]
+    with pytest.raises(ModelError, match="1 or 3 or 4 or 6 or 8 numbers"):
+        read_set(file("1,2,3,4,5\n"))
+    with pytest.raises(FileNotFoundError, match=r"there is no file .*none.csv"):
+        read_set(tmp_path / "none.csv")
+    np.savez(tmp_path / "two.npz", a=np.eye(3), b=np.eye(3))
+    with pytest.raises(ModelError, match=r"the name of an array, found the arrays \['a', 'b'\]"):
+        read_matrix(tmp_path / "two.npz")
+    with pytest.raises(ModelError, match=r"an array 'c'"):
+        read_matrix(tmp_path / "two.npz", "c")
+    (tmp_path / "k.mtx").write_text("1,1, 1,1, 1.0\n")
+    (tmp_path / "m.mtx").write_text("2,1, 2,1, 1.0\n")
+    with pytest.raises(ModelError, match=r"nodes and components of the stiffness matrix, found also \[\(2, 1\)"):
+        read_arrays(tmp_path / "k.mtx", tmp_path / "m.mtx", (np.array([1, 2]), np.zeros((2, 3))))
+    assert read_abaqus_matrix(tmp_path / "k.mtx")[1].tolist() == [[1, 1]]
+
+
+def test_a_matrix_that_cannot_be_opened_is_refused(tmp_path, bar, monkeypatch):
+    (tmp_path / "k.mtx").write_text(coordinate_text(bar.stiffness))
+
+    def denied(path, *_, **__):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("bdamper.importers.array_files.open", denied, raising=False)
+    with pytest.raises(ModelError, match=r"k\.mtx: expected a matrix as \.mtx, found PermissionError"):
+        read_arrays(tmp_path / "k.mtx", bar.mass, (np.arange(len(bar.nodes)), bar.nodes))
+
+
+def test_errors_of_checks_pass_where_numbers_are_parsed():
+    with pytest.raises(ModelError, match=r"^line 3: expected a count of 8, found 7$"), parsing("file", "numbers", "x"):
+        raise mismatch("line 3", "a count of 8", 7)
+    with pytest.raises(ModelError, match=r"^file: expected numbers, found 'x'$"), parsing("file", "numbers", "x"):
+        float("x")
+
+
+# ---- CalculiX ----
+
+DECK = """*HEADING
+a comment follows
+** comment
+*NODE, NSET=ALL
+1, 0., 0., 0.
+2, 1., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+5, 0., 0., 2.
+6, 1., 0., 2.
+7, 1., 1., 2.
+8, 0., 1., 2.
+*ELEMENT, TYPE=C3D8R, ELSET=BODY
+11, 1, 2, 3, 4,
+5, 6, 7, 8
+*ELEMENT, TYPE=S4, ELSET=SHELL
+12, 1, 2, 3, 4
+*NSET, NSET=ends
+1, 2
+ALL
+*NSET, NSET=steps, GENERATE
+1, 7, 3
+*ELSET, ELSET=top
+11
+*SURFACE, NAME=face
+top, S2
+11, S4
+*SURFACE, NAME=points, TYPE=NODE
+steps,
+"""
+
+
+def test_deck(tmp_path):
+    (tmp_path / "a.inp").write_text(DECK)
+    (tmp_path / "b.inp").write_text("*INCLUDE, INPUT=a.inp\n")
+    for name in ("a.inp", "b.inp"):
+        body = read_inp(tmp_path / name)
+        assert body.numbers.tolist() == list(range(1, 9))
+        assert body.elements[0].tolist() == [list(range(1, 9))]
+        assert body.node_sets["STEPS"].tolist() == [1, 4, 7]
+        assert body.node_sets["ENDS"].tolist() == list(range(1, 9))
+        facets = body.face_sets["face".upper()][0]
+        vectors = area_vectors(Facets((facets - 1,)), body.nodes)
+        np.testing.assert_allclose(vectors, [[0, 0, 1], [2, 0, 0]], atol=1e-15)
+        assert body.node_sets["POINTS"].tolist() == [1, 4, 7]
+        assert "elements of type S4 are not read" in str(body)
+
+
+def test_the_reader_follows_from_the_ending(tmp_path):
+    for name in ("a.inp", "B.INP"):
+        (tmp_path / name).write_text(DECK)
+        body = read_body(tmp_path / name)
+        np.testing.assert_array_equal(body.nodes, read_inp(tmp_path / name).nodes)
+        assert len(body.elements) == len(read_inp(tmp_path / name).elements) > 0
+    (tmp_path / "a.frd").write_text(DECK)
+    with pytest.raises(ModelError, match=r"a\.frd: expected a block of nodes \(2C\), found none"):
+        read_body(tmp_path / "a.frd")
+    with pytest.raises(FileNotFoundError, match=r"there is no file '.*none\.cdb'"):
+        read_body(tmp_path / "none.cdb")
+    with pytest.raises(ModelError, match=r"a\.stp: expected a name that ends in one of \['\.bdf', .*found '\.stp'"):
+        read_body(tmp_path / "a.stp")
+
+
+def frd_block(name, values, mode, hertz):
+    """A result of one mode as CalculiX writes it: node numbers from 1."""
+    rows = [f" -1{k + 1:10d}" + "".join(f"{v:12.5E}" for v in row) for k, row in enumerate(values)]
+    head = [
+        f"    1PHID  {2:10d}",
+        f"    1PMODE {mode:10d}",
+        f"  100CL{100 + mode:5d}{hertz:12.5E}{len(rows):12d}" + " " * 30 + "1",
+    ]
+    return [*head, f" -4  {name:8s}    4    1", " -5  ALL         1    2    1    0", *rows, " -3"]
+
+
+def test_real_and_imaginary_parts_of_a_result_file_are_put_together(tmp_path):
+    rng = np.random.default_rng(3)
+    nodes = rng.standard_normal((3, 3))
+    lines = [
+        "    2C" + " " * 40 + "1",
+        *(f" -1{k + 1:10d}" + "".join(f"{v:12.5E}" for v in x) for k, x in enumerate(nodes)),
+        " -3",
+    ]
+    parts = rng.standard_normal((2, 2, 3, 3))
+    stress = rng.standard_normal((2, 2, 3, 6))
+    for mode, hertz in ((1, 120.0), (2, 340.0)):
+        for part, ending in enumerate(("", "I")):
+            lines += frd_block("DISP" + ending, parts[mode - 1, part], mode, hertz)
+            lines += frd_block("STRESS" + ending, stress[mode - 1, part], mode, hertz)
+    (tmp_path / "a.frd").write_text("\n".join([*lines, " 9999"]))
+    (modes,) = read_body(tmp_path / "a.frd").modes
+    assert modes.nodal_diameter == 2
+    np.testing.assert_array_equal(modes.frequency, [120.0, 340.0])
+    np.testing.assert_allclose(modes.shapes, np.moveaxis(parts[:, 0] + 1j * parts[:, 1], 0, 2), atol=1e-4)
+    found = read_frd_stress(tmp_path / "a.frd")
+    np.testing.assert_allclose([values for _, values in found], stress[:, 0] + 1j * stress[:, 1], atol=1e-4)
+
+
+BAD_DECKS = [
+    ("1, 0., 0., 0.", "1, 0., zero, 0.", "line 5: expected a node number and its position"),
+    ("11, 1, 2, 3, 4,", "11, 1, 2, 3,", r"\*ELEMENT in line 13: expected 1 \+ 8 numbers for each element of type C3D8R"),
+    ("1, 7, 3", "1, 7, 0", "first, last and step"),
+    ("1, 7, 3", "1, 99999999999, 1", "first, last and step"),
+    ("\nALL\n", "\nNONE\n", r"a number or a set out of .*, found 'NONE'"),
+    ("top, S2", "top, S7", "faces S1 to S6, found 'S7'"),
+    ("top, S2", "bottom, S2", r"an element or a set out of \['BODY', 'TOP'\], found 'bottom'"),
+    ("11, S4", "44, S4", "solid elements of this deck, found element 44"),
+    ("*NODE", "*NOTE", r"a\.inp: \*NOTE in line 4: expected a mesh of .*, found \*NOTE, NSET, which"),
+    ("*HEADING", "*INCLUDE, INPUT=c.inp", "expected an existing file, found 'c.inp'"),
+    ("*HEADING", "*INCLUDE, INPUT=a.inp", "at most 100 included files, 5 in each other"),
+    ("5, 6, 7, 8\n", "5, 6, 7, 99\n", "elements with existing nodes, found nodes .99"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD_DECKS, ids=[m[:40] for *_, m in BAD_DECKS])
+def test_bad_decks(tmp_path, old, new, message):
+    assert old in DECK
+    (tmp_path / "a.inp").write_text(DECK.replace(old, new, 1))
+    with pytest.raises(ModelError, match=message) as caught:
+        read_inp(tmp_path / "a.inp")
+    assert "a.inp" in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def run(bar, tmp_path_factory):
+    """Matrices and a cyclic run of CalculiX, of a damper."""
+    if shutil.which("ccx") is None:
+        pytest.skip("CalculiX (ccx) is not installed")
+    folder = tmp_path_factory.mktemp("ccx")
+    body = discretise(damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2)), Material())
+    run_job(matrix_input(body, {"SOME": np.arange(5)}), folder, "damper")
+    free = free_input(body, 8).replace("*END STEP", "*NODE FILE\nU\n*END STEP")
+    run_job(free, folder, "modes")
+    return folder, body
+
+
+def test_matrices_of_calculix(run):
+    folder, body = run
+    found = read_calculix(folder / "damper", modes=folder / "modes.frd")
+    order = np.lexsort((found.dofs[:, 1], found.dofs[:, 0]))
+    k, m = (x.toarray()[np.ix_(order, order)] for x in (found.stiffness, found.mass))
+    # other elements than ours (their own integration), the same matrices
+    np.testing.assert_allclose(k, body.stiffness.toarray(), atol=1e-9 * k.max())
+    np.testing.assert_allclose(m, body.mass.toarray(), atol=1e-6 * m.max())
+    np.testing.assert_allclose(found.nodes, body.nodes, atol=1e-11)
+    assert found.node_sets["SOME"].tolist() == [1, 2, 3, 4, 5]
+    assert len(found.modes[0].frequency) == 8
+    other = read_calculix(folder / "damper.sti", mesh=folder / "modes.frd")
+    np.testing.assert_allclose(other.nodes, body.nodes, atol=1e-6)
+    assert [e.shape for e in other.elements] == [e.shape for e in found.elements]
+    shapes = found.modes[0].shapes[:, :, 6:].reshape(-1, 2)
+    np.testing.assert_allclose(shapes.T @ body.mass @ shapes, np.eye(2), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("ending", "change", "message"),
+    [
+        ("sti", lambda t: t[: len(t) // 2] + "\n1 2", "lines of row, column, value"),
+        ("sti", lambda t: "99999 1 1.0\n" + t, "rows and columns 1 to .*, as many .*, found 1 to 99999"),
+        ("sti", lambda t: "1 1 nan\n" + t, "expected finite numbers"),
+        ("mas", lambda t: "a b c\n" + t, "lines of row, column, value"),
+        ("dof", lambda t: "1,1,1\n" + t, "line 1: expected 2 numbers, found 3"),
+        ("dof", lambda t: "", "at least one line of numbers, found none"),
+        ("dof", lambda t: t.splitlines()[0], "rows and columns 1 to 1"),
+    ],
+)
+def test_bad_matrices_of_calculix(run, tmp_path, ending, change, message):
+    for source in run[0].glob("damper.*"):
+        shutil.copy(source, tmp_path)
+    path = tmp_path / f"damper.{ending}"
+    path.write_text(change(path.read_text()))
+    with pytest.raises(ModelError, match=message) as caught:
+        read_calculix(tmp_path / "damper")
+    assert "damper." in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t[: len(t) // 2], "the end of a block|a node number and 3 values|a line of values"),
+        (lambda t: t.replace("    2C", "    4C", 1), r"a block of nodes \(2C\)"),
+        (lambda t: t.replace(" -1         3", " -1         x", 1), "a node number and 3 values"),
+        (lambda t: t.replace("  100CL", "  100CL   x", 1), "a frequency in columns 13 to 24|result file"),
+        (lambda t: "\x00" + t, "the binary form"),
+    ],
+)
+def test_bad_results_of_calculix(run, tmp_path, change, message):
+    text = (run[0] / "modes.frd").read_text()
+    (tmp_path / "x.frd").write_text(change(text))
+    for read in (read_frd, read_frd_stress):
+        with pytest.raises(ModelError, match=message):
+            read(tmp_path / "x.frd")
+
+
+# ---- universal files ----
+
+
+def block(kind, lines):
+    return f"    -1\n{kind:6d}\n" + "\n".join(lines) + "\n    -1\n"
+
+
+def unv_elements(elements, kind):
+    lines = []
+    for k, element in enumerate(elements):
+        lines.append(f"{k + 1:10d}{kind:10d}{1:10d}{1:10d}{7:10d}{len(element):10d}")
+        lines += ["".join(f"{n:10d}" for n in element[i : i + 8]) for i in range(0, len(element), 8)]
+    return block(2412, lines)
+
+
+@pytest.fixture
+def universal(tmp_path):
+    pyuff = pytest.importorskip("pyuff", reason="pyuff is not installed (extra bdamper[unv])")
+    return pyuff, tmp_path / "a.unv"
+
+
+NODES = np.array([[x, y, z] for z in (0.0, 2.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)
+
+
+def mode(pyuff, number, hertz, shape, kind=55, data_type=2):
+    nodes = np.arange(1, 9)
+    if kind == 55:
+        parts = {f"r{k + 1}": shape[:, k] for k in range(3)}
+        return pyuff.prepare_55(
+            model_type=1, id1="m", id2="m", id3="m", id4="m", id5="m", analysis_type=2, data_ch=2, spec_data_type=8,
+            data_type=data_type, n_data_per_node=3, load_case=1, mode_n=number, freq=hertz, modal_m=4.0,
+            modal_damp_vis=0.0, modal_damp_his=0.0, node_nums=nodes, **parts,
+        )  # fmt: skip
+    raise ValueError(kind)
+
+
+def test_universal_file(universal):
+    pyuff, path = universal
+    rng = np.random.default_rng(3)
+    shapes = rng.standard_normal((2, 8, 3))
+    nodes = pyuff.prepare_2411(
+        node_nums=np.arange(1, 9), def_cs=np.ones(8, int), disp_cs=np.ones(8, int), color=np.ones(8, int),
+        x=NODES[:, 0], y=NODES[:, 1], z=NODES[:, 2],
+    )  # fmt: skip
+    pyuff.UFF(str(path)).write_sets(
+        [nodes, *(mode(pyuff, k + 1, 50.0 * (2 - k), shapes[k]) for k in range(2))], "overwrite"
+    )
+    path.write_text(path.read_text() + unv_elements([list(range(1, 9))], 115))
+    body = read_unv(path, nodal_diameters=4)
+    np.testing.assert_allclose(body.nodes, NODES)
+    assert body.elements[0].tolist() == [list(range(1, 9))]
+    (modes,) = body.modes
+    assert modes.nodal_diameter == 4
+    np.testing.assert_allclose(modes.frequency, [50.0, 100.0])
+    np.testing.assert_allclose(modes.shapes[:, :, 0], shapes[1], rtol=2e-5)
+    np.testing.assert_allclose(modes.modal_mass, 4.0)
+    assert [m.nodal_diameter for m in read_unv(path, {1: 2}).modes] == [2]
+
+
+def test_universal_file_of_set_15_and_second_order(universal, bar):
+    """Old node blocks of single precision; elements whose nodes alternate and spread over lines."""
+    path = universal[1]
+    lines = [f"{k + 1:10d}{0:10d}{0:10d}{11:10d}" + "".join(f"{v:13.5e}" for v in x) for k, x in enumerate(bar.nodes)]
+    common = bar.elements[:, local_order()] + 1  # corners, bottom middles, top middles, upright ones
+    ring = [0, 8, 1, 9, 2, 10, 3, 11]
+    order = [*ring, 16, 17, 18, 19, *(k + 4 for k in ring)]
+    path.write_text(block(15, lines) + unv_elements(common[:, order].tolist(), 116))
+    body = read_unv(path)
+    assert [sorted(e[:8]) for e in body.elements[0].tolist()] == [sorted(e[:8]) for e in common.tolist()]
+    from bdamper.fem.element_faces import enclosed_volume
+    from bdamper.importers.prepared_body import Placement, PreparedBody
+
+    prepared = PreparedBody("bar", body, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    assert enclosed_volume(prepared.boundary, prepared.nodes) == pytest.approx(0.25 * 0.2 * 0.2, rel=1e-5)
+
+
+def test_modes_of_set_2414(universal):
+    path = universal[1]
+    lines = ["         1", "mode", "         1", *("id" for _ in range(5))]
+    lines.append("".join(f"{v:10d}" for v in (1, 2, 2, 8, 2, 3)))
+    lines.append("".join(f"{v:10d}" for v in (0, 0, 0, 0, 1, 3, 0, 0)))
+    lines.append("".join(f"{v:10d}" for v in (0, 0)))
+    lines.append("".join(f"{v:13.5e}" for v in (0.0, 123.0, 0.0, 2.0, 0.0, 0.0)))
+    lines.append("".join(f"{v:13.5e}" for v in (0.0,) * 6))
+    for k, x in enumerate(NODES):
+        lines += [f"{k + 1:10d}", "".join(f"{v:13.5e}" for v in x)]
+    nodes = [f"{k + 1:10d}{0:10d}{0:10d}{11:10d}" + "".join(f"{v:13.5e}" for v in x) for k, x in enumerate(NODES)]
+    path.write_text(block(15, nodes) + block(2414, lines))
+    (modes,) = read_unv(path, {3: 1}).modes
+    assert (modes.nodal_diameter, modes.frequency[0], modes.modal_mass[0]) == (1, 123.0, 2.0)
+    np.testing.assert_allclose(modes.shapes[:, :, 0], NODES)
+
+
+def test_measured_response(universal, tmp_path):
+    pyuff, path = universal
+    x = np.linspace(100.0, 200.0, 51)
+    y = 1e-5 / (150.0 - x + 2j)
+    functions = [
+        pyuff.prepare_58(
+            binary=0, func_type=4, rsp_node=17, rsp_dir=-2, ref_dir=1, ref_node=3, data=y, x=x, id1="tip", id2="",
+            id3="", id4="", id5="", rsp_ent_name="B", ref_ent_name="B", abscissa_spacing=1, abscissa_spec_data_type=18,
+            ordinate_spec_data_type=8, orddenom_spec_data_type=13, ordinate_axis_units_lab="m",
+        )
+    ]  # fmt: skip
+    pyuff.UFF(str(path)).write_sets(functions, "overwrite")
+    (found,) = read_measurements(path)
+    np.testing.assert_allclose(found.frequency, x, rtol=1e-5)
+    np.testing.assert_allclose(found.response, y, rtol=1e-4)
+    assert (found.node, found.direction, found.name, found.unit) == (17, -2, "tip", "m")
+    assert "tip: 51 points from 100 to 200 Hz" in str(found)
+    axes = found.plot(scale=1e3)
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), 1e3 * found.amplitude)
+    found.save(tmp_path / "m.h5")
+    again = load(tmp_path / "m.h5")
+    np.testing.assert_array_equal(again.response, found.response)
+    assert str(again) == str(found)
+    (tmp_path / "x.h5").write_bytes(b"no file")
+    with pytest.raises(BdamperError, match="a file written by bdamper"):
+        load(tmp_path / "x.h5")
+    with pytest.raises(ModelError, match="as many responses as frequencies"):
+        Measurement("x", np.ones(3), np.ones(2))
+    with pytest.raises(ModelError, match=r"nodes \(data set 15 or 2411\), found none"):
+        read_unv(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "nodes|universal file"),
+        ("nothing of the kind\n", "nodes|universal file"),
+        (block(15, ["         1         0         0        11  x"]), "readable data set|universal file"),
+        (block(15, ["1 0 0 11 0. 0. 0."]) + block(2412, ["1 115 1 1 7 8", "1 2 3"]), "nodes of an element, found the end"),
+        (block(15, ["1 0 0 11 0. 0. 0."]) + block(2412, ["1 x 1 1 7 8"]), "an element of data set 2412, found '1 x"),
+        (block(55, ["x"] * 12), "readable data set|nodes"),
+    ],
+)
+def test_bad_universal_files(universal, text, message):
+    path = universal[1]
+    path.write_text(text)
+    with pytest.raises(ModelError, match=message):
+        read_unv(path)
+
+
+# ---- Nastran ----
+
+
+def nastran():
+    pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])")
+    from bdamper.importers import nastran
+
+    return nastran
+
+
+def bulk():
+    nastran()
+    try:
+        from pyNastran.bdf.bdf import BDF  # noqa: F401
+    except (ImportError, AttributeError) as error:
+        pytest.skip(f"pyNastran does not work with this NumPy: {error}")
+
+
+def test_real_op4():
+    path = NASTRAN / "testplate_kgg.op4"
+    reader = nastran()
+    if not path.exists():
+        pytest.skip(f"{path.name} is not here: {NASTRAN} is not part of the project")
+    k = reader.read_op4(path)["KGG"]
+    assert k.shape == (726, 726)
+    assert abs(k - k.T).max() == 0.0
+    values = np.linalg.eigvalsh(k.toarray())
+    assert np.sum(np.abs(values) < 1e-12 * values[-1]) == 6
+    assert values[6] > 1e-9 * values[-1]
+    assert values[0] > -1e-14 * values[-1]
+
+
+def bulk_text(numbers, nodes, elements):
+    lines = ["BEGIN BULK"]
+    for number, x in zip(numbers, nodes):
+        lines.append(f"GRID,{number},,{x[0]:.9f},{x[1]:.9f},{x[2]:.9f}")
+    for k, e in enumerate(elements):
+        first = ",".join(map(str, e[:6]))
+        lines.append(f"CHEXA,{k + 1},1,{first}")
+        rest = [e[6:14], e[14:]]
+        lines += ["," + ",".join(map(str, r)) for r in rest if len(r)]
+    lines += ["PSOLID,1,1", "MAT1,1,2.1+11,,0.3,7850.", "SET1,5,10,THRU,12", "ENDDATA", ""]
+    return "\n".join(lines)
+
+
+def nastran_order(common):
+    """Corners, bottom middles, upright ones, top middles."""
+    return common[:, [*range(12), 16, 17, 18, 19, 12, 13, 14, 15]]
+
+
+def test_bulk_data_and_op4(bar, tmp_path):
+    bulk()
+    from pyNastran.op4.op4 import OP4
+
+    from bdamper.importers import read_nastran
+
+    numbers = 10 + np.arange(len(bar.nodes))
+    elements = nastran_order(numbers[bar.elements[:, local_order()]])
+    (tmp_path / "a.bdf").write_text(bulk_text(numbers, bar.nodes, elements))
+    rows = (6 * np.arange(len(numbers))[:, None] + np.arange(3)).ravel()
+    pick = sp.csr_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows)))
+    full = {name: (6, (pick @ m @ pick.T).toarray()) for name, m in (("KNN", bar.stiffness), ("MNN", bar.mass))}
+    OP4(debug=False).write_op4(str(tmp_path / "a.op4"), full, is_binary=False)
+    found = read_nastran(tmp_path / "a.bdf", tmp_path / "a.op4")
+    assert found.dofs.shape == (3 * len(numbers), 2)
+    np.testing.assert_allclose(found.stiffness.toarray(), bar.stiffness.toarray(), atol=1e-9 * abs(bar.stiffness).max())
+    np.testing.assert_allclose(found.nodes, bar.nodes, atol=1e-9)
+    from bdamper.fem.element_faces import enclosed_volume
+    from bdamper.importers.prepared_body import Placement, PreparedBody
+
+    prepared = PreparedBody("bar", found, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    assert enclosed_volume(prepared.boundary, prepared.nodes) == pytest.approx(0.25 * 0.2 * 0.2, rel=1e-7)
+    assert "empty rows dropped" in str(found)
+    with pytest.raises(ModelError, match=r"a matrix 'KXX', found the matrices \['KNN', 'MNN'\]"):
+        read_nastran(tmp_path / "a.bdf", tmp_path / "a.op4", names=("KXX", "MGG"))
+
+
+def test_dmig(tmp_path):
+    bulk()
+    from bdamper.importers import read_nastran
+
+    text = bulk_text([10, 11], np.zeros((2, 3)) + [[0, 0, 0], [1, 0, 0]], [])
+    cards = []
+    for name, scale in (("KAAX", 100.0), ("MAAX", 1.0)):
+        cards.append(f"DMIG,{name},0,6,2,0")
+        cards.append(f"DMIG,{name},10,1,,10,1,{2 * scale}\n,11,1,{-scale}")
+        cards.append(f"DMIG,{name},11,1,,11,1,{3 * scale}")
+    (tmp_path / "d.bdf").write_text(text.replace("ENDDATA", "\n".join([*cards, "ENDDATA"])))
+    found = read_nastran(tmp_path / "d.bdf")
+    assert found.dofs.tolist() == [[10, 1], [11, 1]]
+    np.testing.assert_allclose(found.stiffness.toarray(), [[200.0, -100.0], [-100.0, 300.0]])
+    np.testing.assert_allclose(found.mass.toarray(), [[2.0, -1.0], [-1.0, 3.0]])
+
+
+def test_axes_of_displacement(tmp_path):
+    bulk()
+    from bdamper.importers import read_bdf
+
+    (tmp_path / "c.bdf").write_text(
+        "BEGIN BULK\nCORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,1,,0.,2.,0.,7\nGRID,2,7,3.,90.,1.\nENDDATA\n"
+    )
+    body = read_bdf(tmp_path / "c.bdf")
+    np.testing.assert_allclose(body.nodes[1], [0.0, 3.0, 1.0], atol=1e-12)  # given in cylindrical coordinates
+    np.testing.assert_allclose(body.node_axes[1], [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "GRID,1,,x,0.,0.\n", "BEGIN BULK\nGRID,1,99,0.,0.,0.\nENDDATA\n", "BEGIN BULK\nCTETRA,1,1,1,2,3,4\nENDDATA\n"],
+)
+def test_bad_bulk_data(tmp_path, text):
+    bulk()
+    from bdamper.importers import read_bdf
+
+    (tmp_path / "x.bdf").write_text(text)
+    with pytest.raises(ModelError, match=r"x\.bdf"):
+        read_bdf(tmp_path / "x.bdf")
+
+
+def test_modes_of_an_op2_file(tmp_path):
+    bulk()
+    from pyNastran.op2.op2 import OP2
+    from pyNastran.op2.tables.oug.oug_eigenvectors import RealEigenvectorArray
+
+    from bdamper.importers import read_op2
+
+    data = np.zeros((2, 4, 6), "float32")
+    data[..., :3] = np.random.default_rng(0).standard_normal((2, 4, 3))
+    grid = np.column_stack([np.arange(1, 5), np.ones(4, int)]).astype("int32")
+    hertz = np.array([50.0, 80.0])
+    table = RealEigenvectorArray.add_modal_case("OUGV1", grid, data, 1, np.array([1, 2]), (2 * np.pi * hertz) ** 2, hertz)
+    table.table_code, table.tCode = 7, 1007  # eigenvectors, not displacements
+    table.data_code.update(table_code=7, tCode=1007)
+    model = OP2(debug=None)
+    model.set_as_nx()
+    model.eigenvectors[1] = table
+    model.write_op2(str(tmp_path / "m.op2"), post=-1, endian=b"<", nastran_format="nx")
+    modes = read_op2(tmp_path / "m.op2", nodal_diameter=3)
+    np.testing.assert_allclose(modes.frequency, hertz, rtol=1e-6)
+    np.testing.assert_allclose(modes.shapes[:, :, 1], data[1, :, :3], rtol=1e-6)
+    assert modes.nodal_diameter == 3
+    quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # first axis along Y
+    turned = read_op2(tmp_path / "m.op2", axes={2: quarter})
+    np.testing.assert_allclose(turned.shapes[1, 1], modes.shapes[1, 0])
+    np.testing.assert_allclose(turned.shapes[1, 0], -modes.shapes[1, 1])
+    with pytest.raises(ModelError, match=r"a subcase out of \[1\], found 4"):
+        read_op2(tmp_path / "m.op2", subcase=4)
+    (tmp_path / "x.op2").write_bytes((tmp_path / "m.op2").read_bytes()[:300])
+    with pytest.raises(ModelError, match=r"x\.op2"):
+        read_op2(tmp_path / "x.op2")
+
+
+def test_missing_library_is_named(monkeypatch, tmp_path):
+    import sys
+
+    from bdamper.importers import nastran as module
+
+    monkeypatch.setitem(sys.modules, "pyuff", None)
+    (tmp_path / "a.unv").write_text(block(15, []))
+    with pytest.raises(BdamperError, match=r"install the extra bdamper\[unv\]"):
+        read_unv(tmp_path / "a.unv")
+    monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", None)
+    (tmp_path / "a.op4").write_text("x")
+    with pytest.raises(BdamperError, match=r"install the extra bdamper\[nastran\]"):
+        module.read_op4(tmp_path / "a.op4")

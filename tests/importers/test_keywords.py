@@ -1,0 +1,307 @@
+"""Keywords of mesh files that make, move or tie nodes, elements or sets: each is read, or refused by name with its line."""
+
+import re
+
+import numpy as np
+import pytest
+from tests.io.test_io_files import DECK
+
+from bdamper.importers import read_body, read_inp
+from bdamper.util.errors import ModelError
+from tests.ansys_files import write_cdb
+
+# ---- CalculiX and Abaqus ----
+
+TIES = """*CLEARANCE, MASTER=A
+*CONNECTOR SECTION, ELSET=BODY
+*CONTACT PAIR, INTERACTION=I, ADJUST=0.1
+*CONTACT PAIR, INTERACTION=I, TIED
+*COUPLING, REF NODE=1, SURFACE=FACE, CONSTRAINT NAME=C
+*KINEMATIC
+*DISTRIBUTING
+*DISTRIBUTING COUPLING, ELSET=BODY
+*KINEMATIC COUPLING, REF NODE=1
+*EMBEDDED ELEMENT
+*EQUATION
+*FASTENER, INTERACTION NAME=F
+*MPC
+*Network Mpc
+*PRE-TENSION SECTION, SURFACE=FACE, NODE=1
+*RIGID BODY, ELSET=BODY, REF NODE=1
+*SHELL TO SOLID COUPLING, CONSTRAINT NAME=C
+*SUBMODEL, TYPE=NODE, INPUT=g.frd
+*TIE, NAME=T
+*TRANSFORM, NSET=ALL, TYPE=C
+*MATRIX ASSEMBLE, STIFFNESS=K"""
+MAKES = """*PART, NAME=P
+*ASSEMBLY, NAME=A
+*Instance, name=I, part=P
+*NGEN
+*NFILL
+*NCOPY, CHANGE NUMBER=100, OLD SET=ALL, SHIFT
+*NMAP, NSET=ALL
+*NODE, SYSTEM=C
+*NODE, INPUT=more.inp
+*NODE RESPONSE
+*SYSTEM
+*IMPERFECTION, FILE=f, STEP=1
+*ADJUST, NODE SET=ALL, SURFACE=FACE
+*ELGEN
+*ELCOPY, ELEMENT SHIFT=1, OLD SET=BODY, SHIFT NODES=1
+*ELEMENT, TYPE=C3D8, INPUT=more.inp
+*NSET, NSET=N, ELSET=BODY
+*NSET, NSET=N, INSTANCE=I
+*ELSET, ELSET=E, INSTANCE=I
+*SURFACE, NAME=S, COMBINE=UNION
+*SURFACE, NAME=S, TYPE=CYLINDER
+*MODEL CHANGE, REMOVE
+*REFINE MESH, LIMIT=10
+*SYMMETRIC MODEL GENERATION, REVOLVE
+*IMPORT, STEP=1
+*PARAMETER
+*INCLUDE, INPUT=more.inp, PASSWORD=x"""
+HARMLESS = """*CYCLIC SYMMETRY MODEL, N=12
+*TIE, CYCLIC SYMMETRY, NAME=T
+*Boundary
+*Density
+*EXPANSION, ZERO=20.
+*INITIAL CONDITIONS, TYPE=TEMPERATURE
+*NODE FILE
+*NODE PRINT, NSET=ALL
+*Node Output
+*STEP, NLGEOM
+*STATIC
+*DLOAD
+*FREQUENCY, SOLVER=MATRIXSTORAGE
+*MATRIX GENERATE, STIFFNESS, MASS
+*END STEP"""
+
+
+@pytest.mark.parametrize("line", [*TIES.splitlines(), *MAKES.splitlines()])
+def test_keywords_of_decks_that_could_change_the_mesh_are_refused(line, tmp_path):
+    at = len(DECK.splitlines()) + 2
+    (tmp_path / "a.inp").write_text(f"{DECK}** a comment\n{line}\n1, 2, 3\n")
+    (tmp_path / "more.inp").write_text("*NODE\n9, 9., 9., 9.\n")
+    with pytest.raises(ModelError) as caught:
+        read_inp(tmp_path / "a.inp")
+    keyword = "".join(line.split(",")[0].upper().split())
+    assert f"a.inp: {keyword} in line {at}: expected " in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_harmless_keywords_of_decks_leave_the_mesh_as_it_is(tmp_path):
+    (tmp_path / "plain.inp").write_text(DECK)
+    (tmp_path / "more.inp").write_text(DECK + "".join(f"{line}\n1, 2, 3\n" for line in HARMLESS.splitlines()))
+    plain, more = (read_inp(tmp_path / f"{name}.inp") for name in ("plain", "more"))
+    np.testing.assert_array_equal(more.nodes, plain.nodes)
+    assert str(more).replace("more.inp", "plain.inp") == str(plain)
+    (tmp_path / "spring.inp").write_text(DECK + "*SPRING, ELSET=SHELL\n1\n1.\n")
+    note = "*SPRING of the deck is not read: its stiffness or mass must be in the matrices"
+    assert note in str(read_inp(tmp_path / "spring.inp"))
+
+
+# ---- Ansys ----
+
+CDB_REFUSED = """CE,R5.0,DEFI,       2,       1,  0.00000000
+CP,R5.0,DEFI, 1, UX, 2
+CERIG,1,2,UXYZ
+CPINTF,ALL
+CECYC,LOW,HIGH,9,1
+CEINTF
+N,R5.3,LOC,      77,  1.0, 2.0
+EN,R5.5,ATTR, 3, 4
+E,1,2,3,4
+NGEN,2,100,1,8,1,0.25
+ngen,2,100,1,8,1,0.25
+NSYM,X,100,ALL
+NROTAT,ALL
+NMODIF,1,0.5
+NUMMRG,NODE
+TRANSFER,1,1,ALL
+EGEN,2,100,ALL
+EMODIF,1,1,2
+ESYM,,100,ALL
+CM,TOP,NODE
+CMBLOCK,TOP
+SE,part
+MSHCOPY,VOLU
+CDREAD,DB,more,cdb
+/INPUT,more,cdb
+*USE,macro
+X=1 $ NGEN,2,100,1,8,1,0.25
+*SET,X,1 $ CP,1,UX,1,2"""
+CDB_HARMLESS = """/COM,ANSYS RELEASE 19.2 $ of NGEN
+TYPE,        3
+MAT,1
+REAL,1
+ESYS,0
+/TITLE, CP and $ NGEN
+! NGEN,2,100
+*IF,_CDRDOFF,EQ,1,THEN     !if solid model was read in
+_CDRDOFF=             !reset flag
+NUMOFF,NODE,        8
+*ENDIF
+DOF,DELETE
+KEYOPT,1,2,3
+RLBLOCK,1,1,6,7
+(2i8,6g16.9)
+       1       6  1.0
+LOCAL,R5.0,LOC,  11, 0, 0.25, 0., 0.
+D,      1,UX  ,  0.00000000    ,  0.00000000
+MPDATA,R5.0, 1,DENS,       1, 1,  7850.00000    ,
+N,R5.3,LOC,       -1,
+EN,R5.5,ATTR,      -1"""
+
+
+@pytest.fixture
+def archive(tmp_path):
+    numbers, corners = np.arange(1, 9), ((0, 0), (1, 0), (1, 1), (0, 1))
+    nodes = np.array([[x, y, z] for z in (0, 2) for x, y in corners], float)
+    write_cdb(tmp_path / "plain.cdb", numbers, nodes, [numbers], {"TOP": numbers[4:]})
+    return tmp_path
+
+
+@pytest.mark.parametrize("line", CDB_REFUSED.splitlines())
+def test_commands_of_archives_that_could_change_the_mesh_are_refused(line, archive):
+    lines = (archive / "plain.cdb").read_text().splitlines()
+    (archive / "a.cdb").write_text("\n".join([*lines, line, ""]))
+    command = re.escape(line.split(",")[0])
+    with pytest.raises(ModelError, match=rf"a\.cdb: line {len(lines) + 1}: expected .*found {command}") as caught:
+        read_body(archive / "a.cdb")
+    assert "\n" not in str(caught.value)
+
+
+def test_harmless_commands_of_archives_leave_the_mesh_as_it_is(archive):
+    text = (archive / "plain.cdb").read_text()
+    (archive / "more.cdb").write_text(text.replace("FINISH", CDB_HARMLESS + "\nFINISH"))
+    plain, more = (read_body(archive / f"{name}.cdb") for name in ("plain", "more"))
+    np.testing.assert_array_equal(more.nodes, plain.nodes)
+    assert str(more).replace("more.cdb", "plain.cdb") == str(plain)
+
+
+# ---- universal files ----
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+@pytest.mark.parametrize("old", [True, False])
+def test_nodes_of_universal_files_in_other_axes_are_refused(kind, old, tmp_path):
+    """Data sets 15 with 18 and 2411 with 2420: of the systems 1 (the axes of the file) and 7, the nodes use either."""
+    pytest.importorskip("pyuff", reason="pyuff is not installed (extra bdamper[unv])")
+
+    def written(system):
+        rows = [(0, 0, 0), (1, 0, 0)]
+        if old:
+            systems = ["    18", f"{7:10d}{kind:10d}{0:10d}{8:10d}{1:10d}", "OWN"]
+            systems += ["".join(f"{v:13.5e}" for v in values) for values in ((0.25, 0, 0, 1.25, 0, 0), (0.25, 0, 1))]
+            heads = [f"{k:10d}{system:10d}{0:10d}{11:10d}" for k in (1, 2)]
+            nodes = [head + "".join(f"{v:13.5e}" for v in x) for head, x in zip(heads, rows)]
+            lines = ["    -1", *systems, "    -1", "    -1", "    15", *nodes, "    -1", ""]
+        else:
+            systems = ["  2420", f"{1:10d}", "PART"]
+            for label, form, shift in ((1, 0, 0.0), (7, kind, 0.25)):
+                systems += [f"{label:10d}{form:10d}{8:10d}", f"CS{label}"]
+                systems += ["".join(f"{v:25.16e}" for v in row) for row in (*np.eye(3), (shift, 0.0, 0.0))]
+            nodes = []
+            for k, x in enumerate(rows, 1):
+                nodes += [f"{k:10d}{1:10d}{system:10d}{11:10d}", "".join(f"{v:25.16e}" for v in x)]
+            lines = ["    -1", *systems, "    -1", "    -1", "  2411", *nodes, "    -1", ""]
+        (tmp_path / "a.unv").write_text("\n".join(lines))
+        return tmp_path / "a.unv"
+
+    np.testing.assert_array_equal(read_body(written(1)).nodes, [[0, 0, 0], [1, 0, 0]])
+    expected = r"a\.unv: expected positions and displacements of nodes in the axes of the file, found .* \[7\]"
+    with pytest.raises(ModelError, match=expected):
+        read_body(written(7))
+
+
+# ---- Nastran ----
+
+BULK = """BEGIN BULK
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+GRID,3,,0.,1.,0.
+GRID,4,,0.,0.,1.
+CTETRA,1,1,1,2,3,4
+PSOLID,1,1
+MAT1,1,2.1+11,,0.3,7850.
+"""
+BDF_REFUSED = """RBE2,5,1,123,2,3
+RBE3,5,,4,123,1.,123,1,2
+RBAR,5,1,2,123456
+RROD,5,1,2,1
+RBE1,5,1,123456,,,,UM,2,1
+RSPLINE,5,,1,2,123,3
+MPC,3,1,1,1.,2,1,-1.
+MPCADD,2,3
+GRDSET,,7
+SPOINT,99
+CYJOIN,1,T1,1,2
+BCTSET,1,1,2
+BGSET,1,1,2
+SEBULK,1,COPY
+GENEL,5,,1,1
+FOOBAR,1,2"""
+BDF_HARMLESS = """EIGRL,1,,,6
+SPC1,1,123,1
+ASET1,123,2,THRU,4
+FORCE,2,2,0,1.,1.,0.,0.
+PARAM,COUPMASS,1
+TEMP,4,1,20."""
+
+
+@pytest.fixture
+def bulk_data(tmp_path):
+    try:
+        from pyNastran.bdf.bdf import BDF  # noqa: F401
+    except (ImportError, AttributeError) as error:
+        pytest.skip(f"pyNastran is not installed or does not work with this NumPy (make nastran): {error}")
+
+    def read(cards, before=""):
+        (tmp_path / "a.bdf").write_text(f"{before}{BULK}{cards}\nENDDATA\n")
+        return read_body(tmp_path / "a.bdf")
+
+    return read
+
+
+@pytest.mark.parametrize("card", BDF_REFUSED.splitlines())
+@pytest.mark.parametrize("before", ["", "SOL 103\nCEND\nTITLE=A\n"])
+def test_cards_that_could_change_the_mesh_are_refused(card, before, bulk_data):
+    name = card.split(",")[0]
+    with pytest.raises(ModelError, match=rf"a\.bdf: {name}: expected a mesh of .*, found {name},.* which could") as caught:
+        bulk_data(card, before)
+    assert "\n" not in str(caught.value)
+
+
+def test_harmless_cards_leave_the_mesh_as_it_is_and_masses_are_noted(bulk_data):
+    plain, more, mass = bulk_data(""), bulk_data(BDF_HARMLESS), bulk_data("CONM2,7,1,,2.5")
+    np.testing.assert_array_equal(more.nodes, plain.nodes)
+    assert str(more) == str(plain)
+    assert str(mass) == f"{plain}\n  cards CONM2 (1) are not read: they must be in the matrices"
+
+
+def test_matrices_that_are_not_used_are_named(bulk_data):
+    names = ("KAAX", "MAAX", "K4AAX", "PAX")
+    cards = [f"DMIG,{name},{rest}" for name in names for rest in ("0,6,2,0", "1,1,,1,1,2.")]
+    body = bulk_data("\n".join(cards))
+    assert body.stiffness.toarray().tolist() == [[2.0]]
+    assert "matrices K4AAX, PAX (DMIG) are not used" in body.notes
+    alone = bulk_data("\n".join(cards[2:4]))
+    assert alone.stiffness is None and "matrices MAAX (DMIG) are not used" in alone.notes
+
+
+def test_matrices_that_lack_the_rows_of_constraints_are_refused(bulk_data, tmp_path):
+    """KNN has no rows of dependent components: six for each grid point are wanted."""
+    from pyNastran.op4.op4 import OP4
+
+    from bdamper.importers import read_nastran
+
+    bulk_data("")
+    whole = np.diag(np.arange(1.0, 25.0))
+    OP4(debug=False).write_op4(str(tmp_path / "g.op4"), {"KGG": (6, whole), "MGG": (6, whole)}, is_binary=False)
+    with pytest.raises(ModelError, match=r"a matrix 'KNN', found the matrices \['KGG', 'MGG'\]"):
+        read_nastran(tmp_path / "a.bdf", tmp_path / "g.op4")
+    assert read_nastran(tmp_path / "a.bdf", tmp_path / "g.op4", names=("KGG", "MGG")).stiffness.shape == (24, 24)
+    part = whole[:21, :21]
+    OP4(debug=False).write_op4(str(tmp_path / "n.op4"), {"KNN": (6, part), "MNN": (6, part)}, is_binary=False)
+    with pytest.raises(ModelError, match="expected 24 rows: six for each of 4 grid points, found 21"):
+        read_nastran(tmp_path / "a.bdf", tmp_path / "n.op4")

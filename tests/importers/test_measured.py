@@ -1,0 +1,130 @@
+"""Measured points and responses: the loaders."""
+
+import numpy as np
+import pytest
+
+from bdamper.analyses.loop_fit import read_loop
+from bdamper.importers.measurements import Measurement, load_measured, read_response
+from bdamper.util.errors import BdamperError
+
+
+def write(tmp_path, text):
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    return path
+
+
+def test_points_are_read(tmp_path):
+    rows = "0, 280, 2\n\n100, 300,\n50,290, 1.0\n"
+    points = load_measured(write(tmp_path, f"# rig\nLoad (N), frequency (Hz),amplitude (mm)\n{rows}"))
+    assert points.load.tolist() == [0.0, 100.0, 50.0]
+    assert np.isnan(points.amplitude[1])
+    assert points.frequency.tolist() == [280.0, 300.0, 290.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "found nothing"),
+        ("force,amplitude\n1,2\n", "line 1: expected the columns"),
+        ("load (N),amplitude (mm)\n1,2\n2,x\n", "line 3: expected a finite number of at least 0 .* 'amplitude', .* 'x'"),
+        ("load (N),amplitude (mm)\n-1,2\n", "line 2: expected a finite number of at least 0 in column 'load', found '-1'"),
+        ("load (N),amplitude (mm)\n,2\n", "line 2: expected a finite number of at least 0 in column 'load', found ''"),
+        ("load (N),amplitude (mm)\n1,-2\n", "line 2: expected .* in column 'amplitude', found '-2'"),
+        ("load (N),amplitude (mm)\n1,inf\n", "line 2: expected .* in column 'amplitude', found 'inf'"),
+        ("load (N),amplitude (mm)\n10,0,5\n", "line 2: expected 2 values separated by commas, .*, found 3: '10,0,5'"),
+        ("load (N),amplitude (mm)\n", "expected rows of numbers after the header, found none"),
+    ],
+)
+def test_bad_files_are_named(tmp_path, text, message):
+    with pytest.raises(BdamperError, match=message):
+        load_measured(write(tmp_path, text))
+
+
+def test_a_byte_order_mark_is_no_part_of_the_header(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_bytes("load (N),amplitude (mm)\n0,2\n10,1\n".encode("utf-8-sig"))
+    assert load_measured(path).load.tolist() == [0.0, 10.0]
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_other_encodings_are_named(tmp_path, encoding):
+    path = tmp_path / "points.csv"
+    path.write_bytes("# Prüfstand\nload,amplitude\n0,2\n".encode(encoding))
+    with pytest.raises(BdamperError, match=r"points\.csv: expected text in UTF-8, found another encoding"):
+        load_measured(path)
+
+
+def test_a_response_with_units_and_phase(tmp_path):
+    path = write(tmp_path, "# rig 7\nPoint,Frequency (Hz),Amplitude [µm],Phase (deg)\na,340,20,90\nb,341,30,-180\n")
+    found = read_response(path)
+    assert found.response == pytest.approx([20j, -30.0]) and found.frequency.tolist() == [340.0, 341.0]
+    assert found.metres == 1e-6 and found.name == path.stem
+    plain = read_response(write(tmp_path, "real,imag,frequency (Hz)\n3,4,100\n"), unit="mm", name="rig")
+    assert plain.amplitude.tolist() == [5.0] and (plain.metres, plain.name) == (1e-3, "rig")
+
+
+def test_a_response_that_was_written_is_read(tmp_path):
+    Measurement("rig", np.array([1.0, 2.0]), np.array([3.0 + 4.0j, 1.0])).to_csv(tmp_path / "rig.csv")
+    found = read_response(tmp_path / "rig.csv")
+    assert found.response == pytest.approx([3.0 + 4.0j, 1.0], rel=1e-15) and found.unit == "m"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("amplitude\n1\n", "line 1: expected the columns frequency, real, imag; or .*; or frequency, amplitude, found"),
+        ("frequency (rpm),amplitude (m)\n1,2\n", r"points.csv, line 1, column 'frequency': .* \['Hz', 'kHz'\], .* 'rpm'"),
+        ("frequency (Hz),real (m),imag (mm)\n1,2,3\n", "points.csv: expected real and imag in the same unit, found 'm'"),
+        ("frequency (Hz),amplitude (m)\n1,2\n2,x\n", "line 3: expected a finite number in column 'amplitude', found 'x'"),
+        ("frequency (Hz),amplitude (m)\n1\n", "line 2: expected a finite number in column 'amplitude', found ''"),
+        ("frequency (Hz),amplitude (m)\n1,2,3\n", "line 2: expected 2 values separated by commas"),
+        ("frequency (Hz),amplitude (m)\n", "expected rows of numbers after the header, found none"),
+    ],
+)
+def test_a_response_that_cannot_be_read(tmp_path, text, message):
+    with pytest.raises(BdamperError, match=message):
+        read_response(write(tmp_path, text))
+    with pytest.raises(BdamperError, match="expected a CSV file, found a folder"):
+        read_response(tmp_path)
+
+
+HEADS = {
+    "phase": "Frequency (Hz),Amplitude (mm),Phase",
+    "frequency": "frequency,amplitude (mm),phase (deg)",
+    "amplitude": "frequency (Hz),amplitude,phase (deg)",
+    "load": "load,amplitude (mm),frequency (Hz)",
+    "force": "displacement (um),force",
+    "displacement": "displacement,force (N)",
+}
+READERS = {"load": load_measured, "force": read_loop, "displacement": read_loop}
+
+
+@pytest.mark.parametrize("column", HEADS)
+def test_a_column_without_a_unit_is_refused_with_the_way_to_write_it(tmp_path, column):
+    """Phases of -10, -26 and -42 degrees and loads in kN look like radians and newtons."""
+    columns = HEADS[column].count(",") + 1
+    path = write(tmp_path, f"# rig\n{HEADS[column]}\n" + "".join(f"{','.join(['7'] * columns)}\n" for _ in range(3)))
+    with pytest.raises(BdamperError, match=rf"line 2, column '{column}': .* such as '{column} \(\w+\)'.*, found no unit"):
+        READERS.get(column, read_response)(path)
+
+
+def test_units_of_the_header_are_converted(tmp_path):
+    phase = np.array([-10.0, -26.0, -42.0])
+    rows = "".join(f"0.33,2,{p}\n" for p in phase)
+    found = read_response(write(tmp_path, f"frequency (kHz),amplitude (mm),phase (deg)\n{rows}"))
+    assert found.frequency == pytest.approx([330.0] * 3) and np.rad2deg(found.phase) == pytest.approx(phase)
+    unwrapped = read_response(write(tmp_path, f"frequency (kHz),amplitude (mm),phase (rad)\n{rows}"))
+    assert unwrapped.response == pytest.approx(2.0 * np.exp(1j * phase))
+    points = load_measured(write(tmp_path, "load (kN),amplitude (V)\n0,3\n0.5,2\n"))
+    assert points.load.tolist() == [0.0, 500.0] and points.amplitude.tolist() == [3.0, 2.0]
+    x, force = read_loop(write(tmp_path, "displacement (µm),force (kN)\n1,2\n"))
+    assert [*x, *force] == pytest.approx([1e-6, 2e3])
+    with pytest.raises(BdamperError, match=r"column 'amplitude': .* one of \['um'\], found the unit 'mm'"):
+        read_response(write(tmp_path, "frequency (Hz),amplitude (mm)\n1,2\n"), unit="um")
+
+
+@pytest.mark.parametrize("values", [(1.0, np.nan), (np.inf, 1.0)])
+def test_frequencies_and_responses_are_finite(values):
+    with pytest.raises(BdamperError, match="expected finite frequencies and responses"):
+        Measurement("rig", np.array(values[:1]), np.array(values[1:], complex))

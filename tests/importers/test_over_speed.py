@@ -1,0 +1,126 @@
+"""A sector from another program at two rotor speeds: matrices, and modes alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+from bdamper.fem.geometry import Geometry
+from bdamper.fem.mesh import MeshDensity
+from bdamper.fem.rotation import Rotation, spin_softening
+from bdamper.fem.sector_matrices import SectorFE
+from bdamper.importers import Modes, build_model, over_speed
+from bdamper.util.errors import ModelError, SettingError
+from tests.fe_bodies import contacts, sector_and_damper
+
+ND, TOP, BETWEEN, COUNT = 5, 600.0, 450.0, 12
+SETTINGS = {
+    "n_blades": 65, "nodal_diameters": (0, ND), "n_modes": COUNT, "n_damper_modes": 6,
+    "sector_faces": ("LOW", "HIGH"), "contacts": contacts(2),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def fe():
+    return SectorFE(Geometry(), MeshDensity(2, 1, 1, 2, 2, 1, 1, 3, 2, 1, 1, 2))
+
+
+@pytest.fixture(scope="module")
+def rotation(fe):
+    return fe.rotation()
+
+
+@pytest.fixture(scope="module")
+def bodies(fe):
+    return sector_and_damper(fe)
+
+
+def at(blade, rotation, omega):
+    return replace(blade, stiffness=blade.stiffness + omega**2 * rotation.per_squared_speed)
+
+
+def frequencies(fe, rotation, omega, d, n):
+    return np.sqrt(rotation.at_speed(fe.cyclic(d), omega).modes(n)[0])
+
+
+def test_matrices_at_two_speeds(fe, bodies, rotation):
+    blade, damper = bodies
+    given = over_speed({TOP: at(blade, rotation, TOP), 0.0: blade})
+    built = build_model(given, damper, fixed="BORE", **SETTINGS)
+    body = built.model.at_speed(BETWEEN).bodies["blade"]
+    for d in (0, ND):
+        found = np.sqrt(np.sort(body.bases[d].omega2)[:6])
+        assert found == pytest.approx(frequencies(fe, rotation, BETWEEN, d, 6), rel=1e-4)
+    assert built.model.bodies["blade"].bases[ND].speed.checked_at == TOP
+    assert body.spin.theory == "linear" and np.abs(body.spin.contact).max() > 0.0
+    assert "at 600 rad/s" in str(built) and "spin softening 100 %" in str(built)
+    assert not built.model.neglected_over_speed()
+
+
+@pytest.mark.slow
+def test_matrices_of_a_speed_above_standstill_give_the_same_model(bodies, rotation):
+    blade, damper = bodies
+    low = build_model(over_speed({0.0: blade, TOP: at(blade, rotation, TOP)}), damper, fixed="BORE", **SETTINGS)
+    running = over_speed({300.0: at(blade, rotation, 300.0), TOP: at(blade, rotation, TOP)})
+    high = build_model(running, damper, fixed="BORE", **SETTINGS)
+    a, b = (np.sort(m.model.at_speed(TOP).bodies["blade"].bases[ND].omega2)[:6] for m in (low, high))
+    np.testing.assert_allclose(a, b, rtol=2e-4)
+    assert high.model.bodies["blade"].spin.theory == "stiffened"
+
+
+def test_a_stiffness_without_spin_softening_is_noticed(fe, bodies, rotation):
+    blade, damper = bodies
+    stiff = Rotation(rotation.per_squared_speed + spin_softening(fe.blade))
+    built = build_model(over_speed({0.0: blade, TOP: at(blade, stiff, TOP)}), damper, fixed="BORE", **SETTINGS)
+    assert "spin softening of the blade: the matrices at 600 rad/s take" in str(built)
+
+
+def modes_at(fe, rotation, omega, numbers, count=COUNT, turned=0.0):
+    out = []
+    for d in (0, ND):
+        omega2, shapes = rotation.at_speed(fe.cyclic(d), omega).modes(count)
+        shapes = shapes.reshape(-1, 3, count) * (np.exp(1j * turned) if d else 1.0)
+        out.append(Modes(d, np.sqrt(omega2) / (2 * np.pi), numbers, shapes, np.ones(count), f"{omega:g}.modes"))
+    return tuple(out)
+
+
+def modal_body(fe, rotation, blade, omega, **options):
+    return replace(blade, stiffness=None, mass=None, modes=modes_at(fe, rotation, omega, blade.numbers, **options))
+
+
+def test_modes_alone_at_two_speeds(fe, bodies, rotation):
+    blade, damper = bodies
+    given = over_speed({
+        0.0: modal_body(fe, rotation, blade, 0.0),
+        TOP: modal_body(fe, rotation, blade, TOP, turned=1.1),
+    })  # fmt: skip
+    built = build_model(given, damper, **SETTINGS)
+    basis = built.model.bodies["blade"].bases[ND]
+    found = np.sqrt(np.sort(built.model.at_speed(BETWEEN).bodies["blade"].bases[ND].omega2)[:6])
+    exact = frequencies(fe, rotation, BETWEEN, ND, 6)
+    assert found == pytest.approx(exact, rel=1e-4)
+    straight = np.sqrt(basis.omega2[:6])
+    assert np.abs(straight / exact - 1.0).max() > 0.02
+    assert "overlap of modes over speed at least 0.99" in str(built)
+
+
+def test_modes_that_are_no_combinations_of_the_first_are_refused(fe, bodies, rotation):
+    blade, damper = bodies
+    first, other = modal_body(fe, rotation, blade, 0.0), modal_body(fe, rotation, blade, TOP, count=COUNT + 1)
+    cut = [Modes(m.nodal_diameter, m.frequency[1:], m.numbers, m.shapes[..., 1:], m.modal_mass[1:]) for m in other.modes]
+    with pytest.raises(ModelError, match="nodal diameter 0 at 600 rad/s: expected combinations of the modes"):
+        build_model(over_speed({0.0: first, TOP: replace(other, modes=tuple(cut))}), damper, **SETTINGS)
+
+
+def test_speeds_that_do_not_fit_together_are_refused(fe, bodies, rotation):
+    blade, _ = bodies
+    with pytest.raises(SettingError, match="two rotor speeds"):
+        over_speed({0.0: blade})
+    with pytest.raises(SettingError, match=r"rotor speed: .*rad/s"):
+        over_speed({0.0: blade, -1.0: blade})
+    with pytest.raises(SettingError, match="matrices at both speeds, or modes at both speeds"):
+        over_speed({0.0: blade, TOP: modal_body(fe, rotation, blade, TOP)})
+    with pytest.raises(ModelError, match="expected the nodes of"):
+        over_speed({0.0: blade, TOP: replace(blade, numbers=blade.numbers + 1)})

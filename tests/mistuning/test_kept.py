@@ -1,0 +1,87 @@
+"""A wheel as one structure in time: its equations are those of the harmonic balance, and which wheels are marched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.mistuning import DamperVariation, Mistuning, Wheel, WheelPeakOptions
+from bdamper.mistuning.steady_amplitude import OneStructure
+from bdamper.time_domain.march import March
+from tests.marches import fails_after
+from tests.wheel.lumped import lumped_study, size, solution
+from tests.wheel.test_symmetry import N, solved, study
+
+OMEGA = 2.0 * np.pi * 190.0
+DAMPERS = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
+
+
+@pytest.mark.parametrize(("deviation", "tolerance"), [(0.0, 1e-9), (0.03, 3e-4)])
+def test_the_one_structure_has_the_solutions_of_the_wheel(deviation, tolerance):
+    """To rounding where blades are equal; where they differ the damping that couples modes is left out."""
+    X, system = solved(Wheel(study(harmonics=2), Mistuning.drawn(N, deviation, seed=1), DAMPERS), OMEGA)
+    u = system.structure.flat(X)
+    for blade in (0, 4):
+        one = OneStructure(system, blade)
+        v, sector = one.start(u), one.ring.system
+        np.testing.assert_allclose(sector.response(v), system.structure.responses(u)[blade], rtol=1e-9)
+        here, away = (size(sector, sector.residual(np.append(at, OMEGA))) for at in (v, 1.01 * v))
+        assert here < tolerance * away
+
+
+def test_amplitudes_of_all_blades_are_those_of_the_response():
+    X, system = solved(Wheel(study(), Mistuning.drawn(N, 0.03, seed=1), DAMPERS), OMEGA)
+    u, found = system.structure.flat(X), []
+    for blade in (2, 4):
+        one = OneStructure(system, blade)
+        march = March(one.ring, OMEGA, one.start(u), 64, blade)
+        march.run(3)
+        np.testing.assert_array_equal(march.amplitude, np.abs(march.blades[:, blade]))
+        found.append(march.blades)
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
+    at = one.ring.rows @ one.ring.state(one.start(u), OMEGA, 0.0)[0]
+    np.testing.assert_allclose(at, system.structure.responses(u).sum(axis=1).real, rtol=1e-9)
+
+
+def test_a_blade_keeps_a_peak_without_folds():
+    """Long steps will do to see that it stays: one harmonic is a tenth too high."""
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
+    kept = wheel.kept(peak, steps_per_period=32)
+    assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
+    assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
+    assert f"blade      {peak.blade}" in str(kept) and "vibrate alike" not in str(kept)
+
+
+def test_what_is_not_kept_has_no_amplitude(monkeypatch):
+    """A peak said to be of half its preload falls to what the wheel has under this one, within what a harmonic is off; and
+    a march that fails."""
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
+    fallen = wheel.kept(replace(peak, preload=1000.0), steps_per_period=32)
+    assert fallen.status.startswith(f"not found: blade {peak.blade} comes to ") and np.isnan(fallen.mean)
+    system = wheel.system(1000.0)
+    balance = np.abs(system.structure.responses(solution(system, 2.0 * np.pi * peak.frequency).y[:-1])[:, 1])
+    assert balance[peak.blade] < 0.85 * peak.amplitude
+    np.testing.assert_allclose(fallen.blades.mean(axis=0), balance, atol=0.15 * balance.max())
+    assert "fall " not in fallen.details() and "diameters" not in fallen.details()
+    bars = fallen.plot().patches
+    assert [b.get_height() for b in bars] == list(fallen.blades.mean(axis=0))
+    fails_after(monkeypatch, 3)
+    failed = wheel.kept(peak, steps_per_period=32)
+    assert failed.status.startswith("not found: the march fails near ") and np.isnan(failed.highest)
+    assert np.isnan(failed.blades).all() and failed.blades.shape == (1, N) and failed.plot().patches
+
+
+def test_what_cannot_be_marched_is_refused():
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
+    with pytest.raises(bd.SettingError, match="peak of this wheel"):
+        wheel.with_(mistuning=None).kept(peak)
+    lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))
+    with pytest.raises(bd.SettingError, match="a peak that was found, found 'not found'"):
+        wheel.kept(lost)
+    many = Wheel(lumped_study(14, 1, n_c=2, r=2))
+    with pytest.raises(bd.SettingError, match=r"at most 13 blades.*found 14"):
+        many.kept(peak)

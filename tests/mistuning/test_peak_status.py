@@ -1,0 +1,55 @@
+"""A peak counts only if the sweep has solutions in the whole band."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bdamper.mistuning import Wheel, WheelPeakOptions
+from bdamper.mistuning.frequency_band import band as band_of
+from bdamper.mistuning.peak_search import Search
+from tests.wheel.test_symmetry import PATTERN, study
+
+
+@pytest.mark.parametrize("hidden", [(433.0, 447.0), (470.0, 600.0)])
+def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, hidden):
+    wheel = Wheel(study(), mistuning=PATTERN)
+    band, options = (425.0, 480.0), WheelPeakOptions(least=12, most=12, climbs=1)
+    whole = wheel.peak(2000.0, band, options=options)
+    assert whole.converged and whole.reason == "1 peaks from 12 of 12 points", whole.reason
+    assert whole.sweep_frequency[0] == pytest.approx(band[0]) and whole.sweep_frequency[-1] == pytest.approx(band[1])
+
+    assert whole.interval == band
+    own = Search.sweep
+
+    def lost(search, omega):
+        return [None if hidden[0] < y[-1] / (2.0 * np.pi) < hidden[1] else y for y in own(search, omega)]
+
+    monkeypatch.setattr(Search, "sweep", lost)
+    part = wheel.peak(2000.0, band, options=options)
+    assert not part.converged and part.status == "incomplete" and part.blade == whole.blade
+    assert part.amplitude == pytest.approx(whole.amplitude, rel=1e-5)
+    low, high = (float(part.reason.split(" Hz")[0].split()[i]) for i in (-3, -1))
+    step = whole.sweep_frequency[1] - whole.sweep_frequency[0]
+    assert hidden[0] < low < hidden[0] + step and min(hidden[1], band[1] + 1e-9) - step < high < hidden[1]
+    assert "no solution found between" in part.reason
+    assert (np.diff(part.sweep_frequency) > 0.0).all()
+    ends = band_of(wheel, 2000.0)
+    hidden = ends[0] + 0.3 * (ends[1] - ends[0]), ends[0] + 0.6 * (ends[1] - ends[0])
+    left = wheel.optimal_curve([2000.0], options=options)
+    assert left.status[0].startswith("failed: incomplete: ") and not left.values[0]
+
+
+def test_peaks_beyond_the_band_do_not_count():
+    wheel = Wheel(study(), mistuning=PATTERN)
+    top = wheel.peak(2000.0, (170.0, 215.0), options=WheelPeakOptions(least=12, most=12, climbs=1))
+    assert top.status == "not found" and np.isnan(top.amplitude) and top.blade == -1 and np.isnan(top.error)
+
+
+def test_candidates_are_of_different_blades_or_frequencies_and_gaps_part_neighbours():
+    heights = [[1.0, 1.0], [9.0, 8.5], [7.0, 2.0], None, [6.0, 1.0], [3.0, 5.0], [1.0, 1.0]]
+    scene = SimpleNamespace(shape=(2, 3, 1), responses=lambda u: np.column_stack([0.0 * u, u]))
+    system = SimpleNamespace(structure=scene)
+    swept = [None if h is None else np.array([*h, float(i)]) for i, h in enumerate(heights)]
+    found = [(at[-1], blade) for at, blade in Search(system, 1.0, (0.0, 9.0)).candidates(swept, 5)]
+    assert found == [(1.0, 0), (1.0, 1), (4.0, 0), (5.0, 1)]

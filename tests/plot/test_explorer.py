@@ -1,0 +1,873 @@
+"""The explorer: its thread answers the newest question, and the page, in a real browser, shows what the study gives."""
+
+import base64
+import html
+import json
+import re
+import shutil
+import socket
+import threading
+import time
+import urllib.error
+import urllib.request
+from contextlib import suppress
+from dataclasses import replace
+from queue import Empty, SimpleQueue
+from threading import Event
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.harmonic_balance.parameters import vary
+from bdamper.plot.axes import ticks_within
+from bdamper.plot.contact import STATUS_COLOURS, tiles
+from bdamper.plot.explorer_page import FACES, Page
+from bdamper.plot.explorer_worker import MOVING, Answers, Question
+from bdamper.plot.motion import contact_status
+from bdamper.response import optimal_curve
+from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.resonance_interval import peak_interval
+from bdamper.util.formatting import height
+from bdamper.util.progress import end_if_asked
+
+SHORT = 60.0  # longest wait for an answer, s
+SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
+HEADINGS = ["Response over frequency", "Highest peak over preload", "Contacts", "Motion over one cycle"]
+
+
+def small():
+    """A mass with a Jenkins element, which answers at once."""
+    contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
+    return bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=3)
+
+
+def asked(preload=0.0, **settings):
+    return Question(tuple(settings.items()), preload, None)
+
+
+def until_done(queue):
+    """Answers up to the end of a question."""
+    found = []
+    while (item := queue.get(timeout=SHORT)) is not None:
+        found.append(item)
+        if isinstance(item, str):
+            break
+    return found
+
+
+def until(true):
+    end = time.monotonic() + SHORT
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+# ---- the thread ----
+
+
+def test_a_question_is_answered_coarsely_then_in_full_and_kept():
+    study, queue = small(), SimpleQueue()
+    answers = Answers(study, queue.put)
+    answers.ask(asked(damping_ratio=0.02))
+    quick, full, in_time = until_done(queue)
+    assert not quick.full and full.full and full.marched is None and in_time.curve is full.curve
+    assert in_time.marched.balance == pytest.approx(full.curve.peak.amplitude)
+    np.testing.assert_equal(in_time.marched.mean, full.study.march(full.curve).mean)
+    given = vary(study, {"damping_ratio": 0.02})
+    band = answers.band(asked())
+    np.testing.assert_array_equal(full.curve.amplitude, given.track(0.0, band).amplitude)
+    np.testing.assert_array_equal(
+        quick.curve.amplitude, given.with_(harmonics=1).track(0.0, band, options=MOVING).amplitude
+    )
+    assert [limit.kind for limit in full.limits] == ["free", "stuck"]
+    assert full.point == full.curve.peak.index and full.loops.amplitude == full.curve.peak.amplitude
+    answers.ask(asked(damping_ratio=0.02))
+    again, again_in_time = until_done(queue)
+    assert again.curve is full.curve and again_in_time.marched is in_time.marched
+    answers.ask(Question((("damping_ratio", 0.02),), 0.0, None, point=3))
+    other, _ = until_done(queue)
+    assert other.point == 3 and other.loops.frequency == full.curve.frequency[3]
+    answers.ask(None)
+
+
+def loaded():
+    """Two masses of 0.16 and 0.28 Hz, and a third one that a static load presses against the first."""
+    contact = bd.Contact((2, 0), normal=2, kt=0.2, kn=1.0, mu=0.5)
+    k = [[2.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, 0.1]]
+    ways = {"contacts": [contact], "forces": {0: 0.3}, "loads": {2: 1.0}, "harmonics": 2}
+    return bd.lumped([1.0, 1.0, 0.1], [0.02, 0.02, 0.02], k, **ways)
+
+
+@pytest.mark.slow
+def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
+    """Each question differs from the first in one thing alone, and all of them are asked of one thread's answers."""
+    study, preloads = loaded(), (0.5, 2.0)
+    answers = Answers(study, print, preloads=3)
+    first = Question((), 1.0, preloads)
+    names = {"excitation.amplitude": 0.5, "contact_stiffness_factor": 4.0, "harmonics": 3}
+    others = [replace(first, settings=(item,)) for item in names.items()]
+    others += [replace(first, preload=2.0), replace(first, preloads=(0.7, 3.0)), replace(first, mode=2), first]
+    shown = []
+    for question in (first, *others):
+        given = vary(study, dict(question.settings))
+        for harmonics in (1, None):
+            kind = given.with_(harmonics=1) if harmonics else given
+            own = peak_interval(study.with_(harmonics=1).problem, None, 1.0, question.mode)
+            band = peak_interval(given.with_(harmonics=1).problem, None, 1.0, question.mode)
+            curve, best = answers.curve(question, harmonics), answers.optimal(question)
+            assert curve.full == (harmonics is None) and best.full and curve.question is best.question is question
+            ends = float(curve.curve.frequency[0]), float(curve.curve.frequency[-1])
+            assert ends == pytest.approx(own if harmonics else band, rel=5e-3), "what follows the hand has axes that stay"
+            expected = kind.track(question.preload, ends, options=MOVING if harmonics else None)
+            np.testing.assert_array_equal(curve.curve.amplitude, expected.amplitude)
+            touching = contact_status(kind, expected.unknowns[curve.point], question.preload)
+            np.testing.assert_array_equal(curve.contacts.share, touching.share)
+            searched = best.optimal.settings["frequency"]
+            assert searched == pytest.approx(band, rel=5e-3)
+            least = given.optimal_curve(question.preloads, 3, frequency=searched, mode=question.mode, check=False)
+            np.testing.assert_array_equal(best.optimal.preload, least.preload)
+            np.testing.assert_array_equal(best.optimal.amplitude, least.amplitude)
+        one = given.with_(harmonics=1)
+        for found, limit in zip(curve.limits, (one.free(ends), one.stuck(ends, question.preload)), strict=True):
+            np.testing.assert_array_equal(found.amplitude, limit.amplitude)
+        shown.append((curve.curve.peak.amplitude, *best.optimal.amplitude, len(curve.curve)))
+    assert len(set(shown[:-1])) == len(others) and shown[-1] == shown[0], "and none of them shows what another does"
+    answers.ask(None)
+
+
+def test_all_of_a_question_comes_in_four_steps_and_once():
+    """The provisional curve, the curve, the curve of peaks, the amplitude in time."""
+    queue = SimpleQueue()
+    answers, question = Answers(loaded(), queue.put, preloads=3), Question((), 1.0, (0.5, 2.0))
+    answers.ask(question)
+
+    def kinds():
+        return [(answer.marched and "time") or (answer.optimal and "peaks") or answer.full for answer in until_done(queue)]
+
+    assert kinds() == [False, True, "peaks", "time"]
+    answers.ask(replace(question, preload=2.0))
+    before = answers.optimal(question).optimal
+    assert kinds() == [False, True, "peaks", "time"]
+    assert answers.optimal(replace(question, preload=2.0)).optimal is before, "the curve of peaks is that of all preloads"
+    answers.ask(None)
+
+
+def test_another_engine_order_has_bases_of_its_own():
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2)
+    answers, asked_for = Answers(study, print), (("engine_order", 10),)
+    found, given = answers.varied(Question(asked_for, 0.0, None), 1), study.with_(engine_order=10, harmonics=1)
+    assert found.settings.engine_order == 10 and found.settings.harmonic_numbers == (1,)
+    np.testing.assert_array_equal(found.problem.bases[1].omega2, given.problem.bases[1].omega2)
+    answers.ask(None)
+
+
+def test_what_cannot_be_answered_is_one_line():
+    queue = SimpleQueue()
+    answers = Answers(small(), queue.put)
+    for question, words in (
+        (asked(5.0), "preload: expected 0"),
+        (asked(damping_ratio=2.0), "damping_ratio: expected"),
+        (asked(harmonics=200), "harmonics: expected"),
+    ):
+        answers.ask(question)
+        assert words in until_done(queue)[-1]
+    answers.ask(asked())
+    assert len(until_done(queue)) == 3, "the thread goes on"
+    answers.ask(None)
+
+
+@pytest.mark.parametrize(("harmonics", "begun_at_all"), [(3, [1, 3, 1, 3]), (1, [1, 1, 3])])
+def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkeypatch, harmonics, begun_at_all):
+    """All work but the first step, which is finished and shown, so that a view follows the hand."""
+    queue, begun, go = SimpleQueue(), Event(), Event()
+    answers, calls = Answers(small(), queue.put), []
+    track = bd.Study.track
+
+    def slow(study, *given, **keywords):
+        calls.append(study.settings.harmonic_numbers[-1])
+        if study.settings.harmonic_numbers[-1] == harmonics and study.settings.damping_ratio == 0.05:
+            begun.set()
+            go.wait(SHORT)
+        return track(study, *given, **keywords)
+
+    monkeypatch.setattr(bd.Study, "track", slow)
+    answers.ask(asked(damping_ratio=0.05))
+    assert begun.wait(SHORT)
+    for ratio in (0.1, 0.2, 0.3):
+        answers.ask(asked(damping_ratio=ratio))
+    go.set()
+    found = until_done(queue)
+    known = [(dict(a.question.settings)["damping_ratio"], a.full) for a in found if not a.marched]
+    assert known == [(0.05, False), (0.3, False), (0.3, True)]
+    assert calls == begun_at_all, "the full answer to the first was ended or never begun, those between were not begun"
+    answers.ask(None)
+
+
+@pytest.mark.parametrize("analysis", ["track", "optimal_curve"])
+def test_a_part_of_a_result_is_never_kept_as_the_whole(monkeypatch, analysis):
+    whole = getattr(bd.Study, analysis)
+    answers, question = Answers(loaded(), print, preloads=3), Question((), 1.0, (0.5, 2.0))
+    ask = answers.curve if analysis == "track" else answers.optimal
+
+    def part(*given, **more):
+        found = whole(*given, **more)
+        stopped = (
+            {"status": "interrupted"} if ask == answers.curve else {"optimum": replace(found.optimum, status="interrupted")}
+        )
+        return replace(found, **stopped)
+
+    monkeypatch.setattr(bd.Study, analysis, part)
+    with pytest.raises(KeyboardInterrupt):
+        ask(question, None)
+    monkeypatch.undo()
+    answer = ask(question, None)
+    assert not (answer.curve or answer.optimal).interrupted
+    answers.ask(None)
+
+
+def pressed():
+    """Two masses with a contact that a preload closes."""
+    contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
+    ways = {"contacts": [contact], "forces": {0: 0.1}, "loads": {1: 1.0}, "harmonics": 1}
+    return bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
+
+
+@pytest.mark.parametrize("harmonics", [1, None])
+def test_what_is_kept_is_of_the_question_that_is_asked(harmonics):
+    """Of two questions that differ in one thing the answers are the same where they do not depend on it, and only there."""
+    study = pressed()
+    answers, first = Answers(study, print), Question((), 1.0, (0.5, 5.0))
+    one, band = answers.curve(first, harmonics), answers.band(first)
+    other = answers.curve(replace(first, preload=3.0), harmonics)
+    assert (one.curve.preload, other.curve.preload) == (1.0, 3.0)
+    expected = study.track(3.0, band, options=MOVING if harmonics else None)
+    np.testing.assert_array_equal(other.curve.amplitude, expected.amplitude)
+    if harmonics is None:
+        np.testing.assert_array_equal(other.limits[1].amplitude, study.stuck(band, 3.0).amplitude)
+    for changed in ({"settings": (("damping_ratio", 0.1),)}, {"mode": 2}):
+        assert answers.curve(replace(first, **changed), harmonics).curve is not one.curve
+    assert answers.curve(replace(first, point=1), harmonics).curve is one.curve
+    best = answers.optimal(first).optimal
+    assert answers.optimal(replace(first, preload=3.0, point=1)).optimal is best
+    for changed in ({"settings": (("damping_ratio", 0.1),)}, {"preloads": (0.5, 4.0)}):
+        assert answers.optimal(replace(first, **changed)).optimal is not best
+    other_harmonics = {None: 1, 1: None}[harmonics]
+    assert answers.curve(first, other_harmonics).curve is not one.curve
+    answers.ask(None)
+
+
+@pytest.mark.parametrize("harmonics", [1, 3])
+def test_the_end_of_the_thread_ends_all_its_work(monkeypatch, harmonics):
+    """The first step, too, which a newer question does not end."""
+    begun, track = Event(), bd.Study.track
+
+    def endless(study, *given, **keywords):
+        if study.settings.harmonic_numbers[-1] != harmonics:
+            return track(study, *given, **keywords)
+        begun.set()
+        while True:
+            end_if_asked()
+            time.sleep(0.01)
+
+    monkeypatch.setattr(bd.Study, "track", endless)
+    before = set(threading.enumerate())
+    answers = Answers(small(), lambda _: None)
+    (own,) = set(threading.enumerate()) - before
+    answers.ask(asked())
+    assert begun.wait(SHORT)
+    if harmonics == 1:
+        answers.ask(asked(damping_ratio=0.05))
+        own.join(0.2)
+        assert own.is_alive()
+    answers.ask(None)
+    own.join(SHORT)
+    assert not own.is_alive() and answers.closed
+
+
+def test_a_newer_question_ends_an_optimal_curve_in_its_threads(monkeypatch):
+    study = pressed()
+    queue, ended, at_preload = SimpleQueue(), [], optimal_curve.at_preload
+    answers = Answers(study, queue.put)
+
+    def asked_again(*given):
+        answers.stop.set()
+        try:
+            return at_preload(*given)
+        except KeyboardInterrupt:
+            ended.append(given[1])
+            raise
+
+    monkeypatch.setattr(optimal_curve, "at_preload", asked_again)
+    answers.ask(Question((), 1.0, (0.5, 5.0)))
+    for _ in range(2):  # the tracking curve, coarse and in full
+        assert queue.get(timeout=SHORT).optimal is None
+    until(lambda: ended)
+    answers.ask(None)
+
+
+def test_what_is_kept_is_bounded():
+    answers = Answers(small(), lambda _: None, most=5)
+    for k in range(20):
+        answers.once(k, lambda k=k: k)
+    assert list(answers.kept) == [15, 16, 17, 18, 19]
+    assert answers.once(15, lambda: None) == 15
+    answers.ask(None)
+
+
+def test_colours_of_states_are_those_of_browsers():
+    assert all(re.fullmatch("#[0-9a-f]{6}", colour) for colour in STATUS_COLOURS)
+
+
+def test_patches_are_divided_by_their_shares():
+    left, right, low, high, state = tiles(np.array([[0.2, 0.3, 0.5]]), np.array([1.0]), np.array([4.0]), 2.0, 10.0)
+    np.testing.assert_allclose(right - left, [1.8, 2.7, 4.5])
+    np.testing.assert_allclose((left[0], right[-1], low[0], high[0]), (-0.5, 8.5, 0.1, 1.9))
+    assert state.tolist() == [0, 1, 2]
+
+
+def test_the_extra_is_named_where_bokeh_is_missing(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "bokeh.server.server", None)
+    with pytest.raises(bd.BdamperError, match=r"explore needs bokeh: install the extra bdamper\[app\]"):
+        bd.explore(small())
+    with pytest.raises(bd.SettingError, match=r"study: expected a Study, found 'model\.h5'"):
+        bd.explore("model.h5")
+
+
+# ---- the page ----
+
+
+@pytest.mark.parametrize("ends", [(1.0, 1e4), (10.0, 1e4), (61.0, 1050.0), (70.0, 95.0), (6.0, 1300.0), (1e-3, 2e9)])
+def test_ticks_are_few_round_and_apart(ends):
+    ticks = ticks_within(*ends)
+    assert 2 <= len(ticks) <= 9 and ends[0] <= min(ticks) and max(ticks) <= ends[1]
+    span = np.log(ends[1] / ends[0])
+    assert np.diff(np.log(ticks)).min() > 0.02 * span
+
+
+def test_a_provisional_curve_that_ends_early_is_told_without_its_reasons():
+    """At 10 N the budget of a moving slider is used up; the whole answer says why a curve ends."""
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    page = Page(document, bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2), "")
+    answer = page.answers.curve(Question((), 10.0, None), 1)
+    assert not answer.curve.complete
+    page.show(answer)
+    assert page.text.text.startswith("<i>Provisional, with one harmonic:</i> the curve ends early")
+    assert page.glyphs["curve"].line_dash == [6]
+    page.show(replace(answer, full=True))
+    assert html.escape(answer.curve.reason[:20]) in page.text.text and page.glyphs["curve"].line_dash == []
+    page.answers.ask(None)
+
+
+HOSTILE = "<svg onload=document[`harm`]=1>"
+
+
+def renamed(study, mark):
+    """A lumped study with a mark in front of all names of bodies, interfaces and places."""
+    model, old = study.model, study.settings
+    bodies = {
+        mark + n: replace(b, name=mark + n, ports=tuple((mark + face, side) for face, side in b.ports))
+        for n, b in model.bodies.items()
+    }
+    for body in bodies.values():
+        for d, basis in body.bases.items():
+            body.bases[d] = replace(basis, locations={mark + n: rows for n, rows in basis.locations.items()})
+    faces = {
+        mark + n: replace(f, name=mark + n, body_a=mark + f.body_a, body_b=mark + f.body_b)
+        for n, f in model.interfaces.items()
+    }
+    places = {mark + n: replace(p, name=mark + n, body=mark + p.body) for n, p in model.locations.items()}
+    model = replace(model, bodies=bodies, interfaces=faces, locations=places)
+    return bd.Study(
+        model, replace(study.excitation, location=mark + study.excitation.location), friction_coefficient=0.5, harmonics=1,
+        contact_stiffness={mark + n: k for n, k in old.contact_stiffness.items()},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def served():
+    """The page of a study whose names are lines of HTML, and what a request for it by any host is answered."""
+    pytest.importorskip("bokeh.server", reason="bokeh is not installed: the extra bdamper[app]")
+    explorer = bd.explore(renamed(pressed(), HOSTILE))
+    port, path = explorer.address.rsplit(":", 1)[1].split("/")
+
+    def get(host=f"localhost:{port}", path=path, head=""):
+        with socket.create_connection(("127.0.0.1", int(port)), SHORT) as link:
+            link.sendall(f"GET /{path} HTTP/1.1\r\nHost: {host}\r\n{head or 'Connection: close'}\r\n\r\n".encode())
+            found = b""
+            while part := link.recv(65536):
+                found += part
+                if head:
+                    break
+        return int(found.split(b" ")[1]), found.decode(errors="replace")
+
+    yield explorer, int(port), path, get
+    explorer.close()
+
+
+def test_names_of_a_model_are_text_on_the_page(served):
+    explorer, _, _, get = served
+    status, page = get()
+    assert status == 200 and HOSTILE not in page
+    assert html.escape(HOSTILE) in page, "the name of the body"
+    page = Page(type(explorer.pages[-1].document)(), explorer.pages[-1].study, "")
+    page.show(page.answers.curve(page.question(), None))
+    assert HOSTILE in page.loop.value, "the name of the interface"
+    for told in (page.text, *page.notes.values()):
+        assert "<svg" not in told.text
+    assert html.escape(HOSTILE) in page.notes["contacts"].text
+    page.answers.ask(None)
+
+
+def test_only_requests_to_this_machine_are_answered(served):
+    explorer, port, path, get = served
+    upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+    upgrade += "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
+    for host in (f"localhost:{port}", f"127.0.0.1:{port}", f"LOCALHOST:{port}"):
+        assert get(host)[0] == 200
+        assert get(host, f"{path}/ws", f"Origin: http://{host.lower()}\r\n{upgrade}")[0] == 101
+    known = len(explorer.pages)
+    for host in ("elsewhere.example", f"elsewhere.example:{port}", "localhost", f"localhost:{port + 1}"):
+        for way in (path, f"{path}/metadata", f"{path}/autoload.js?bokeh-autoload-element=1"):
+            assert get(host, way)[0] == 403
+        assert get(host, f"{path}/ws", f"Origin: http://localhost:{port}\r\n{upgrade}")[0] == 403
+    assert len(explorer.pages) == known
+
+
+def seen(page):
+    """Do what a browser does once it shows the page."""
+    event = pytest.importorskip("bokeh.events").DocumentReady()
+    page.document.add_next_tick_callback(lambda: page.document.callbacks.trigger_event(event))
+
+
+def test_a_request_without_a_window_computes_nothing_and_a_window_computes_once(served):
+    explorer, _, _, get = served
+    for _ in range(3):
+        assert get()[0] == 200
+    time.sleep(0.5)
+    assert len(explorer.pages) == 3 and not any(page.answers.kept for page in explorer.pages)
+    found, page = SimpleQueue(), explorer.pages[-1]
+    page.answers.deliver = found.put
+    seen(page)
+    assert until_done(found)[0].curve.preload == page.value("preload")
+    assert not any(page.answers.kept for page in explorer.pages[:-1])
+
+
+@pytest.mark.slow
+def test_the_work_of_a_session_ends_with_it(served, monkeypatch):
+    client = pytest.importorskip("bokeh.client")
+    explorer, port, path, _ = served
+    begun = Event()
+
+    def endless(study, *given, **keywords):
+        begun.set()
+        while True:
+            end_if_asked()
+            time.sleep(0.01)
+
+    monkeypatch.setattr(bd.Study, "track", endless)
+    window = client.pull_session(url=f"http://localhost:{port}/{path}")
+    page = explorer.pages[-1]
+    seen(page)
+    assert begun.wait(SHORT)
+    before = threading.active_count()
+    window.close()
+    until(lambda: page.answers.closed)
+    until(lambda: threading.active_count() < before)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if not (chromium and driver):
+        pytest.skip("no browser: Debian's chromium and chromium-driver are not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for argument in ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage", "window-size=1400,1000"):
+        options.add_argument(f"--{argument}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    with webdriver.Chrome(options=options, service=webdriver.ChromeService(driver)) as found:
+        yield found
+
+
+class Window:
+    """A page in the browser, by the names of its models."""
+
+    def __init__(self, browser, explorer, size="desktop"):
+        self.browser, self.explorer = browser, explorer
+        width, height = SIZES[size]
+        self.tell("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 800)
+        browser.get(explorer.address)
+        self.wait("return window.Bokeh !== undefined && Bokeh.documents.length > 0")
+        self.settle()
+        empty = "could not determine", "could not set initial ranges"  # views, before the first answer
+        self.early = [line for line in self._complaints() if not any(words in line["message"] for words in empty)]
+
+    def run(self, script, *given):
+        return self.browser.execute_script(f"const get = (n) => Bokeh.documents[0].get_model_by_name(n); {script}", *given)
+
+    def wait(self, script):
+        until(lambda: self.run(script))
+
+    def tell(self, command, **given):
+        return self.browser.execute_cdp_cmd(command, given)
+
+    def settle(self):
+        """Wait until all is answered but the amplitude in time."""
+        self.wait("return !get('busy').visible || get('busy').text.includes('in time')")
+
+    def shown(self, name="curve"):
+        """The answer in full that the page shows to what stands on it."""
+        page = self.explorer.pages[-1]
+        until(lambda: name in page.shown and page.shown[name].full and page.shown[name].question == page.question())
+        return page.shown[name]
+
+    def type(self, name, text):
+        """Type into the field of a number."""
+        self.run("const field = Bokeh.index.find_one(get(arguments[0])).el.shadowRoot.querySelector('input');"
+                 "field.value = arguments[1]; field.dispatchEvent(new Event('change'))", name, text)  # fmt: skip
+
+    def boxes(self, selector):
+        return self.run("return [...document.querySelectorAll(arguments[0])].map((e) => {const b = "
+                        "e.getBoundingClientRect(); return [b.left, b.top + scrollY, b.right, b.bottom + scrollY]})",
+                        selector)  # fmt: skip
+
+    def size(self):
+        """Width and height of the document and of the window."""
+        return self.run(
+            "const d = document.documentElement; return [d.scrollWidth, d.scrollHeight, innerWidth, innerHeight]"
+        )
+
+    def move(self, name, value):
+        self.run("get(arguments[0]).value = arguments[1]", name, value)
+
+    def data(self, name):
+        columns = self.run("const data = get(arguments[0] + ' data'); return JSON.stringify("
+                           "[...data.get_column('x')].concat([...data.get_column('y')]))", name)  # fmt: skip
+        return json.loads(columns)
+
+    def text(self, name="answer"):
+        return self.run("return get(arguments[0]).text", name)
+
+    def click(self, name):
+        self.run("Bokeh.index.find_one(get(arguments[0])).el.shadowRoot.querySelector('button').click()", name)
+
+    def _complaints(self):
+        return [line for line in self.browser.get_log("browser") if line["level"] in ("SEVERE", "WARNING")]
+
+    def errors(self):
+        """What the console has, besides that views are empty before the first answer."""
+        return self.early + self._complaints()
+
+
+@pytest.fixture(scope="module")
+def study():
+    return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2)
+
+
+@pytest.fixture(scope="module")
+def explorer(study):
+    pytest.importorskip("bokeh", reason="bokeh is not installed: the extra bdamper[app]")
+    page = bd.explore(study)
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def page(study, monkeypatch):
+    """A page in no browser, whose questions nobody answers."""
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    monkeypatch.setattr("bdamper.plot.explorer_page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
+    return Page(document, study, "study")
+
+
+@pytest.fixture
+def answers(study):
+    found = Answers(study, print)
+    yield found
+    found.ask(None)
+
+
+def test_every_load_has_a_slider(monkeypatch):
+    """Those beside the preload: shares of the other bodies, and what does not change with it."""
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    monkeypatch.setattr("bdamper.plot.explorer_page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
+    loads = {"loads": {"front": 1.0, "rear": 0.6}, "fixed_loads": {"shroud": 500.0}}
+    study = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, harmonics=1, **loads)
+    page = Page(document, study, "study")
+    assert [name for name in page.numbers if "loads" in name] == ["loads.rear", "fixed_loads.shroud"]
+    assert page.question().settings == ()
+    page.sliders["fixed_loads.shroud"].value = np.log10(250.0)
+    page.numbers["loads.rear"].value = 0.9
+    assert dict(page.question().settings) == {"loads.rear": 0.9, "fixed_loads.shroud": 250.0}
+    given = vary(study, dict(page.question().settings)).settings
+    assert given.loads == {"front": 1.0, "rear": 0.9} and given.fixed_loads == {"shroud": 250.0}
+
+
+def test_a_structure_without_friction_faces_has_no_tiles(monkeypatch):
+    document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
+    monkeypatch.setattr("bdamper.plot.explorer_page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
+    study = bd.lumped(1.0, 0.02, 1.0, cubic={0: 0.1}, forces={0: 1.0}, harmonics=1)
+    page, answers = Page(document, study, "study"), Answers(study, print)
+    page.show(answers.curve(page.question(), None))
+    answers.ask(None)
+    assert page.loop.options == ["whole"] and page.sources["loop"].data["x"].size
+    assert all(len(page.sources["tiles"].data[name]) == 0 for name in ("left", "right", "bottom", "top", "color"))
+    assert page.sources["titles"].data == {"x": [], "y": [], "text": []}
+
+
+def test_files_are_named_by_the_settings_of_what_is_in_them(page, answers):
+    page.order.value = "10"
+    page.show(provisional := answers.curve(page.question(), 1))
+    page.order.value, page.numbers["preload"].value = "5", 501.0
+    assert [*page._results()] == [f"{part}-200-N-engine-order-10-provisional" for part in ("curve", "loop")]
+    page.show(replace(provisional, full=True))
+    assert list(page._results()) == ["curve-200-N-engine-order-10", "loop-200-N-engine-order-10"]
+
+
+def test_a_chosen_point_is_told_once_it_is_the_one_that_is_shown(page, answers):
+    provisional = answers.curve(replace(page.question(), point=3), 1)
+    page.show(provisional)
+    assert "Peak" in page.text.text and "Chosen point" not in page.text.text
+    page.show(replace(provisional, full=True, point=3))
+    curve = provisional.curve
+    assert f" Chosen point: {height(curve.amplitude[3], curve.frequency[3])}." in page.text.text
+
+
+def test_of_an_empty_curve_the_curve_alone_is_saved(page, answers, monkeypatch):
+    monkeypatch.setattr("bdamper.plot.explorer_worker.MOVING", ContinuationOptions(budget=1))
+    empty = answers.curve(replace(page.question(), point=3), 1)
+    assert not len(empty.curve)
+    page.show(replace(empty, full=True))
+    assert page.text.text.startswith("No point of this curve was found") and "Chosen" not in page.text.text
+    for click, ending in ((page.pictures, "png"), (page.tables, "csv")):
+        click()
+        assert page.sources["file"].data["name"] == [f"curve-200-N-engine-order-5.{ending}"]
+
+
+@pytest.mark.slow
+def test_the_page_shows_what_the_study_gives(browser, explorer, study):
+    window = Window(browser, explorer)
+    window.move("preload", 199.5)
+    window.type("friction_coefficient", "0.4")
+    until(lambda: explorer.pages[-1].question().settings == (("friction_coefficient", 0.4),))
+    window.shown("optimal")
+    varied = vary(study, {"friction_coefficient": 0.4})
+    band = Answers(study, print).band(asked(200.0))
+    curve = varied.track(199.5, band)
+    drawn = np.array([np.nan if v is None else v for v in window.data("curve")]).reshape(2, -1)
+    drawn = drawn[:, np.isfinite(drawn[0])]
+    np.testing.assert_allclose(drawn, [curve.frequency, 1e6 * curve.amplitude], rtol=1e-12)
+    assert window.data("point") == pytest.approx([curve.peak.frequency, 1e6 * curve.peak.amplitude])
+    best = varied.optimal_curve((15.0, 3750.0), 7, frequency=band, check=False)
+    assert window.data("optimum") == pytest.approx([best.optimum.preload, 1e6 * best.optimum.amplitude])
+    assert set(window.run("return [...get('tiles data').get_column('color')]")) == set(STATUS_COLOURS)
+    window.click("Python")
+    window.wait("return get('code').text")
+    names = {"study": study}
+    exec("\n".join(line for line in window.text("code").splitlines() if not line.startswith("optimal")), names)
+    np.testing.assert_array_equal(names["curve"].amplitude, curve.amplitude)
+    window.click("CSV")
+    window.wait("return get('file data').data.name[0] == 'optimal-200-N-engine-order-5.csv'")
+    table = base64.b64decode(window.run("return get('file data').data.content[0]")).decode()
+    assert table.count("\n") > len(best)
+    window.click("Pictures")
+    window.wait("return get('file data').data.name[0] == 'optimal-200-N-engine-order-5.png'")
+    assert base64.b64decode(window.run("return get('file data').data.content[0]")).startswith(b"\x89PNG")
+    window.move("speed", 3000.0)
+    window.wait("return get('preload').title.includes('centrifugal') && get('preload').value != 199.5 && !get('code').text")
+    window.move("speed", 0.0)
+    window.wait("return get('preload').value == 199.5 && !get('preload').title.includes('centrifugal')")
+    assert not window.errors()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_every_control_at_both_sizes(browser, explorer, size):
+    """Nothing is cut or lies on anything else, and every control changes what it says."""
+    window = Window(browser, explorer, size)
+    (wide, high), (width, height_, inner, _) = SIZES[size], window.size()
+    assert width == inner == wide and (height_ <= high) == (size == "desktop")
+    panels = window.boxes("#page > section")
+    assert len(panels) == 4 and all(right - left > 300 and low - top > 200 for left, top, right, low in panels)
+    parts = [*panels, *window.boxes("nav"), *window.boxes("header")]
+    for i, (left, top, right, low) in enumerate(parts):
+        assert left >= 0 and right <= wide and low <= height_
+        for other in parts[:i]:
+            apart = left >= other[2] - 1, other[0] >= right - 1, top >= other[3] - 1, other[1] >= low - 1
+            assert any(apart), "panels overlap"
+    texts = "return [...document.querySelectorAll('h1, h2')].map((e) => [e.textContent, e.scrollWidth - e.clientWidth])"
+    assert window.run(texts) == [[text, 0] for text in ("bdamper explorer", *HEADINGS)]
+    assert explorer.pages[-1].study.model.hash in browser.find_element("css selector", ".model").text
+    assert window.run("return getComputedStyle(document.querySelector('h1')).fontSize") == "18px"
+
+    first = window.shown().curve.peak.amplitude
+    for name, value, setting in (
+        ("friction_coefficient", "0.4", ("friction_coefficient", 0.4)),
+        ("harmonics", "1", ("harmonics", 1)),
+        ("excitation.amplitude", "2.5", ("excitation.amplitude", 2.5)),
+        ("mass", "2", ("damper_mass_factor", 2.0)),
+        ("speed", "3000", ("speed", pytest.approx(100.0 * np.pi))),
+    ):
+        window.type(name, value)
+        until(lambda setting=setting: setting in explorer.pages[-1].question().settings)
+        peak = window.shown().curve.peak
+        assert peak.amplitude != first
+        until(lambda peak=peak: f"Peak {height(peak.amplitude, peak.frequency)}" in window.text())
+        window.move(name, explorer.pages[-1].first[name])
+        until(lambda: not explorer.pages[-1].question().settings)
+    window.type("preload", "104")
+    until(lambda: "at a preload of 104 N" in window.text())
+    window.run("get('preload slider').value = 2.5")
+    window.wait("return get('preload').value == 316 && get('answer').text.includes('at a preload of 316 N')")
+    window.move("preload", 200.0)
+    until(lambda: "at a preload of 200 N" in window.text() and window.shown().curve.peak.amplitude == first)
+    window.move("mode", "2")
+    until(lambda: explorer.pages[-1].question().mode == 2)
+    assert window.shown().curve.peak.amplitude != first
+    window.move("mode", "1")
+    window.move("order", "10")
+    window.wait("return get('motion_text').text.includes('mode shapes of nodal diameter 10')")
+    window.move("order", "5")
+    window.wait("return get('motion_text').text.includes('times as large')")
+    assert window.shown().curve.peak.amplitude == first
+    before = window.data("loop")
+    window.move("loop", "whole")
+    until(lambda: window.data("loop") != before)
+    window.run("get('contacts').active = 1")
+    window.wait("return Bokeh.index.find_one(get('cycle')) && Bokeh.index.find_one(get('cycle')).el.offsetWidth > 200")
+    window.run("get('contacts').active = 0")
+    window.move("loop", "left")
+    for name in ("Python", "CSV", "Pictures"):
+        window.click(name)
+    window.wait("return get('code').text && (get('file data').data.name[0] || '').endsWith('png')")
+    ticks = window.run("return [get('curve').left[0].ticker.ticks, get('curve').y_range.start, get('curve').y_range.end]")
+    inside = [x for x in ticks[0] if ticks[1] <= x <= ticks[2]]
+    assert 3 <= len(inside) <= 7
+    moving = "return JSON.stringify(get('patches data').data.xs.slice(0, 50))"
+    seen = window.run(moving)
+    until(lambda: window.run(moving) != seen)
+    assert set(window.run("return get('patches data').data.fill")) == {fill for fill, _ in FACES.values()}
+    assert not window.errors()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_the_amplitude_in_time_stands_beside_the_peak(browser, explorer, study):
+    window = Window(browser, explorer)
+    page = explorer.pages[-1]
+    window.type("preload", "2000")  # a march that the next move ends
+    window.wait("return get('busy').text.includes('in time')")
+    window.type("preload", "200")
+    for _ in range(5):
+        with suppress(AssertionError):
+            window.wait("return !get('busy').visible")
+            break
+    found = page.answers.march(page.question()).marched
+    assert found.status.startswith("complete") and f"In time {found.text}" in window.text()
+    assert window.data("time") == pytest.approx([found.frequency, 1e6 * found.mean])
+    assert window.run("return [...get('range data').get_column('y')]") == pytest.approx(
+        [1e6 * found.lowest, 1e6 * found.highest]
+    )
+    window.type("preload", "210")
+    window.wait("return get('time data').data.x.length == 0")
+
+
+@pytest.mark.slow
+def test_two_hundred_moves_leave_no_error(browser, explorer):
+    window, random = Window(browser, explorer), np.random.default_rng(1)
+    names = ["preload", "friction_coefficient", "excitation.amplitude", "mass", "speed", "harmonics"]
+    ends = window.run(
+        "return arguments[0].map((n) => get(n + ' slider')).map((s) => [s.name, s.start, s.end, s.step])", names
+    )
+    start = window.run("return arguments[0].map((n) => [n, get(n).value])", names)
+    for _ in range(200):
+        name, low, high, step = ends[random.integers(len(ends))]
+        window.move(name, float(np.clip(np.round(random.uniform(low, high) / step) * step, low, high)))
+    for name, value in start[::-1]:  # what was asked first is kept
+        window.move(name, value)
+    window.settle()
+    page = explorer.pages[-1]
+    until(lambda: page.shown["curve"].question == page.question())
+    assert len(page.answers.kept) <= page.answers.most
+    assert "<b>Peak" in window.text() and "No answer" not in window.text()
+    window.move("harmonics", 9)
+    window.move("order", "59")
+    window.wait("return get('answer').text.includes('nodal diameter')")
+    assert not window.errors()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_a_drag_moves_the_preload(browser, explorer, size):
+    actions = pytest.importorskip("selenium.webdriver").ActionChains(browser)
+    window = Window(browser, explorer, size)
+    before = window.run("return get('preload').value")
+    script = "const e = Bokeh.index.find_one(get(arguments[0])).el; e.scrollIntoView({block: 'center'}); "
+    script += "const b = e.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]"
+
+    def pointer(name, share):
+        canvas = window.run(script, name)
+        return canvas[0] + share * canvas[2], canvas[1] + 0.5 * canvas[3]
+
+    x, y = pointer("best", 0.5)
+    actions.w3c_actions.pointer_action.move_to_location(int(x), int(y)).click_and_hold()
+    for k in range(1, 6):
+        actions.w3c_actions.pointer_action.move_to_location(int(x + 10 * k), int(y))
+    actions.w3c_actions.pointer_action.release()
+    actions.perform()
+    until(lambda: abs(np.log10(window.run("return get('preload').value") / before)) > 0.05)
+    dragged = window.shown().curve.preload
+    until(lambda: window.data("marker")[0] == pytest.approx(dragged, rel=1e-5))
+    assert abs(np.log10(dragged / before)) > 0.05
+    x, y = pointer("curve", 0.3)
+    actions.w3c_actions.pointer_action.move_to_location(int(x), int(y)).click()
+    actions.perform()
+    until(lambda: "Chosen point" in window.text())
+    answer = window.shown()
+    chosen = [answer.curve.frequency[answer.point], 1e6 * answer.curve.amplitude[answer.point]]
+    until(lambda: window.data("point") == pytest.approx(chosen))
+    assert answer.point != answer.curve.peak.index
+
+
+def test_names_of_a_model_are_text_in_a_browser(browser, served):
+    window = Window(browser, served[0])
+    window.shown()
+    window.wait("return get('answer').text.includes('Peak')")
+    window.click("Python")
+    window.wait("return get('code').text")
+    assert HOSTILE in browser.find_element("css selector", ".model").text
+    assert window.run("return document.harm === undefined"), "a name is executed"
+    assert HOSTILE in window.run("return get('loop').value")
+    assert not [line for line in window.errors() if line["level"] == "SEVERE"]
+
+
+def test_only_the_address_with_its_token_is_served(explorer):
+    host = explorer.address.rsplit("/", 1)[0]
+    for path in ("/", "/x", "/explore"):
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(host + path, timeout=SHORT)
+    assert len(explorer.address.rsplit("/", 1)[1]) >= 32
+    port = int(host.rsplit(":", 1)[1])
+    others = {item[4][0] for item in socket.getaddrinfo(socket.gethostname(), None)} - {"127.0.0.1", "::1"}
+    for address in others:
+        with socket.socket() as probe:
+            probe.settimeout(1.0)
+            assert probe.connect_ex((address, port)) != 0, address
+    path = explorer.address.rsplit("/", 1)[1]
+    for origin, status in (("http://elsewhere.example", "403"), (host, "101")):
+        head = f"GET /{path}/ws HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: {origin}\r\nConnection: Upgrade\r\n"
+        head += "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+        with socket.create_connection(("127.0.0.1", port), SHORT) as link:
+            link.sendall(head.encode())
+            assert link.recv(100).decode().startswith(f"HTTP/1.1 {status}")
+
+
+def test_nothing_waits_for_ever():
+    queue = SimpleQueue()
+    answers = Answers(small(), queue.put)
+    answers.ask(None)
+    with pytest.raises(Empty):
+        queue.get(timeout=0.2)

@@ -1,0 +1,138 @@
+"""The preload of the largest margin, refined between those of an optimal curve."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper import study as study_room
+from bdamper.analyses import optimal_margin
+from bdamper.fatigue import AISI_1050
+from bdamper.fatigue.margin import LeastMargin
+from bdamper.response.march_result import Marched
+from bdamper.util.errors import SettingError
+from bdamper.util.formatting import amount
+from tests.fatigue.test_margins import with_stress
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = with_stress(bd.reference_model("bladed_disk", 9))
+    return bd.Study(model, bd.Excitation("tip", "tangential", 2.0), 5, blade_modes=5, harmonics=1)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.optimal_curve((40.0, 400.0), 6, check=False, quantity="margin", material=AISI_1050)
+
+
+def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, curve, tmp_path):
+    (margins,) = curve.margins
+    assert margins.over == "preload" and len(margins) == len(curve)
+    assert margins.best_margin >= np.nanmax(margins.margin)
+    fresh = study.peak(margins.best_value)
+    assert study.margin(fresh, AISI_1050).least == pytest.approx(margins.best_margin, rel=1e-6)
+    asked = LeastMargin(AISI_1050)(study.problem, fresh.y[:-1], fresh.y[-1], margins.best_value)
+    assert asked == pytest.approx(margins.best_margin, rel=1e-6)
+    assert margins.bottom_line() in curve.details()
+    curve.save(tmp_path / "curve.h5")
+    assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
+
+
+def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
+    """The largest period is a fifth above the balance at one preload, and not known at another."""
+    p, top = curve.optimum.preload, curve.optimum.amplitude
+    known = Marched(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
+    others = Marched(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
+    found = study.best_margin(replace(curve, kept=(known, *others)), AISI_1050)
+    (one,) = found.in_time
+    assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
+    said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: the highest blade reaches"
+    assert said in found.bottom_line() and said in replace(curve, margins=(found,)).details()
+    assert "of the highest blade in time" in found.plot().get_legend_handles_labels()[1]
+    plt.close("all")
+    found.save(tmp_path / "margins.h5")
+    assert bd.load(tmp_path / "margins.h5").in_time[0].least == one.least
+    assert curve.margins[0].in_time == ()
+    assert found.margin[found.least] > 1.0 and "exceeded" not in found.bottom_line()
+    weak = replace(found, in_time=(replace(one, factor=0.9 / one.least * one.factor),))
+    assert weak.bottom_line().endswith("Below 1 the limit is exceeded.")
+
+
+def test_the_margin_is_asked_for_after_the_march(study, curve, monkeypatch):
+    """Not where the march was interrupted: then there is an end of it."""
+    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
+    asked = SimpleNamespace(best_status="complete")
+    monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: asked)
+    for status, margins in (("complete", 1), ("interrupted", 0)):
+        kept = Marched(*(np.nan,) * 4, 90.0, 1e-6, status=status)
+        monkeypatch.setattr(study_room.marched, "with_kept", lambda s, c, *_, kept=kept, **__: replace(c, kept=(kept,)))
+        found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
+        assert found.kept == (kept,) and found.margins == (asked,) * margins
+
+
+def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch):
+    """Before those of the curve are known the curve alone, later their largest."""
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
+    ask = {"check": False, "quantity": "margin", "material": AISI_1050}
+    monkeypatch.setattr(LeastMargin, "__call__", stop)
+    (found,) = study.optimal_curve((40.0, 400.0), 6, **ask).margins
+    np.testing.assert_array_equal(found.margin, curve.margins[0].margin)
+    assert (found.best_margin, found.best_status) == (np.nanmax(found.margin), "interrupted")
+    monkeypatch.setattr(LeastMargin, "along", stop)
+    assert study.optimal_curve((40.0, 400.0), 6, **ask).margins == ()
+
+
+def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve):
+    gone = curve.preload < 1.5 * curve.optimum.preload
+    part = replace(curve, amplitude=np.where(gone, np.nan, curve.amplitude),
+                   unknowns=np.where(gone[:, None], np.nan, curve.unknowns))  # fmt: skip
+    found, whole = study.best_margin(part, AISI_1050), curve.margins[0]
+    assert 0 < gone.sum() < len(curve) - 1 and found.best_margin > 1.2 * np.nanmax(found.margin)
+    assert found.best_margin > (1.0 - optimal_margin.AGREES) * whole.best_margin
+    fresh = study.margin(study.peak(found.best_value), AISI_1050).least
+    assert found.best_margin == pytest.approx(fresh, rel=1e-6), found.best_status
+
+
+def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
+    """Whether its least margin counts as that of the peak is a matter of the tolerance."""
+    agrees = study.best_margin(curve, AISI_1050)
+    along = study.margin(study.track(agrees.best_value, tuple(curve.settings["frequency"])), AISI_1050)
+    least, share = float(along.margin[along.least]), 1.0 - along.margin[along.least] / agrees.best_margin
+    monkeypatch.setattr(optimal_margin, "AGREES", share + 1e-6)
+    assert study.best_margin(curve, AISI_1050).best_status.startswith("complete: ")
+    monkeypatch.setattr(optimal_margin, "AGREES", share - 1e-6)
+    where = f"on the tracking curve there the margin is {least:.4g} at {along.frequency[along.least]:.6g} Hz"
+    assert study.best_margin(curve, AISI_1050).best_status.endswith(where)
+
+
+def test_a_margin_needs_a_material_and_stress(study):
+    with pytest.raises(SettingError, match="material"):
+        study.optimal_curve((40.0, 400.0), 6, quantity="margin")
+    with pytest.raises(SettingError, match="quantity"):
+        study.optimal_curve((40.0, 400.0), 6, quantity="life", material=AISI_1050)
+    bare = study.with_(model=replace(study.model, stress={}))
+    with pytest.raises(SettingError, match="stress sets"):
+        bare.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
+
+
+@pytest.mark.slow
+def test_over_speed_the_lighter_damper_has_the_larger_margin():
+    """Two of three contact points are open at rest there, which is no sign of rattling."""
+    at = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip", amplitude=20.0), 5, harmonics=1,
+                  friction_coefficient=0.3).at_speed(480.0)  # fmt: skip
+    curve = at.optimal_curve((530.0, 740.0), 5, check=False, quantity="margin", material=AISI_1050)
+    assert np.isfinite(curve.amplitude).all()
+    (margins,) = curve.margins
+    assert margins.best_value < 0.95 * curve.optimum.preload
+    assert margins.best_margin > 1.02 * np.interp(curve.optimum.preload, margins.values, margins.margin)
+    assert margins.best_status == "complete: refined between its neighbours"

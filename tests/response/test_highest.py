@@ -1,0 +1,272 @@
+"""The one definition of the highest point of a curve: what counts, what is named, and that all who ask get the same."""
+
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.plot import plot_response_map
+from bdamper.response.branches import LeftOut
+from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxima
+from bdamper.response.peak import coarse_options
+from bdamper.response.resonance_interval import resonance_interval
+from bdamper.util.formatting import amount, height
+from tests.models import wedge_model
+from tests.plain import plain_study
+
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return plain_study(bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.track(1000.0, INTERVAL, options=coarse_options())
+
+
+def test_tops_are_found_on_each_branch_and_plateaus_count_once():
+    amplitude = np.array([1.0, 3.0, 2.0, 4.0, 4.0 * (1 + 1e-7), 1.0, 2.0, 5.0])
+    kinds = ("end", "maximum", "regular", "regular", "drift", "end", "end", "end")
+    assert _tops(amplitude, kinds, np.array([0] * 6 + [1] * 2)) == [7, 4, 1]
+    assert _tops(amplitude[::-1].copy(), kinds[::-1], np.array([1] * 2 + [0] * 6)) == [0, 3, 6]
+
+
+def test_a_coarse_curve_is_refined_to_what_a_fine_one_has(study, curve):
+    found = highest_of_curve(study.problem.system(1000.0), curve)
+    fine = study.track(1000.0, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)).peak
+    assert found.kind == "peak" and found.exact and not found.peak.corner
+    assert found.peak.amplitude == pytest.approx(fine.amplitude, rel=1e-9)
+    assert found.peak.frequency == pytest.approx(fine.frequency, rel=1e-7)
+    assert abs(found.peak.slope) < 1e-7
+    assert maxima(study.problem.system(1000.0), curve)[0].amplitude == pytest.approx(fine.amplitude, rel=1e-9)
+
+
+def test_a_closed_branch_is_named_and_never_counted(study, curve):
+    """The points around the peak as a branch of their own: left alone it counts, closed it is detached."""
+    system, top = study.problem.system(1000.0), curve.peak.index
+    around = np.abs(np.arange(len(curve)) - top) < 4
+    parted = replace(curve, branch=np.where(around, 1, np.where(np.arange(len(curve)) < top, 0, 2)))
+    counted = highest_of_curve(system, parted)
+    assert counted.peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-3)
+    apart = replace(parted, closed=(1,))
+    found = highest_of_curve(system, apart)
+    assert found.peak.amplitude <= 1.01 * curve.amplitude[~around].max() < 0.99 * curve.peak.amplitude
+    assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached[0].index == top
+    assert f"detached: {amount(curve.peak.amplitude, 'm', 6)} at" in apart.details()
+    with pytest.raises(bd.BdamperError, match="connected"):
+        highest_of_curve(system, replace(parted, closed=(0, 1, 2)))
+    assert replace(curve, closed=(0,)).peak.index == top  # nothing else is there
+
+
+def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(study):
+    peak = study.peak(1000.0, (250.0, 270.0))
+    curve = study.track(1000.0, (250.0, 270.0))
+    assert curve.peak_at_end and peak.corner and peak.scan == f"incomplete: {AT_END}"
+    assert peak.frequency == pytest.approx(270.0, rel=1e-12)
+    assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
+    assert not peak.converged and peak.status == f"incomplete: {AT_END}"
+    assert peak.bottom_line().startswith("No peak: incomplete: highest at an end") and "Resonance" not in str(peak)
+    assert "amplitude" not in [fact.name for fact in peak.facts()]
+    with pytest.raises(bd.SettingError, match="expected a converged peak, found status 'incomplete: highest at an end"):
+        study.peak_sensitivities(peak, ["preload"])
+    with pytest.raises(bd.SettingError, match="incomplete"):
+        study.hysteresis(peak)
+    swept = bd.sweep(study, {"preload": [1000.0]}, bd.PeakTask(frequency=(250.0, 270.0)))
+    assert np.isnan(swept.array("amplitude")).all() and AT_END in swept.warnings[0] and "270" not in swept.bottom_line()
+    compared = bd.compare(
+        {"as it is": study, "smooth": {"friction_coefficient": 0.2}}, lambda s: s.track(1000.0, (250.0, 270.0))
+    )
+    assert compared.bottom_line().startswith("No peak of 'as it is' to compare with: complete, no peak: highest ")
+    assert all("no peak: highest" in line for line in compared.details().splitlines()[-2:])
+
+
+def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
+    """The flank of the next mode at the end of the interval is no resonance of the mode, whose peak is 3.5 µm."""
+    study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
+    low, high = resonance_interval(study.problem, 1.0)[0], 1610.0
+    peak, curve = study.peak(30e3, (low, high)), study.track(30e3, (low, high))
+    assert curve.peak_at_end and curve.peak.amplitude > 1.5 * peak.amplitude
+    assert not peak.corner and low < peak.frequency < 0.9 * high
+    inner = study.track(30e3, (low, peak.frequency * 1.02)).peak
+    assert peak.amplitude == pytest.approx(inner.amplitude, rel=1e-8)
+    told = f"higher at an end of the interval: {height(curve.peak.amplitude, high, 4)}"
+    assert peak.scan == f"complete: {told}" and told in peak.details()
+    result = study.optimal_curve((10.0, 30e3), 3, frequency=(low, high), check=False)
+    assert result.amplitude[-1] == pytest.approx(peak.amplitude, rel=1e-9) and result.complete
+    assert result.status[-1] == peak.scan and any(told in text for text in result.warnings)
+
+
+def test_a_preload_without_a_maximum_has_no_value(study):
+    result = study.optimal_curve([900.0, 1000.0, 1100.0], frequency=(250.0, 270.0), check=False)
+    assert set(result.status) == {f"incomplete: {AT_END}"} and set(result.kind) == {""}
+    assert np.isnan(result.amplitude).all() and not result.optimum.verified
+    assert result.lower_bound[1] == pytest.approx(study.peak(1000.0, (250.0, 270.0)).amplitude, rel=1e-9)
+
+
+def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
+    module, asked = sys.modules["bdamper.response.highest_peak"], []
+    inner = module.track
+
+    def coarse_is_lost(*args, options):
+        asked.append(options.tolerance)
+        found = inner(*args, options=options)
+        return replace(found, status="incomplete") if options.tolerance > 1e-8 else found
+
+    monkeypatch.setattr(module, "track", coarse_is_lost)
+    peak = study.peak(1000.0, INTERVAL)
+    assert asked == [coarse_options().tolerance, bd.ContinuationOptions().tolerance] and peak.scan == "complete"
+
+
+@pytest.mark.parametrize(("least", "budget", "curves"), [("coarse", None, 2), ("close", None, 2), ("", 1, 1)])
+def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, least, budget, curves):
+    """The higher one counts, whichever has half the height; not where a given budget is used up."""
+    module, asked = sys.modules["bdamper.response.highest_peak"], []
+    folds = LeftOut(290.0, 300.0, "many folds: 400 points of folds")
+    whole = module.track(study.problem, 1000.0, INTERVAL)
+
+    def given_up(*args, options):
+        asked.append("coarse" if options.tolerance > 1e-8 else "close")
+        if asked[-1] == least:
+            return replace(whole, harmonics=0.5 * whole.harmonics, left_out=(folds,))
+        return replace(whole, left_out=(folds,) if asked[-1] == "coarse" else ())
+
+    monkeypatch.setattr(module, "track", given_up)
+    monkeypatch.setattr(module, "highest_of_curve", lambda system, curve, options: highest(curve))
+    found = module.found_at(study.problem, 1000.0, INTERVAL, budget=budget)
+    assert len(asked) == curves and found.top.peak.amplitude == whole.amplitude.max()
+    told = "complete: a branch was given up among many folds from 290 to 300 Hz"
+    assert found.status == ("complete" if least == "coarse" else told)
+
+
+def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch):
+    """Nor is a preload above it recommended that has no value; a status is said once."""
+    preloads = [30.0, 100.0, 300.0]
+    whole = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
+    assert whole.optimum.verified and "Recommended" in whole.bottom_line()
+    amplitude = np.where(whole.preload > whole.optimum.preload, np.nan, whole.amplitude)
+    assert "Recommended" not in replace(whole, amplitude=amplitude).bottom_line()
+    optimal = sys.modules["bdamper.response.optimal_curve"]
+    with monkeypatch.context() as context:
+        plain = optimal.at_preload
+        ended = lambda *asked: (lambda at: replace(at, top=replace(at.top, note="higher at an end")))(plain(*asked))  # noqa: E731
+        context.setattr(optimal, "at_preload", ended)
+        beyond = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
+    assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.status
+    assert "Recommended" not in beyond.bottom_line()
+    monkeypatch.setattr(optimal, "given_up", lambda curve: "a branch was given up")
+    again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
+    assert not again.optimum.verified and "a branch was given up, where its peak could be higher" in again.optimum.status
+    lost = replace(whole.curves[0], status="incomplete", reason="no solution")
+    at = sys.modules["bdamper.response.preload_point"].AtPreload(300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost)
+    assert at.status == "incomplete: no solution"
+
+
+def highest(curve):
+    peak = SimpleNamespace(amplitude=curve.amplitude.max(), iterations=0)
+    return SimpleNamespace(peak=peak, exact=True, kind="peak", note="")
+
+
+@pytest.mark.slow
+def test_where_rounding_keeps_newton_from_the_tolerance_the_peak_is_that_of_the_curve():
+    """Once "higher at a maximum without a smooth peak": the residual stays at 3e-10, three times the tolerance."""
+    study = bd.Study(
+        bd.reference_model("paper_disk"), bd.Excitation("tip"), 5, contact_stiffness="residual_modes", single_basis=True,
+        harmonics=5, friction_coefficient=0.6,
+    )  # fmt: skip
+    peak, curve = study.peak(950.0), study.track(950.0, (290.0, 330.0))
+    assert peak.scan == "complete" and curve.complete
+    assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
+    assert peak.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_among_folds_a_search_does_not_leave_the_curve():
+    """Uphill from a lower maximum Newton's method meets a branch 4 % higher that breaks off on both sides."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 24), bd.Excitation("tip", "tangential"), 10, harmonics=2, friction_coefficient=0.6
+    )  # fmt: skip
+    peak, curve = study.peak(65.6), study.track(65.6, (231.1673, 412.9133))
+    assert peak.scan == "complete" or peak.scan.startswith("complete: a branch was given up among many folds from")
+    assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-7)
+
+
+def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
+    """Along a curve with folds the same frequency is met three times between them."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    study = plain_study(bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    result = study.optimal_curve((30.0, 300.0), 5, frequency=INTERVAL, check=False)
+    ax = plot_response_map(result)
+    labels = ax.get_legend_handles_labels()[1]
+    assert {"highest", "optimum"} <= set(labels) and ax.get_yscale() == "log"
+    assert ("several solutions" in labels) == any(c.folds for c in result.curves)
+    ax.figure.savefig(tmp_path / "map.png")
+    with pytest.raises(bd.SettingError, match="two or more curves, found 0"):
+        plot_response_map(replace(result, curves=()))
+
+
+def test_a_drift_at_an_end_of_the_interval_is_no_resonance(study, curve):
+    """The mean position moves at the first frequency, where the amplitude is highest: the rest of the curve only falls."""
+    system, top = study.problem.system(1000.0), curve.peak.index
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[top:]
+    y = np.concatenate([[y[0]] * 3, y])
+    y[:2, 0] += [2e-6, 1e-6]
+    kinds = ("end", "drift", "drift", *["regular"] * (len(y) - 4), "end")
+    drifts = replace(
+        curve, frequency=y[:, -1] / (2.0 * np.pi), unknowns=y[:, :-1], harmonics=system.response(y[:, :-1]),
+        point_kind=kinds, branch=np.zeros(len(y), int), shares=curve.shares[:1].repeat(len(y), axis=0),
+    )  # fmt: skip
+    found = highest_of_curve(system, drifts)
+    assert found.kind == "end" and found.peak.frequency == pytest.approx(curve.frequency[top], rel=1e-6)
+    assert drifts.peak_at_end and "is not a peak" in drifts.bottom_line()
+    inside = replace(curve, point_kind=("regular",) * len(curve))
+    assert curve.frequency.min() < inside.peak.frequency < curve.frequency.max() and not inside.peak_at_end
+
+
+def test_two_branches_that_meet_an_end_of_the_interval_apart_by_rounding_are_both_at_it(study, curve):
+    """The second starts higher, at a frequency that is not the very lowest."""
+    system = study.problem.system(1000.0)
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[curve.peak.index + 1 :]
+    second = y.copy()
+    second[0, -1] *= 1.0 + 4e-16
+    y[:, :-1] *= 0.5
+    both, branch = np.concatenate([y, second]), np.repeat([0, 1], len(y))
+    kinds = ("end", *["regular"] * (len(y) - 2), "end") * 2
+    assert both[len(y), -1] != both[:, -1].min()
+    twice = replace(
+        curve, frequency=both[:, -1] / (2.0 * np.pi), unknowns=both[:, :-1], harmonics=system.response(both[:, :-1]),
+        point_kind=kinds, branch=branch, shares=curve.shares[:1].repeat(len(both), axis=0),
+    )  # fmt: skip
+    assert highest_of_curve(system, twice).kind == "end"
+
+
+def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
+    """Two masses with contacts that stick: a curve that ends before it has reached the higher of both resonances."""
+    mass, stiffness = np.diag([1.0, 0.3]), np.array([[2.0, -0.6], [-0.6, 0.6]])
+    held = bd.Contact(tangential=1, kt=0.05, mu=0.5, preload=1e4)
+    study = bd.lumped([1.0, 0.3], 0.02 * stiffness, stiffness, contacts=[held], forces={0: 1.0}, response=1, harmonics=1)
+    f = np.linspace(0.12, 0.4, 200_001)
+    whole = stiffness + np.diag([0.0, held.kt])
+    s = 2j * np.pi * f[:, None, None]
+    det = np.linalg.det(whole + s**2 * mass + s * 0.02 * stiffness)
+    x = np.abs((0.6 + 0.02 * 0.6 * 2j * np.pi * f) / det)  # of the second mass, by Cramer's rule
+    tops = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])) + 1
+    assert len(tops) == 2
+    peak = study.peak(0.0, (0.12, 0.4))
+    assert peak.status == peak.scan == "complete" and peak.amplitude == pytest.approx(x.max(), rel=1e-6)
+    module, options = sys.modules["bdamper.response.highest_peak"], bd.ContinuationOptions(budget=60)
+    for name in ("coarse_options", "ContinuationOptions"):
+        monkeypatch.setattr(module, name, lambda: options)
+    part = study.peak(0.0, (0.12, 0.4))
+    assert part.status == part.scan and part.status.startswith("incomplete: ") and part.amplitude < 0.9 * x.max()
+    assert "There may be a higher one, the curve ended as: incomplete: " in part.bottom_line()
+    known = replace(peak, status=part.status, scan=part.scan)  # it remains a solution of the equations
+    assert known.converged and "Resonance of" in known.bottom_line()
+    assert np.isfinite(study.peak_sensitivities(known, ["friction_coefficient"])["friction_coefficient"].amplitude)

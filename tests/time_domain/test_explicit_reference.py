@@ -1,0 +1,100 @@
+"""The march beside an explicit one in plain NumPy, whose steps follow the stiffest contact, on six scenes.
+
+``plain_march.march`` takes central differences and applies the law point by point; it shares neither step nor solver with
+the core.  Both start from the same motion and are compared by the mean amplitudes of all blades over the last periods.
+Where blades vibrate differently that is the motion to which the core has come.  The first scene chatters: with 10,400
+explicit steps, or 16,384 of the core, it leaves its motion after six to ten periods and with 4,096 of the core it does
+not, so only the first four periods are compared there.
+"""
+
+import numpy as np
+import pytest
+from tests.stability.test_time_sweep import W0, one_mass
+
+import bdamper as bd
+from bdamper.time_domain.integration import Motion, ring_of
+from bdamper.time_domain.march import March
+from bdamper.time_domain.steady_amplitude import RULES, Levels
+from tests.stability import plain_march
+
+SCENES = {
+    "blade, blades part": ("turbine_blade", 10, 0.496, 38.5, 671.0, 6, 4),
+    "blade, above its optimum": ("turbine_blade", 5, 0.54, 43.7, 661.0, 12, 15),
+    "blade, optimum": ("turbine_blade", 5, 0.3, 103.6, 660.8, 12, 15),
+    "disk, near the fall": ("bladed_disk", 5, 0.4, 125.0, 315.0, 13, 15),
+}
+"""Model, engine order, friction coefficient, preload (N), frequency (Hz), blades, periods."""
+STEPS = 2600
+"""Of the explicit march."""
+
+
+def highest_frequency(ring):
+    """rad/s, with every contact closed and stuck, coordinates without mass aside."""
+    a, highest = ring.system.structure.arrays, 0.0
+    springs = np.column_stack([a["kt"], a["kn"]])
+    for l, s, *_ in ring.blocks:
+        heavy = ring.mass[s] > 0.0
+        G = np.asarray(ring.wide.structure.bases[l].G).reshape(springs.size, -1)[:, heavy]
+        stiffness = np.diag(ring.stiffness[s][heavy]) + (G.conj().T * springs.ravel()) @ G
+        highest = max(highest, np.abs(np.linalg.eigvals(stiffness / ring.mass[s][heavy, None])).max(initial=0.0))
+    return np.sqrt(highest)
+
+
+def explicit(ring, start, omega, periods, steps):
+    """(periods, n_blades) complex harmonic of the excitation; stable with all contacts stuck."""
+    assert steps > np.pi * highest_frequency(ring) / omega
+    turn, out, motion = 2.0 / steps * np.exp(-2j * np.pi * np.arange(steps) / steps), [], start
+    for _ in range(periods):
+        motion, trace = plain_march.march(ring, motion[:3], omega, steps, steps)
+        out.append(turn @ trace @ ring.rows.T)
+    return np.array(out)
+
+
+def both(ring, u, frequency, before, periods, window, steps=STEPS):
+    """Means (n_blades,) of all amplitudes over the last periods by both marches, after so many periods of the core."""
+    omega = 2.0 * np.pi * frequency
+    settling = March(ring, omega, ring.seeded(ring.start(u, omega, 256), RULES.seed, 0), 256)
+    settling.run(before)
+    start = Motion(*settling.motion[:3])
+    march = March(ring, omega, start, 512)
+    march.run(periods)
+    found = explicit(ring, start, omega, periods, steps)
+    return (np.abs(x[-window:]).mean(axis=0) for x in (march.blades, found))
+
+
+def study_of(model, order, friction, **given):
+    excitation = bd.Excitation("tip", "tangential", 1.0) if model == "turbine_blade" else bd.Excitation("tip")
+    given = {"contact_stiffness": "unit_traction", **given}
+    return bd.Study(bd.reference_model(model, 9), excitation, order, friction_coefficient=friction, **given)
+
+
+def test_one_mass_that_opens_its_contact():
+    """Beside the fold, where the branch bends to lower frequencies: from the balance to the motion in time."""
+    study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).with_(harmonics=5)
+    levels = Levels(study.track(0.0, (9.0, 14.0)))
+    frequency = float(levels.frequency[levels.top]) + 0.3
+    found, expected = both(ring_of(study.problem, 0.0), levels.start(frequency), frequency, 0, 20, 10, 500)
+    assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * levels.at(frequency)[0]
+
+
+def test_six_blades_with_disturbances():
+    """Of the turbine blade with two modes, just after disturbances of every nodal diameter: each blade has its own way."""
+    study = study_of("turbine_blade", 10, 0.496, blade_modes=2)
+    levels = Levels(study.track(38.5, (640.0, 690.0)))
+    frequency = float(levels.frequency[levels.top])
+    found, expected = both(ring_of(study.problem, 38.5), levels.start(frequency), frequency, 0, 4, 2)
+    assert expected == pytest.approx(found, rel=5e-3) and np.ptp(found) > 0.02 * found.mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_all_blades_of_real_scenes(name):
+    model, order, friction, preload, frequency, blades, periods = SCENES[name]
+    study = study_of(model, order, friction)
+    levels = Levels(study.track(preload, (600.0, 720.0) if model == "turbine_blade" else (285.0, 380.0)))
+    ring = ring_of(study.problem, preload)
+    assert ring.n == blades
+    found, expected = both(ring, levels.start(frequency), frequency, 240, periods, min(periods, 5))
+    assert expected.max() == pytest.approx(found.max(), rel=0.03)
+    if np.ptp(found) > 0.2 * found.mean():
+        assert np.corrcoef(found, expected)[0, 1] > 0.9, "other blades are high"

@@ -1,0 +1,123 @@
+"""Stability from the motion in time: labels of curves against marches of single points."""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.time_domain import time_domain_labels
+from bdamper.time_domain.march import AGREES, DIFFERS
+from bdamper.time_domain.wave_exponents import rests
+from tests.plain import plain_study
+
+
+@pytest.fixture(scope="module")
+def disk():
+    model = bd.reference_model("bladed_disk", 9)
+    study = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+    return study, study.track(2000.0, (346.0, 358.0))
+
+
+def at(curve, frequency, highest):
+    """Index of the point of the highest, or of a middle or lower, branch at a frequency."""
+    crossing = np.flatnonzero(np.diff(np.sign(curve.frequency - frequency)))
+    return int(crossing[np.argsort(curve.amplitude[crossing])[highest]])
+
+
+@pytest.mark.slow
+def test_a_motion_that_leaves_the_solution_of_one_harmonic(disk):
+    """At 351.1 and 352.8 Hz exponents of one harmonic say stable; 0.82 to 0.88 of the amplitude are left in time."""
+    study, curve = disk
+    by_harmonic = study.with_stability(curve)
+    i = at(curve, 352.3, -1)
+    assert by_harmonic.stable[i] and by_harmonic.labels[i] == "stable as far as 1 harmonic tells"
+    found = study.verify(curve, i)
+    assert found.verdict == DIFFERS and 0.8 < found.amplitude[-80:].mean() / found.balance < 0.93
+    # a damper with damping of its own stays; one harmonic has 9 % more than five and than time, which has all diameters
+    damped = study.with_(harmonics=5, damper_drag=8800.0 * study.model.bodies["damper"].mass)
+    curve = damped.track(2000.0, (346.0, 358.0))
+    i = at(curve, 352.3, -1)
+    found = damped.verify(curve, i)
+    assert found.verdict == AGREES and found.amplitude[-80:].mean() == pytest.approx(found.balance, rel=0.02)
+
+
+@pytest.mark.slow
+def test_labels_of_a_curve(disk):
+    study, curve = disk
+    judged = study.with_stability(curve, in_time=True)
+    labels, ratio = judged.labels, judged.in_time
+    assert "points judged" in judged.stability_note and "in_time" in judged.columns()
+    assert labels[at(curve, 352.3, 0)] == "stable" and ratio[at(curve, 352.3, 0)] == pytest.approx(1.0, abs=1e-3)
+    assert labels[at(curve, 352.3, 1)] == labels[at(curve, 352.3, 2)] == "unstable"
+    assert labels[at(curve, 356.5, 0)] == "stable"
+    decided = np.isfinite(ratio)
+    np.testing.assert_array_equal(judged.stable[decided], labels[decided] == "stable")
+    # every point for itself: the same
+    for i in range(0, len(curve), 9):
+        if decided[i]:
+            assert (study.verify(curve, i).verdict == AGREES) == judged.stable[i]
+
+
+@pytest.mark.slow
+def test_labels_of_a_few_masses():
+    """Without sectors, a mass that meets a stop: between the folds the motion leaves."""
+    study = bd.lumped(
+        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+    )
+    curve = study.track(0.0, (0.1, 0.35))
+    judged = study.with_stability(curve, in_time=True)
+    assert len(curve.folds) and (judged.labels == "stable").mean() > 0.3
+    assert (judged.labels[curve.backward] == "unstable").mean() > 0.8
+    assert study.with_stability(curve).in_time is None
+
+
+def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
+    """The stop is met at both resonances alone; what a march leaves there says nothing of the points between."""
+    study = bd.lumped(
+        np.eye(2), 0.05 * np.eye(2), [[1.5, -1.0], [-1.0, 1.5]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)],
+        forces={0: 0.3}, harmonics=(1, 3),
+    )  # fmt: skip
+    curve = study.track(0.0, (0.07, 0.35))
+    monkeypatch.setattr(time_domain_labels, "judged_at", lambda ring, u, omega: (AGREES, 0.96))
+    judged = study.with_stability(curve, in_time=True)
+    rest = np.array([rests(study.problem.system(0.0), u) for u in curve.unknowns])
+    assert (np.diff(rest.astype(int)) == 1).sum() == 2
+    np.testing.assert_array_equal(judged.in_time, np.where(rest, 1.0, 0.96))
+    assert set(judged.labels) == {"stable"}
+    assert set(study.with_stability(curve).labels) <= {"stable as far as 2 harmonics tell", "unstable"}
+
+
+def test_interrupted_labels_keep_what_was_judged(monkeypatch):
+    study = bd.lumped(
+        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+    )
+    curve = study.track(0.0, (0.1, 0.35))
+    asked, own = [], time_domain_labels.judged_at
+
+    def interrupted(ring, u, omega):
+        asked.append(int(np.abs(curve.unknowns - u).max(axis=1).argmin()))
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        return own(ring, u, omega)
+
+    monkeypatch.setattr(time_domain_labels, "judged_at", interrupted)
+    judged = study.with_stability(curve, in_time=True)
+    assert len(asked) == 3 and "interrupted by the user" in judged.stability_note
+    assert judged.labels[asked[:2]].tolist() == ["stable"] * 2 and np.isfinite(judged.in_time[asked[:2]]).all()
+    rest = judged.labels[(curve.amplitude > 1.2) & (np.arange(len(curve)) >= asked[2])]
+    assert set(rest) == {"stable as far as 5 harmonics tell", "unstable"}
+
+
+def test_settings_that_are_no_structure_in_time_are_refused_at_once(disk):
+    study, _ = disk
+    study = study.with_(single_basis=True, harmonics=2)
+    curve = study.track(2000.0, (346.0, 347.0))
+    with pytest.raises(bd.BdamperError, match="single_basis=False"):
+        study.with_stability(curve, in_time=True)
+
+
+def test_points_on_a_cubic_spring_do_not_rest():
+    """Between the folds of a Duffing oscillator the motion in time leaves the middle branch."""
+    study = bd.lumped([[1.0]], [[0.05]], [[1.0]], cubic={0: 1.0}, forces={0: 0.3}, harmonics=(1, 3))
+    curve = study.track(0.0, (0.05, 0.5))
+    system = study.problem.system(0.0)
+    assert len(curve) and not any(rests(system, u) for u in curve.unknowns)
