@@ -70,17 +70,17 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
 
 def samples(separation: bool) -> AccuracyCost:
     study = reference_study(harmonics=3, separation=separation)
-    values = [*(bd.Sampled(n) for n in (32, 64, 128, 256, 512, 1024, 2048)), "exact"]
+    values = [*(bd.AFT(n) for n in (32, 64, 128, 256, 512, 1024, 2048)), "event_driven"]
     return bd.accuracy_cost(
-        study, PRELOAD, INTERVAL, quantity=at_frequency(352.25 if separation else 355.7), vary={"evaluation": values},
+        study, PRELOAD, INTERVAL, quantity=at_frequency(352.25 if separation else 355.7), vary={"contact_forces": values},
         tolerance=ALL,
     )  # fmt: skip
 
 
 def peaks_by_samples() -> AccuracyCost:
     study = reference_study(harmonics=3)
-    values = [*(bd.Sampled(n) for n in (32, 64, 128, 256, 512)), "exact"]
-    return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary={"evaluation": values}, tolerance=ALL)
+    values = [*(bd.AFT(n) for n in (32, 64, 128, 256, 512)), "event_driven"]
+    return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary={"contact_forces": values}, tolerance=ALL)
 
 
 def harmonics() -> AccuracyCost:
@@ -118,13 +118,13 @@ def damper_modes() -> AccuracyCost:
 def friction_laws() -> AccuracyCost:
     laws = {
         "separable, exact events": {},
-        "separable, 128 samples": {"evaluation": bd.Sampled(128)},
-        "coupled, 64 samples": {"friction_law": "coupled", "evaluation": bd.Sampled(64)},
-        "coupled, 128 samples": {"friction_law": "coupled", "evaluation": bd.Sampled(128)},
-        "coupled, 512 samples": {"friction_law": "coupled", "evaluation": bd.Sampled(512)},
+        "separable, 128 samples": {"contact_forces": bd.AFT(128)},
+        "coupled, 64 samples": {"friction_law": "coupled", "contact_forces": bd.AFT(64)},
+        "coupled, 128 samples": {"friction_law": "coupled", "contact_forces": bd.AFT(128)},
+        "coupled, 512 samples": {"friction_law": "coupled", "contact_forces": bd.AFT(512)},
     }
     study = reference_study(9)
-    found = [ask(study.with_(**given).problem, lambda p: whole_curve(p, PRELOAD_9, INTERVAL)) for given in laws.values()]
+    found = [ask(study.replace(**given).problem, lambda p: whole_curve(p, PRELOAD_9, INTERVAL)) for given in laws.values()]
     top, runs = found[-1], []
     for name, one in zip(laws, found):
         error = max(abs(one.amplitude / top.amplitude - 1.0), abs(one.frequency / top.frequency - 1.0))
@@ -134,7 +134,7 @@ def friction_laws() -> AccuracyCost:
 
 
 def bases() -> AccuracyCost:
-    study, vary = reference_study(9, harmonics=5), {"single_basis": [True, False]}
+    study, vary = reference_study(9, harmonics=5), {"fundamental_modes_only": [True, False]}
     return bd.accuracy_cost(study, PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL)
 
 
@@ -154,7 +154,7 @@ def ways() -> str:
 
     def tracked(options: bd.ContinuationOptions) -> Callable[[], Answer]:
         def solve() -> Answer:
-            return place(study.track(PRELOAD, INTERVAL, options=options).peak)
+            return place(study.frequency_response(PRELOAD, INTERVAL, options=options).peak)
 
         return solve
 
@@ -265,7 +265,7 @@ def time_integration() -> str:
     study = reference_study(9, harmonics=5)
     balance = []
     for n in LIMIT:
-        rung = study.with_(harmonics=n)
+        rung = study.replace(harmonics=n)
         rung.problem.system(PRELOAD_9)
         seconds = []
         for _ in range(REPEATS):
@@ -287,7 +287,7 @@ def time_integration() -> str:
     marched = []
     begin = time.process_time()
     for _ in range(14):
-        motion, amplitudes, *_ = ring.march(motion, omega, steps, 25)
+        motion, amplitudes, *_ = ring.integrate(motion, omega, steps, 25)
         marched.append((float(abs(amplitudes[-1, 0, 1])), time.process_time() - begin))
     settled = marched[-1][0]
     rests = np.isfinite(slider_interval(resting, own[:-1])[..., 0])
@@ -298,7 +298,7 @@ def time_integration() -> str:
         c = system.correct_at(own[:-1], omega, scale, 1e-9, 60, True)
         assert c.status == OK
         given.append(float(abs(system.response(c.y[:-1])[1])))
-    finer = [abs(ring.march(motion, omega, k * steps, 20).harmonics[-1, 0, 1]) for k in (1, 2)]
+    finer = [abs(ring.integrate(motion, omega, k * steps, 20).harmonics[-1, 0, 1]) for k in (1, 2)]
     step_error = float(finer[0] / finer[1]) - 1.0
     lines = ["| harmonic balance | error of amplitude | time (ms) |", "|---|---|---|"]
     lines += [f"| {_harmonics(n)} | {a / limit - 1.0:+.1e} | {1e3 * t:.3g} |" for n, a, t in balance]
@@ -333,7 +333,7 @@ def work() -> str:
             seconds = []
             for _ in range(REPEATS):
                 begin = time.process_time()
-                curve = study.track(preload, INTERVAL)
+                curve = study.frequency_response(preload, INTERVAL)
                 seconds.append(time.process_time() - begin)
             rows.append((points, preload, n, len(curve), curve.cost.work, float(np.median(seconds))))
     unit = float(np.median([r[-1] / r[-2] for r in rows]))

@@ -4,7 +4,8 @@
 
 * the hard disk at a friction coefficient of 0.23, engine order 5 and 78.6 N, marched down from 322 to 310 Hz in steps of
   one hertz: amplitudes of all blades at each frequency;
-* the answers of ``study.march`` on the turbine blade at 0.496, engine order 10 and 38.5 N with rings of six and of twelve
+* the answers of ``study.time_response`` on the turbine blade at 0.496, engine order 10 and 38.5 N with rings of six and of
+twelve
   blades, and at 0.54, engine order 5 and 43.7 N: first lines, answers, waves and energies.
 
 ``python -m benchmarks.bench_blades map`` marches the turbine blade at five friction coefficients, four preloads and two
@@ -27,7 +28,7 @@ from matplotlib.patches import Rectangle
 
 import bdamper as bd
 from bdamper.plot import save_figure
-from bdamper.plot.axes import PAPER
+from bdamper.plot.axes import STYLE
 from bdamper.time_domain.integration import STEPS, ring_of
 from bdamper.time_domain.march import March
 from bdamper.time_domain.steady_amplitude import RULES, Levels, of_blades
@@ -50,7 +51,7 @@ def turbine(friction: float, order: int) -> bd.Study:
 def down() -> None:
     """The hard disk downward: all blades at each frequency, from one motion to the next."""
     study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.23)
-    curve = study.track(78.6, (285.0, 380.0))
+    curve = study.frequency_response(78.6, (285.0, 380.0))
     ring, begin = ring_of(study.problem, 78.6), time.process_time()
     start = ring.start(Levels(curve).start(DOWN[0]), tau * DOWN[0], STEPS)
     march = March(ring, tau * DOWN[0], ring.seeded(start, RULES.seed, 0))
@@ -73,17 +74,17 @@ def down() -> None:
     print(f"\n{time.process_time() - begin:.0f} s of the processor\n")
 
 
-def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.Marched | None]:
+def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.TimeResponse | None]:
     """Peak of the balance (m), and the march from its curve; None where it is not found."""
-    curve = study.track(preload, (600.0, 720.0))
+    curve = study.frequency_response(preload, (600.0, 720.0))
     try:
-        found = study.march(curve, **ring)
+        found = study.time_response(curve, **ring)
     except BdamperError:
         return curve.peak.amplitude, None
     return curve.peak.amplitude, found if np.isfinite(found.mean) else None
 
 
-def said(balance: float, found: bd.Marched | None) -> tuple[float, str]:
+def said(balance: float, found: bd.TimeResponse | None) -> tuple[float, str]:
     """Highest blade over the peak of the balance, and the words of a cell."""
     if found is None:
         return np.nan, "not found"
@@ -96,7 +97,7 @@ def said(balance: float, found: bd.Marched | None) -> tuple[float, str]:
 
 def over_friction_and_preload() -> None:
     """Table and picture of the highest blade over the peak of the balance."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), sharey=True)
         for ax, order in zip(axes, (5, 10)):
             print(f"| engine order {order} | " + " | ".join(f"{p:g} N" for p in PRELOADS) + " |\n" + "|---" * 5 + "|")
@@ -130,7 +131,7 @@ def wheel() -> None:
                   f"{time.process_time() - begin:.0f} s\n")  # fmt: skip
             if found is not None:
                 amplitudes = ", ".join(f"{1e6 * a:.1f}" for a in found.blades.mean(axis=0))
-                print(f"{found.details()}\nblades, \u00b5m: {amplitudes}")
+                print(f"{found.summary()}\nblades, \u00b5m: {amplitudes}")
             print(flush=True)
 
 
@@ -142,10 +143,10 @@ def main() -> None:
     down()
     for friction, order, preload, blades in ((0.496, 10, 38.5, 6), (0.496, 10, 38.5, 12), (0.54, 5, 43.7, 12)):
         study = turbine(friction, order)
-        found = study.march(study.track(preload, (600.0, 720.0)), blades=blades)
+        found = study.time_response(study.frequency_response(preload, (600.0, 720.0)), blades=blades)
         if (order, blades) == (10, 12):
             save_figure(found.plot().figure, IMAGE)
-        print(f"mu {friction:g}, engine order {order}, {preload:g} N, {blades} blades\n\n{found.details()}\n")
+        print(f"mu {friction:g}, engine order {order}, {preload:g} N, {blades} blades\n\n{found.summary()}\n")
         print("blades, \u00b5m: " + ", ".join(f"{1e6 * a:.1f}" for a in found.blades.mean(axis=0)) + "\n", flush=True)
 
 

@@ -44,10 +44,10 @@ def run(kind: str, modes: int, harmonics: int, preload: float) -> dict[str, Any]
     for _ in range(REPEATS):
         started = time.process_time()
         if kind == "optimal":
-            fresh = study.another(study.problem.with_())
+            fresh = study._with_problem(study.problem.replace())
             curve: Any = fresh.optimal_curve((100.0, 25e3), 20, frequency=(270.0, 380.0), **alone)
         else:
-            curve = study.track(preload, (300.0, 380.0) if kind == "converged" else (270.0, 370.0))
+            curve = study.frequency_response(preload, (300.0, 380.0) if kind == "converged" else (270.0, 370.0))
         seconds.append(time.process_time() - started)
     cost = curve.cost
     values = curve.amplitude.tolist() if kind == "optimal" else [float(curve.peak.amplitude)]

@@ -65,9 +65,9 @@ class Case:
             u[modes * (2 * l - 1) : modes * (2 * l + 1)] /= l**2
         self.u = u * self._half_slip(u)
 
-    def system(self, evaluation: int = 0, n_time: int = 0, law: int = SEPARABLE) -> _core.Sector:
+    def system(self, contact_forces: int = 0, n_time: int = 0, law: int = SEPARABLE) -> _core.Sector:
         arrays = {**self.arrays, "law": np.full(self.points, law, np.intc)}
-        return _core.Sector(**arrays, evaluation=evaluation, n_time=n_time)
+        return _core.Sector(**arrays, evaluation=contact_forces, n_time=n_time)
 
     def _half_slip(self, u: NDArray) -> float:
         """Factor on u at which half of the points slip or open."""
@@ -182,9 +182,9 @@ def _states(rng: np.random.Generator, separation: bool) -> list[tuple]:
     return out
 
 
-def _evaluate(x: NDArray, n0: float, law: int, evaluation: int, n_time: int) -> tuple[NDArray, NDArray]:
+def _evaluate(x: NDArray, n0: float, law: int, contact_forces: int, n_time: int) -> tuple[NDArray, NDArray]:
     F, J = np.empty_like(x), np.empty(x.shape + x.shape)
-    _core.evaluate_contact(x, np.ones(2), 1.0, 0.4, n0, np.zeros(2), F, J, law, evaluation, n_time, abs(n0))
+    _core.evaluate_contact(x, np.ones(2), 1.0, 0.4, n0, np.zeros(2), F, J, law, contact_forces, n_time, abs(n0))
     return F, J
 
 
@@ -194,7 +194,7 @@ def scaling() -> None:
     over_points, over_harmonics = {}, {}
     for h in (1, 5):
         over_points[h] = [(case := Case(p, MODES, h)).seconds(case.system()) for p in points]
-    for name, evaluation, n_time in (("exact", 0, 0), ("sampled(128)", 1, 128)):
+    for name, evaluation, n_time in (("event_driven", 0, 0), ("sampled(128)", 1, 128)):
         cases = [Case(POINTS, MODES, h) for h in harmonics]
         over_harmonics[name] = [c.seconds(c.system(evaluation, n_time)) for c in cases]
     print("## Cost of residual and Jacobian\n")
@@ -228,7 +228,7 @@ def _draw(points: tuple, over_points: dict, harmonics: tuple, over_harmonics: di
     size = 2 * np.array(harmonics) + 1
     for name, t in over_harmonics.items():
         right.loglog(size, 1e3 * np.array(t), "o-", label=name)
-    right.loglog(size, 1e3 * over_harmonics["exact"][0] * (size / size[0]) ** 2, "k:", label="quadratic")
+    right.loglog(size, 1e3 * over_harmonics["event_driven"][0] * (size / size[0]) ** 2, "k:", label="quadratic")
     right.set(xlabel="coefficients 2H + 1", ylabel="residual and Jacobian, ms")
     for ax in (left, right):
         ax.legend(frameon=False)
@@ -242,7 +242,7 @@ def _draw(points: tuple, over_points: dict, harmonics: tuple, over_harmonics: di
 def main() -> None:
     """Print all tables and draw the figure."""
     speed()
-    print("## Sampled against exact evaluation, mean relative error over 100 states with three harmonics\n")
+    print("## AFT against exact evaluation, mean relative error over 100 states with three harmonics\n")
     print(accuracy_table() + "\n")
     scaling()
 

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 import bdamper as bd
 from bdamper.plot import save_figure
-from bdamper.plot.axes import PAPER
+from bdamper.plot.axes import STYLE
 from bdamper.util.errors import BdamperError
 from bdamper.util.warn import BdamperWarning
 
@@ -72,7 +72,7 @@ SHOWN = 16
 Known = dict[str, dict[str, Any]]
 
 
-def drawn(number: int) -> tuple[str, int, float, float]:
+def random(number: int) -> tuple[str, int, float, float]:
     """Model, engine order, friction coefficient and preload over that of the least peak."""
     rng = np.random.default_rng([SEED, number])
     order, friction = int(rng.choice([5, 10])), round(float(rng.uniform(0.2, 0.6)), 2)
@@ -84,9 +84,9 @@ def study(name: str, order: int, friction: float, points: int = 9) -> bd.Study:
     return bd.Study(bd.reference_model(name, points), excitation, order, friction_coefficient=friction)
 
 
-def curve_of(of: bd.Study, preload: float, band: tuple[float, float]) -> tuple[bd.Curve, dict[str, Any]]:
+def curve_of(of: bd.Study, preload: float, band: tuple[float, float]) -> tuple[bd.ResponseCurve, dict[str, Any]]:
     begin = time.process_time()
-    curve = of.track(preload, band)
+    curve = of.frequency_response(preload, band)
     seconds = time.process_time() - begin
     return curve, {"um": 1e6 * curve.peak.amplitude, "status": curve.status, "seconds": round(seconds, 3)}
 
@@ -95,7 +95,7 @@ def marched(of: bd.Study, preload: float, band: tuple[float, float]) -> dict[str
     """Amplitude in time of the highest blade, with all that it takes from the study on."""
     begin = time.process_time()
     try:
-        found = of.march(curve_of(of, preload, band)[0])
+        found = of.time_response(curve_of(of, preload, band)[0])
     except BdamperError as error:
         return {"um": np.nan, "status": f"not found: {error}", "seconds": round(time.process_time() - begin, 2)}
     answers = {name: 1e6 * a for name, a in found.answers.items()}
@@ -108,7 +108,7 @@ def marched(of: bd.Study, preload: float, band: tuple[float, float]) -> dict[str
 
 def compute(number: int, known: Known) -> None:
     """What is missing of a scene; after Ctrl-C the next run goes on."""
-    name, order, friction, factor = drawn(number)
+    name, order, friction, factor = random(number)
     base, band = study(name, order, friction), BANDS[name]
 
     def ask(what: str, answer: Any) -> dict[str, Any]:
@@ -123,15 +123,15 @@ def compute(number: int, known: Known) -> None:
     optimum = ask("optimum", lambda: {"N": base.optimal_curve(frequency=band, check=False).optimum.preload})["N"]
     preload = round(factor * optimum, 1)
     for what, given in CURVES.items():
-        ask(what, lambda given=given: curve_of(base.with_(**given), preload, band)[1])
+        ask(what, lambda given=given: curve_of(base.replace(**given), preload, band)[1])
     if f"{number} {HARMONICS[-1]} harmonics" not in known:
         for what, row in more_harmonics(base, preload, band, known[f"{number} 3 harmonics"]["seconds"]).items():
             ask(what, lambda row=row: row)
     for what, given in STRUCTURES.items():
         whole = {key: value for key, value in given.items() if key != "all"} | (MODES[name] if "all" in given else {})
-        ask(what, lambda whole=whole: marched(base.with_(**whole), preload, band))
+        ask(what, lambda whole=whole: marched(base.replace(**whole), preload, band))
     if np.isfinite(at := known[f"{number} {LIKE_DEFAULT}"].get("hz", np.nan)):
-        curve = base.track(preload, band)
+        curve = base.frequency_response(preload, band)
         for steps in STEPS:
             ask(f"{steps} steps", lambda steps=steps: settled(base, curve, at, steps))
 
@@ -139,7 +139,7 @@ def compute(number: int, known: Known) -> None:
 def more_harmonics(of: bd.Study, preload: float, band: tuple[float, float], seconds: float) -> Known:
     """Peaks with more harmonics; each has the time of the default curve and of all numbers up to its own."""
     try:
-        found = of.converge(of.peak(preload, band), harmonics=HARMONICS, tolerance=1e-9)
+        found = of.harmonic_convergence(of.peak(preload, band), harmonics=HARMONICS, tolerance=1e-9)
         peaks, status = {p.harmonics: p for p in found.peaks[1:]}, found.status
     except BdamperError as error:
         peaks, status = {}, str(error)
@@ -152,7 +152,7 @@ def more_harmonics(of: bd.Study, preload: float, band: tuple[float, float], seco
     return rows
 
 
-def settled(of: bd.Study, curve: bd.Curve, at: float, steps: int) -> dict[str, Any]:
+def settled(of: bd.Study, curve: bd.ResponseCurve, at: float, steps: int) -> dict[str, Any]:
     try:
         found = of.settle(curve, at, periods=120, steps_per_period=steps)
     except BdamperError as error:
@@ -206,7 +206,7 @@ def _has(known: Known, n: int, ways: dict[str, str], judge: float) -> bool:
 def draw(known: Known) -> None:
     """Error over time, a panel for each kind of refinement."""
     looks = (("o-", "k", "turbine blade"), ("s--", "0.45", "difficult disk"))
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, 2, figsize=(7.2, 6.4), sharex=True, sharey=True)
         for model, (marks, colour, label) in enumerate(looks):
             for ax, (title, (ways, judge)) in zip(axes.flat, panels(known, model).items()):
@@ -256,7 +256,7 @@ def show(known: Known) -> None:
     print("|---" * (len(ways) + 2) + "|")
     for n in range(SCENES):
         if f"{n} reference" in known:
-            name, order, friction, factor = drawn(n)
+            name, order, friction, factor = random(n)
             load = round(factor * known[f"{n} optimum"]["N"], 1)
             cells = [f"{known[f'{n} {w}']['um']:.1f}".replace("nan", "-") for w in ways]
             status = known[f"{n} reference"]["status"]

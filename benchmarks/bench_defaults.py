@@ -66,20 +66,20 @@ def study(row: Row, mode: int) -> bd.Study:
     )
 
 
-def run(row: Row, mode: int, preload: float, kept: dict[str, list]) -> None:
+def run(row: Row, mode: int, preload: float, time_response: dict[str, list]) -> None:
     """Amplitude (m), frequency (Hz), status and processor time (s) of one curve, added to those that are kept."""
     key = f"{row} | {mode} | {preload:g}"
-    if key in kept:
+    if key in time_response:
         return
     watch = time.process_time()
-    curve = study(row, mode).track(preload, SCENES[mode][1])
+    curve = study(row, mode).frequency_response(preload, SCENES[mode][1])
     seconds = time.process_time() - watch
-    kept[key] = [curve.peak.amplitude, curve.peak.frequency, curve.status, seconds]
+    time_response[key] = [curve.peak.amplitude, curve.peak.frequency, curve.status, seconds]
     RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(kept, indent=0))
+    RESULTS.write_text(json.dumps(time_response, indent=0))
 
 
-def table(rows: list[Row], richest: list[Row], kept: dict[str, list]) -> str:
+def table(rows: list[Row], richest: list[Row], time_response: dict[str, list]) -> str:
     """Largest error against any of the richest, and processor time of the four curves, by mode."""
     head = "contact stiffness | blade modes | points | harmonics"
     lines = [f"| {head} | " + " | ".join(f"mode {m}, {p:g} N" for m in SCENES for p in PRELOADS) + " | time |"]
@@ -88,9 +88,9 @@ def table(rows: list[Row], richest: list[Row], kept: dict[str, list]) -> str:
         cells, seconds = [], 0.0
         for mode in SCENES:
             for preload in PRELOADS:
-                amplitude, _, status, took = kept[f"{row} | {mode} | {preload:g}"]
+                amplitude, _, status, took = time_response[f"{row} | {mode} | {preload:g}"]
                 seconds += took
-                best = [kept[f"{r} | {mode} | {preload:g}"][0] for r in richest]
+                best = [time_response[f"{r} | {mode} | {preload:g}"][0] for r in richest]
                 error = max((amplitude / b - 1.0 for b in best), key=abs)
                 cells.append(f"{100.0 * error:+.0f}" + ("" if status == "complete" else "?"))
         lines.append(f"| {row} | " + " | ".join(cells) + f" | {seconds:.1f} s |")
@@ -99,11 +99,11 @@ def table(rows: list[Row], richest: list[Row], kept: dict[str, list]) -> str:
 
 def range_at(own: bd.Study, preload: float, mode: int) -> tuple[float, float]:
     """Least and largest amplitude (m) of the peak at a preload with up to nine harmonics."""
-    found = [p.amplitude for p in own.converge(own.peak(preload, mode=mode), harmonics=(5, 7, 9)).peaks]
+    found = [p.amplitude for p in own.harmonic_convergence(own.peak(preload, mode=mode), harmonics=(5, 7, 9)).peaks]
     return min(found), max(found)
 
 
-def first_answer(kept: dict[str, list]) -> bool:
+def first_answer(time_response: dict[str, list]) -> bool:
     """Compare the default optimal curve with the richest studies, and print a table; whether every answer holds."""
     holds = True
     print("| mode | preload | first answer | its range | " + " | ".join(f"({r})" for r in (*RICHEST, NINE)) + " | holds |")
@@ -113,8 +113,8 @@ def first_answer(kept: dict[str, list]) -> bool:
         optimum = round(curve.optimum.preload, 1)
         for preload in (optimum, *PRELOADS[1:]):
             for row in (DEFAULT, *RICHEST, NINE):
-                run(row, mode, preload, kept)
-            own, *others = (kept[f"{r} | {mode} | {preload:g}"] for r in (DEFAULT, *RICHEST, NINE))
+                run(row, mode, preload, time_response)
+            own, *others = (time_response[f"{r} | {mode} | {preload:g}"] for r in (DEFAULT, *RICHEST, NINE))
             low, high = range_at(study(DEFAULT, mode), preload, mode)
             off = [o[0] / own[0] - 1.0 for o in others]
             fine = all(
@@ -136,8 +136,8 @@ def on_the_ground() -> None:
     z = model.interfaces["platform"].points[:, 2]
     share = 1.0 + 1.1 * z / np.abs(z).max()
     for load in (2000.0, 300.0):
-        held = study.with_(fixed_loads={"platform": load * share / share[share > 0.0].sum()})
-        found = held.converge(held.peak(0.0, (260.0, 400.0)))
+        held = study.replace(constant_loads={"platform": load * share / share[share > 0.0].sum()})
+        found = held.harmonic_convergence(held.peak(0.0, (260.0, 400.0)))
         print(f"blade on the ground, {load:g} N: {found}")
 
 

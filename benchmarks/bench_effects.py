@@ -38,7 +38,7 @@ OFF = {
     "translation Z": replace(EVERYTHING, translation=("X", "Y")),
     "elastic damper modes": replace(EVERYTHING, damper_modes=0),
     "harmonic nodal diameters": replace(EVERYTHING, harmonic_nodal_diameters=False),
-    "constraint planes": replace(EVERYTHING, constraints=False),
+    "constraint planes": replace(EVERYTHING, constraint_planes=False),
     "contact points beyond 9": replace(EVERYTHING, contact_points=9),
     "blade modes beyond 5": replace(EVERYTHING, blade_modes=5),
 }
@@ -83,7 +83,7 @@ def scenes(n: int) -> Iterator[Scene]:
         if ground:
             z = models[name].interfaces["platform"].points[:, 2]
             share = 1.0 + 1.1 * z / np.abs(z).max()
-            study = study.with_(fixed_loads={"platform": load * share / share[share > 0.0].sum()})
+            study = study.replace(constant_loads={"platform": load * share / share[share > 0.0].sum()})
         interval = (560.0, 760.0) if direction == "axial" else (250.0, 400.0)
         text = f"{i}: {name}, {level}, {load:.0f} N, engine order {order}, {direction}, mu {friction:.2f}"
         yield Scene(text, study, 0.0 if ground else load, interval, tolerance)
@@ -106,25 +106,25 @@ def agreement(n: int) -> None:
     for scene in scenes(n):
         begin = time.process_time()
         try:
-            advice = scene.study.advise(
+            advice = scene.study.effect_significance(
                 scene.preload, scene.interval, against=bd.Effects.of(scene.study), tolerance=scene.tolerance
             )
         except bd.BdamperError as error:
             print(f"{scene.name}: no peak ({error})")
             continue
         seconds = time.process_time() - begin
-        sets = {"all": advice.reference, "called for": advice.called_for}
+        sets = {"all": advice.reference, "called for": advice.significant}
         both = {name: scene.study.with_effects(effects) for name, effects in sets.items()}
-        check = bd.compare(both, partial(bd.Study.track, preload=scene.preload, frequency=scene.interval))
+        check = bd.compare(both, partial(bd.Study.frequency_response, preload=scene.preload, frequency=scene.interval))
         within.append(right(scene, check))
         whole, lean = (curve.cost for curve in check.curves)
         costs.append(seconds / whole.seconds)
         work, speedup = whole.evaluations / (lean.evaluations * advice.work), whole.seconds / lean.seconds
-        if advice.left_out:
+        if advice.missing_ranges:
             gains.append((speedup, work))
         amplitude, frequency = changes(check)
         print(
-            f"{scene.name}, {100 * scene.tolerance:g} %: {len(advice.left_out)} left out, "
+            f"{scene.name}, {100 * scene.tolerance:g} %: {len(advice.missing_ranges)} left out, "
             f"{100 * amplitude:+.2f} % {100 * frequency:+.2f} %"
             f"{'' if within[-1] else ' WRONG'}, {speedup:.1f} times as fast, advice {costs[-1]:.0f} peaks, "
             f"{seconds:.1f} s",
@@ -153,7 +153,7 @@ def table() -> None:
                 study = study.with_effects(effects)
                 system = study.problem.system(preload)
                 begin = time.process_time()
-                curve = study.track(preload, interval)
+                curve = study.frequency_response(preload, interval)
                 seconds = time.process_time() - begin
                 peak = curve.peak
                 if whole is None:

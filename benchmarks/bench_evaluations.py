@@ -69,7 +69,7 @@ def main() -> None:
             excitation=bd.Excitation("tip", "tangential", 1.0), contact_stiffness=stiffness,
         )  # fmt: skip
         with Tally() as tally:
-            curve = study.track(preload, (270.0, 370.0))
+            curve = study.frequency_response(preload, (270.0, 370.0))
         cost = curve.cost
         tally.counts[PURPOSES[-1]] = cost.evaluations - sum(tally.counts.values())
         shares = [f"{100.0 * tally.counts[purpose] / cost.evaluations:.0f}" for purpose in PURPOSES]

@@ -1,4 +1,4 @@
-"""Which tracking curves are complete within their budget, on mode 1 of the reference bladed disk, 250 to 400 Hz.
+"""Which response curves are complete within their budget, on mode 1 of the reference bladed disk, 250 to 400 Hz.
 
 Preloads from a damper that nearly flies to one that is stuck, three contact meshes, one to seven harmonics, with and
 without rotation of the damper.  A part of it: ``python -m benchmarks.bench_hard_curves --points 24 --harmonics 3 5``;
@@ -17,7 +17,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import bdamper as bd
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 
 PRELOADS = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 25000.0)
 POINTS = (9, 24, 48)
@@ -40,12 +40,12 @@ def study(points: int, harmonics: int, rotation: str) -> bd.Study:
     )
 
 
-def draw(curve: Curve, path: Path) -> None:
+def draw(curve: ResponseCurve, path: Path) -> None:
     """Figure of a curve: all of it, and the part in which paths were left."""
     figure, (whole, part) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
     curve.plot(ax=whole)
-    if curve.left_out:
-        low, high = min(left.low for left in curve.left_out), max(left.high for left in curve.left_out)
+    if curve.missing_ranges:
+        low, high = min(left.low for left in curve.missing_ranges), max(left.high for left in curve.missing_ranges)
         margin = 0.05 * (high - low)
         there = (curve.frequency > low - margin) & (curve.frequency < high + margin)
         curve.plot(ax=part)
@@ -62,7 +62,7 @@ def run(cell: Cell, figures: Path | None = None) -> tuple[Cell, bool, str]:
     """One curve: whether it is complete, and its row of the table."""
     points, harmonics, rotation, preload = cell
     started = time.perf_counter()
-    curve = study(points, harmonics, rotation).track(preload, (250.0, 400.0))
+    curve = study(points, harmonics, rotation).frequency_response(preload, (250.0, 400.0))
     seconds = time.perf_counter() - started
     if figures is not None and len(curve):
         draw(curve, figures / f"{points}-points-{harmonics}-harmonics-rotation-{rotation}-{preload:g}N.png")

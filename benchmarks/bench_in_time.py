@@ -40,7 +40,7 @@ def study(harmonics: int) -> bd.Study:
     )
 
 
-def drawn(curves: dict[tuple[float, int], bd.Curve]) -> list[tuple[float, int, int]]:
+def random(curves: dict[tuple[float, int], bd.ResponseCurve]) -> list[tuple[float, int, int]]:
     """Preload, harmonics and index of each point."""
     rng = np.random.default_rng(SEED)
     out = []
@@ -61,7 +61,7 @@ def drawn(curves: dict[tuple[float, int], bd.Curve]) -> list[tuple[float, int, i
     return out
 
 
-def long_march(made: bd.Study, curve: bd.Curve, i: int) -> tuple[bool, float, int]:
+def long_march(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[bool, float, int]:
     """Whether the motion stays, its mean amplitude over that of the point, and the periods marched."""
     omega, u = 2.0 * np.pi * float(curve.frequency[i]), curve.unknowns[i]
     ring = ring_of(made.problem, curve.preload)
@@ -79,8 +79,8 @@ def long_march(made: bd.Study, curve: bd.Curve, i: int) -> tuple[bool, float, in
 
 def main() -> None:
     studies = {h: study(h) for h in (1, 3)}
-    curves = {(p, h): studies[h].track(p, band) for p, band in BANDS.items() for h in studies}
-    places = drawn(curves)
+    curves = {(p, h): studies[h].frequency_response(p, band) for p, band in BANDS.items() for h in studies}
+    places = random(curves)
     table, seconds = [], {}
     for (preload, h), curve in curves.items():
         watch = time.process_time()

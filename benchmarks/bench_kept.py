@@ -1,4 +1,4 @@
-"""What a blade keeps at one preload, by the walk of ``study.march``, beside balances with more modes or patterns.
+"""What a blade keeps at one preload, by the walk of ``study.time_response``, beside balances with more modes or patterns.
 
 ``python -m benchmarks kept`` computes what ``results/kept.json`` does not have yet and prints two tables: the blade on the
 ground, of a single sector, and the turbine blade at preloads at which its blades vibrate alike.
@@ -24,11 +24,13 @@ TYPICAL = {f"typical blade, {preload:g} N, {n} patterns": (n, preload) for prelo
 """Residual patterns, at the optimum of the typical blade and at five times that preload."""
 
 
-def record(kept: Any) -> dict[str, Any]:
+def record(time_response: Any) -> dict[str, Any]:
     return {
-        "mean": 1e6 * kept.mean, "lowest": 1e6 * kept.lowest, "highest": 1e6 * kept.highest, "frequency": kept.frequency,
-        "fall": kept.fall, "balance": 1e6 * kept.balance, "direction": kept.direction, "periods": kept.periods,
-        "status": kept.status, "processor": kept.cost.processor,
+        "mean": 1e6 * time_response.mean, "lowest": 1e6 * time_response.lowest, "highest": 1e6 * time_response.highest,
+        "frequency": time_response.frequency,
+        "fall": time_response.fall, "balance": 1e6 * time_response.balance, "direction": time_response.direction,
+        "periods": time_response.periods,
+        "status": time_response.status, "processor": time_response.cost.processor,
     }  # fmt: skip
 
 
@@ -40,10 +42,10 @@ def on_the_ground(name: str) -> dict[str, Any]:
     loads = {"platform": 800.0 * share / share[share > 0.0].sum()}
     tip, plain = bd.Excitation("tip", direction="tangential"), bd.ResidualModes(inertia=modes == 10)
     free = bd.Study(model, tip, friction_coefficient=0.4, blade_modes=modes, contact_stiffness=plain)
-    held = free.with_(fixed_loads=loads)
-    curves = {n: held.with_(harmonics=n).track(0.0, (260.0, 400.0)) for n in (3, 5, 7, 9, 13)}
+    held = free.replace(constant_loads=loads)
+    curves = {n: held.replace(harmonics=n).frequency_response(0.0, (260.0, 400.0)) for n in (3, 5, 7, 9, 13)}
     tops = {str(n): 1e6 * float(curve.amplitude.max()) for n, curve in curves.items()}
-    return {**record(held.march(curves[3])), "tops": tops}
+    return {**record(held.time_response(curves[3])), "tops": tops}
 
 
 def on_the_typical_blade(name: str) -> dict[str, Any]:
@@ -53,8 +55,8 @@ def on_the_typical_blade(name: str) -> dict[str, Any]:
     of = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, **given)
     of.problem.system(preload)
     begin = time.process_time()
-    curve = of.track(preload, (600.0, 720.0))
-    return {"curve": time.process_time() - begin, **record(of.march(curve))}
+    curve = of.frequency_response(preload, (600.0, 720.0))
+    return {"curve": time.process_time() - begin, **record(of.time_response(curve))}
 
 
 def motion(r: dict[str, Any]) -> str:

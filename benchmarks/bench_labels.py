@@ -1,4 +1,4 @@
-"""Labels of stability beside the motion in time of all blades: twenty scenes, five points on each tracking curve.
+"""Labels of stability beside the motion in time of all blades: twenty scenes, five points on each response curve.
 
 ``python -m benchmarks.bench_labels [first last]`` draws each scene from its number before anything is computed: the turbine
 blade (even numbers, engine order 5 or 10) or the hard disk (odd ones, engine order 5) with nine contact points, unit
@@ -33,7 +33,7 @@ SEED, POINTS = 20261123, 5
 BANDS = {"turbine_blade": (600.0, 720.0), "bladed_disk": (250.0, 380.0)}
 
 
-def drawn(number: int) -> tuple[bd.Study, str, float, np.random.Generator]:
+def random(number: int) -> tuple[bd.Study, str, float, np.random.Generator]:
     """Study, model and preload (N) of a number, and what draws its points."""
     rng = np.random.default_rng([SEED, number])
     name = "bladed_disk" if number % 2 else "turbine_blade"
@@ -62,8 +62,12 @@ def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[flo
 def main(first: int = 0, last: int = 20) -> None:
     right = {(name, share): [0, 0] for name in ("sign of det J", "exponents") for share in (0.05, 0.1)}
     for number in range(first, last):
-        made, name, preload, rng = drawn(number)
-        curve, system, ring = made.track(preload, BANDS[name]), made.problem.system(preload), ring_of(made.problem, preload)
+        made, name, preload, rng = random(number)
+        curve, system, ring = (
+            made.frequency_response(preload, BANDS[name]),
+            made.problem.system(preload),
+            ring_of(made.problem, preload),
+        )
         high = np.flatnonzero(curve.amplitude > 0.5 * curve.amplitude.max())
         chosen = np.sort(rng.choice(high, POINTS, replace=False))
         u, omega = curve.unknowns[chosen], tau * curve.frequency[chosen]
@@ -96,10 +100,10 @@ def coupled(scenes: int = 20) -> None:
         law = {"harmonics": int(rng.choice([1, 3, 5])), "variable_normal_load": bool(rng.random() < 0.75)}
         places = rng.random(3)
         contact = {"contact_stiffness": stiffness, "friction_coefficient": friction, "friction_law": "coupled"}
-        given = PLAIN | law | contact | {"evaluation": bd.Sampled(128), "damping_ratio": 0.01}
+        given = PLAIN | law | contact | {"contact_forces": bd.AFT(128), "damping_ratio": 0.01}
         rig = acyclic_model(1, n_points=4, n_blade_modes=2)
         made = bd.Study(rig, bd.Excitation("tip", "tangential", force), 0, **given)
-        curve = made.with_stability(made.track(preload, (150.0, 500.0)))
+        curve = made.with_stability(made.frequency_response(preload, (150.0, 500.0)))
         high = np.flatnonzero(curve.amplitude >= 0.3 * curve.amplitude.max())
         for i in sorted({curve.peak.index, *high[(places * len(high)).astype(int)]}):
             key = curve.labels[i][:9], made.verify(curve, int(i), periods=600).verdict

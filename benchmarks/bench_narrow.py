@@ -1,4 +1,4 @@
-"""Whether a tracking curve over a narrow band shows the resonance that a wide one shows, on random bands.
+"""Whether a response curve over a narrow band shows the resonance that a wide one shows, on random bands.
 
 ``python -m benchmarks.bench_narrow [first last]`` runs the bands of these numbers (0 to 99 by default), prints a line for
 each and a table, and, where all of them ran, writes ``benchmarks/results/narrow.json``.
@@ -59,15 +59,15 @@ def run(number: int) -> dict[str, Any]:
     study, preload, (low, high), rng, text = draw(number)
     study.static(preload)
     begin = time.process_time()
-    wide = study.track(preload, (low, high))
+    wide = study.frequency_response(preload, (low, high))
     middle = time.process_time()
     part, place = np.exp(rng.uniform(np.log(0.02), np.log(0.5))), rng.uniform(0.02, 0.98)
     bottom = wide.peak.frequency - place * part * (high - low)
     band = max(low, bottom), min(high, bottom + part * (high - low))
-    narrow = study.track(preload, band)
+    narrow = study.frequency_response(preload, band)
     end = time.process_time()
     ratio = narrow.amplitude.max(initial=0.0) / wide.peak.amplitude
-    told = any("outside" in part.why for part in narrow.left_out)
+    told = any("outside" in part.why for part in narrow.missing_ranges)
     return {
         "number": number, "scene": text, "wide": [round(f, 3) for f in (low, high)], "band": [float(f) for f in band],
         "folds": len(wide.folds), "status": [wide.status, narrow.status], "told": told, "ratio": round(float(ratio), 6),
@@ -79,7 +79,7 @@ def run(number: int) -> dict[str, Any]:
 def table(results: list[dict[str, Any]]) -> str:
     """Summary in Markdown."""
     lines = [
-        "| bands | wide curve | agree within 1 % | higher | lower | of these told in `left_out` | evaluations, median |",
+        "| bands | wide curve | agree within 1 % | higher | lower | of these in `missing_ranges` | evaluations, median |",
         "|---|---|---|---|---|---|---|",
     ]
     for name, own in (

@@ -1,4 +1,4 @@
-"""Optimal curve against maxima of full tracking curves, and a sweep on one and two workers: ratios within one run.
+"""Optimal curve against maxima of full response curves, and a sweep on one and two workers: ratios within one run.
 
 Reference model, one harmonic, 24 contact points a face, 50 preloads.
 """
@@ -15,17 +15,17 @@ from benchmarks import PLAIN
 
 
 def optimal_against_tracking(study: bd.Study, preload: tuple[float, float], frequency: tuple[float, float]) -> float:
-    """Prints and returns the processor time of the optimal curve over that of the tracking curves (all single-threaded)."""
+    """Prints and returns the processor time of the optimal curve over that of the response curves (all single-threaded)."""
     start, cpu = time.perf_counter(), time.process_time()
     result = study.optimal_curve(preload, 50, frequency=frequency, check=False)
     fast, fast_cpu = time.perf_counter() - start, time.process_time() - cpu
     start, cpu = time.perf_counter(), time.process_time()
-    curves = [study.track(p, frequency) for p in result.preload]
+    curves = [study.frequency_response(p, frequency) for p in result.preload]
     slow, slow_cpu = time.perf_counter() - start, time.process_time() - cpu
     complete = [i for i, c in enumerate(curves) if c.complete]
     error = max(abs(result.amplitude[i] / curves[i].peak.amplitude - 1.0) for i in complete)
     print(
-        f"50 preloads {preload[0]:g} to {preload[1]:g} N: optimal curve {fast:.3f} s, tracking curves {slow:.3f} s, "
+        f"50 preloads {preload[0]:g} to {preload[1]:g} N: optimal curve {fast:.3f} s, response curves {slow:.3f} s, "
         f"ratio {fast / slow:.3f}, of processor time {fast_cpu / slow_cpu:.3f}; largest difference of the "
         f"amplitude {error:.1e} over {len(complete)} complete curves"
     )
@@ -56,7 +56,7 @@ def main() -> None:
     study = bd.Study(
         bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3, **PLAIN
     )  # fmt: skip
-    study.track(1000.0, (340.0, 360.0))
+    study.frequency_response(1000.0, (340.0, 360.0))
     optimal_against_tracking(study, (100.0, 25e3), (250.0, 400.0))
     optimal_against_tracking(study, (10.0, 25e3), (250.0, 400.0))
     sweep_on_two_workers(study)

@@ -51,7 +51,9 @@ def draw(number: int) -> tuple[bd.Study, int, str]:
     return study, mode, f"{points} points, {method}, H = {harmonics}, mode {mode}, {direction}, mu {friction:.2f}"
 
 
-def scan(study: bd.Study, preloads: np.ndarray, frequency: tuple[float, float], rises: float) -> dict[float, AtPreload]:
+def search_status(
+    study: bd.Study, preloads: np.ndarray, frequency: tuple[float, float], rises: float
+) -> dict[float, AtPreload]:
     """Whole curves at falling preloads, until two in a row rattle, or are higher than the least by a ratio."""
     there: dict[float, AtPreload] = {}
     row = 0
@@ -68,18 +70,19 @@ def run(number: int) -> dict[str, Any]:
     """The optimum of one study beside the scan."""
     study, mode, text = draw(number)
     frequency = peak_interval(study.problem, None, mode)
-    rough = {p: a for p, a in scan(study, np.geomspace(2.0, 25e3, 12), frequency, 1.001).items() if not a.rattles}
+    rough = {p: a for p, a in search_status(study, np.geomspace(2.0, 25e3, 12), frequency, 1.001).items() if not a.rattles}
     low, high = (ratio * min(rough, key=lambda p: rough[p].value) for ratio in (0.05, 40.0))
     begin = time.process_time()
     curve = optimal_curve(study.problem, np.geomspace(low, high, 30), mode=mode)
     middle = time.process_time()
-    there = scan(study, np.geomspace(low, high, 60), frequency, np.inf)
-    edge = max(rattling_below(there), curve.no_steady_below)
+    there = search_status(study, np.geomspace(low, high, 60), frequency, np.inf)
+    edge = max(rattling_below(there), curve.lowest_steady_preload)
     values = {p: a.top.peak.amplitude for p, a in there.items() if a.top is not None and a.known and p > edge}
     return {"number": number, "text": text, "amplitude": curve.optimum.amplitude, "preload": curve.optimum.preload,
             "kind": curve.optimum.kind, "status": curve.optimum.status, "least": min(values.values(), default=np.nan),
             "at": min(values, key=lambda p: values[p], default=np.nan), "low": low, "high": high,
-            "seconds": middle - begin, "scan": time.process_time() - middle, "curves": len(curve.curves)}  # fmt: skip
+            "seconds": middle - begin, "search_status": time.process_time() - middle,
+            "curves": len(curve.curves)}  # fmt: skip
 
 
 def main() -> None:

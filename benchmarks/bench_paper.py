@@ -21,18 +21,18 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.plot import save_figure
-from bdamper.plot.axes import MARKERS, PAPER, colours, fit_units, legend_beside
+from bdamper.plot.axes import MARKERS, STYLE, colours, fit_units, legend_beside
 from bdamper.time_domain.integration import STEPS, Ring
 
 RESULTS = Path(__file__).parent / "results" / "paper.json"
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "paper.png"
-OWN = {**bd.PAPER, "single_basis": False}
+OWN = {**bd.CIGEROGLU_2009, "fundamental_modes_only": False}
 ROWS: dict[str, dict[str, Any]] = {
-    "the paper": dict(bd.PAPER),
+    "the paper": dict(bd.CIGEROGLU_2009),
     "modes of its own nodal diameter for each harmonic": OWN,
-    "uniform tractions": {**bd.PAPER, "contact_stiffness": "unit_traction"},
-    "20 blade modes": {**bd.PAPER, "blade_modes": 20},
-    "40 blade modes": {**bd.PAPER, "blade_modes": 40},
+    "uniform tractions": {**bd.CIGEROGLU_2009, "contact_stiffness": "unit_traction"},
+    "20 blade modes": {**bd.CIGEROGLU_2009, "blade_modes": 20},
+    "40 blade modes": {**bd.CIGEROGLU_2009, "blade_modes": 40},
     "three harmonics": {**OWN, "harmonics": 3},
     "residual modes": {**OWN, "contact_stiffness": "residual_modes"},
     "residual modes, three harmonics": {},
@@ -66,7 +66,7 @@ def row(mode: int, settings: dict[str, Any]) -> dict[str, Any]:
 
 def peak(preload: float, settings: dict[str, Any], rows: int | None = None) -> dict[str, Any]:
     """Highest response of mode 1 over the whole curve, and its folds."""
-    curve = study(1, rows and with_rows(rows), **settings).track(preload, DRIVEN[1][2])
+    curve = study(1, rows and with_rows(rows), **settings).frequency_response(preload, DRIVEN[1][2])
     return {"amplitude": float(f"{curve.peak.amplitude:.4g}"), "frequency": round(curve.peak.frequency, 2),
             "folds": len(curve.folds), "complete": curve.complete}  # fmt: skip
 
@@ -85,12 +85,12 @@ def sweep(settings: dict[str, Any]) -> dict[str, Any]:
     """Largest |X1| of a slow sweep in time from the high branch down through the resonance."""
     preload, first, last, periods = SWEEP
     asked = study(1, **settings)
-    curve = asked.track(preload, DRIVEN[1][2])
+    curve = asked.frequency_response(preload, DRIVEN[1][2])
     start = int(np.argmin(np.abs(curve.frequency - first)))
     omega, end = 2.0 * np.pi * curve.frequency[start], 2.0 * np.pi * last
     ring, steps = Ring(asked.problem.system(preload), asked.model.n_blades, 5), 2 * STEPS
-    settled = ring.march(ring.start(curve.unknowns[start], omega, steps), omega, steps, 60)
-    found = ring.march(settled.motion, omega, steps, periods, omega_end=end)
+    settled = ring.integrate(ring.start(curve.unknowns[start], omega, steps), omega, steps, 60)
+    found = ring.integrate(settled.motion, omega, steps, periods, omega_end=end)
     amplitude = np.abs(found.harmonics[:, 0, 1])
     k = int(np.argmax(amplitude))
     frequency = np.sqrt(np.linspace(omega**2, end**2, periods + 1))[k] / (2.0 * np.pi)
@@ -108,7 +108,7 @@ def jobs() -> dict[str, Any]:
             for preload in PRELOADS:
                 key = f"ladder/{name}/{harmonics}/{preload:g}"
                 out[key] = lambda p=preload, s={**settings, "harmonics": harmonics}: peak(p, s)
-    for name, settings in (("equations (4), (10)", bd.PAPER), ("residual modes", {"harmonics": 1})):
+    for name, settings in (("equations (4), (10)", bd.CIGEROGLU_2009), ("residual modes", {"harmonics": 1})):
         for rows in (2, 3, 4, 5):
             for preload in (100.0, 200.0, 1000.0):
                 out[f"rows/{name}/{rows}/{preload:g}"] = lambda p=preload, s=settings, r=rows: peak(p, s, r)
@@ -118,7 +118,7 @@ def jobs() -> dict[str, Any]:
 
 def draw(found: dict[str, dict[str, Any]]) -> None:
     """Peaks over the number of harmonics, and the sweep in time."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8.6, 3.5), sharey=True)
         swept = found.get("sweep in time/equations (4), (10)/3")
         for ax, name in zip(axes, LADDER):

@@ -6,7 +6,7 @@
   unit tractions and with residual modes: the band without a steady response, marched at three preloads in it and, with
   unit tractions, at one above.
 * Scenes: the shipped disk with unit tractions, mode, direction of the excitation, friction coefficient and harmonics
-  drawn with a stored seed, and lumped wedges between a mass and the ground.  At each preload a tracking curve is
+  drawn with a stored seed, and lumped wedges between a mass and the ground.  At each preload a response curve is
   followed, which shows the sign or not, and the structure is marched from its highest solution.  The response *moves* if
   the amplitudes of the periods spread over more than 2 % of their mean in the second half of them.  An alarm is false if
   the response does not move, a miss is a response that moves without the sign.
@@ -50,19 +50,19 @@ def bands(*names: str) -> Iterator[dict[str, Any]]:
         begin = time.process_time()
         curve = study.optimal_curve(check=False)
         middle = time.process_time()
-        study.optimal_curve(curve.preload[curve.preload > curve.no_steady_below], check=False)
+        study.optimal_curve(curve.preload[curve.preload > curve.lowest_steady_preload], check=False)
         alone = time.process_time() - middle
-        low = curve.preload[curve.preload <= curve.no_steady_below]
-        above = [ABOVE * curve.no_steady_below] if name == "unit tractions" else []
+        low = curve.preload[curve.preload <= curve.lowest_steady_preload]
+        above = [ABOVE * curve.lowest_steady_preload] if name == "unit tractions" else []
         values = [settled(study, curve, p, BAND_PERIODS[name]) for p in (*low[[0, len(low) // 2, -1]], *above)]
-        yield {"study": name, "below": curve.no_steady_below, "seconds": middle - begin, "seconds_above": alone,
+        yield {"study": name, "below": curve.lowest_steady_preload, "seconds": middle - begin, "seconds_above": alone,
                "optimum": str(curve.optimum), "marched": values}  # fmt: skip
 
 
 def settled(study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: int) -> dict[str, Any]:
     """Mean and range of a march from the highest solution at a preload, at its frequency."""
     frequency = curve.settings["frequency"]
-    tracked = study.track(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
+    tracked = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
     found = study.settle(tracked, float(tracked.frequency[np.argmax(tracked.amplitude)]), periods=periods)
     low, high = found.lowest, found.highest
     return {"preload": float(preload), "frequency": found.frequency, "mean": found.mean, "low": low, "high": high,
@@ -79,7 +79,7 @@ def wedge(mass: float, harmonics: int) -> bd.Study:
     ]
     k = (200.0 * np.pi) ** 2
     return bd.lumped([1.0, mass, mass], [2e-3 * np.sqrt(k), 0.0, 0.0], [k, 0.0, 0.0], contacts=faces, forces={0: 1.0},
-                     loads={2: 1.0}, harmonics=harmonics)  # fmt: skip
+                     load_per_preload={2: 1.0}, harmonics=harmonics)  # fmt: skip
 
 
 def scenes() -> Iterator[tuple[str, bd.Study, int]]:
@@ -102,12 +102,13 @@ def signs() -> Iterator[dict[str, Any]]:
     for name, study, mode in scenes():
         frequency = resonance_interval(study.problem, mode)
         for preload in np.geomspace(4.0, 200.0, 7):
-            curve = study.track(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
+            curve = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
             top = int(np.argmax(curve.amplitude))
             settled = study.settle(curve, float(curve.frequency[top]), periods=PERIODS)
             low, high = settled.lowest, settled.highest
             yield {"scene": name, "preload": float(preload), "sign": NO_STEADY in curve.reason,
-                   "spread": (high - low) / settled.mean, "kept": settled.mean / float(curve.amplitude[top])}  # fmt: skip
+                   "spread": (high - low) / settled.mean,
+                   "time_response": settled.mean / float(curve.amplitude[top])}  # fmt: skip
 
 
 def counts(found: list[dict[str, Any]]) -> str:
@@ -116,7 +117,7 @@ def counts(found: list[dict[str, Any]]) -> str:
     false = sum(s["spread"] <= MOVES for s in alarms)
     quiet = [s for s in found if not s["sign"]]
     missed = [s for s in quiet if s["spread"] > MOVES]
-    high = sum(s["kept"] > 0.5 for s in missed)
+    high = sum(s["time_response"] > 0.5 for s in missed)
     return (
         f"{len(found)} curves of {len({s['scene'] for s in found})} scenes: {len(alarms)} show the sign, {false} of them "
         f"with a steady response; of the other {len(quiet)} the response moves in {len(missed)}, in {high} of these at "

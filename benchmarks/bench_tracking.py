@@ -1,4 +1,4 @@
-"""Tracking curves of the reference model: points, seconds, and the share outside the C core."""
+"""Response curves of the reference model: points, seconds, and the share outside the C core."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ REPEATS = 5
 
 def main() -> None:
     """Print a table of times (median of repeats)."""
-    print("## Tracking curves, mode 1 of the reference bladed disk, 250 to 400 Hz\n")
+    print("## Response curves, mode 1 of the reference bladed disk, 250 to 400 Hz\n")
     print("| contact points on a face | harmonics | preload | points of the curve | seconds | outside the C core |")
     print("|---|---|---|---|---|---|")
     for points in (9, 24, 48):
@@ -26,8 +26,8 @@ def main() -> None:
                 **(PLAIN | {"harmonics": harmonics}),
             )
             for preload in (200.0, 2000.0):
-                study.track(preload, (250.0, 400.0))
-                curves = [study.track(preload, (250.0, 400.0)) for _ in range(REPEATS)]
+                study.frequency_response(preload, (250.0, 400.0))
+                curves = [study.frequency_response(preload, (250.0, 400.0)) for _ in range(REPEATS)]
                 seconds = statistics.median(c.cost.seconds for c in curves)
                 outside = statistics.median(c.cost.python / c.cost.processor for c in curves)
                 print(

@@ -6,9 +6,9 @@ peak of the balance, sliders of each point anywhere within ten times that peak, 
 256 steps a period.  Each must end finite, with no more energy than it had and was given, or by ``MarchFailed``.
 
 ``python -m benchmarks.bench_trust scenes [first last]`` draws scenes as ``benchmarks.bench_labels`` does, with other
-numbers, and asks ``study.march`` for the highest blade.  Its motion goes on for 15 periods in the explicit march of the
-tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.  Where amplitudes
-beat by more than 5 % it is 100 periods, and the mean over 80, as in the answer.
+numbers, and asks ``study.time_response`` for the highest blade.  Its motion goes on for 15 periods in the explicit march
+of the tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.  Where
+amplitudes beat by more than 5 % it is 100 periods, and the mean over 80, as in the answer.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import time
 from math import tau
 
 import numpy as np
-from tests.stability.test_explicit_reference import STEPS, explicit
 
 from bdamper.time_domain import steady_amplitude
 from bdamper.time_domain.integration import MarchFailed, Motion, ring_of
 from bdamper.time_domain.march import March
 from bdamper.util.errors import BdamperError
 from benchmarks.bench_labels import BANDS, drawn
+from tests.time_domain.test_explicit_reference import STEPS, explicit
 
 FIRST = 100
 """Number of the first scene."""
@@ -36,7 +36,7 @@ def random_starts(scenes: int = 20) -> None:
     most, begin = 0.0, time.process_time()
     for number in range(FIRST, FIRST + scenes):
         made, name, preload, rng = drawn(number)
-        peak = made.track(preload, BANDS[name]).peak.amplitude
+        peak = made.frequency_response(preload, BANDS[name]).peak.amplitude
         ring = ring_of(made.problem, preload)
         like = ring.start(np.zeros(made.problem.system(preload).n_unknowns), tau * BANDS[name][0], 256)
         for _ in range(STARTS // scenes):
@@ -67,11 +67,11 @@ def scenes(first: int, last: int) -> None:
         made, name, preload, _ = drawn(number)
         begin, marches = time.process_time(), []
         steady_amplitude.of_blades = lambda march, periods, marches=marches: marches.append(march) or said(march, periods)
-        curve = made.track(preload, BANDS[name])
+        curve = made.frequency_response(preload, BANDS[name])
         order, friction = made.problem.engine_order, made.settings.friction_coefficient
         scene = f"{name}, engine order {order}, mu {friction:.2f}, {preload:.1f} N"
         try:
-            found = made.march(curve)
+            found = made.time_response(curve)
         except BdamperError as error:
             print(f"| {scene} | | | | | {error} | |", flush=True)
             continue

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.mistuning import MistunedSample, Mistuning, Wheel
+from bdamper.mistuning import BladedDisk, MistunedSample, Mistuning
 from bdamper.plot import save_figure
 
 RESULTS, IMAGES = Path(__file__).parent / "results", Path(__file__).parents[1] / "docs/images"
@@ -64,7 +64,7 @@ def stored(harmonics: int = 1) -> MistunedSample:
 
 def show(sample: MistunedSample) -> None:
     """What the sample says, in words and as a table."""
-    print(sample.details())
+    print(sample.summary())
     print("| preload | tuned | median | 95 % of wheels | highest | held |\n|---|---|---|---|---|---|")
     median, upper = sample.percentile(50.0), sample.percentile(95.0)
     for j, preload in enumerate(sample.preload):
@@ -90,7 +90,7 @@ def draw(sample: MistunedSample) -> None:
     save_figure(sample.plot("preload", percentiles=percentiles), IMAGES / "wheel-amplification.png")
     save_figure(sample.plot("preload", quantity="amplitude", percentiles=percentiles), IMAGES / "wheel-preload.png")
     save_figure(sample.plot_tail(tail=in_tail(sample)), IMAGES / "wheel-tail.png")
-    wheel = Wheel(study(1), Mistuning.drawn(sample.n_blades, DEVIATION, seed=(0, 1)))
+    wheel = BladedDisk(study(1), Mistuning.random(sample.n_blades, DEVIATION, seed=(0, 1)))
     save_figure(wheel.peak(PRELOADS[-1]).plot_wheel(wheel.study.model), IMAGES / "wheel-front.png")
 
 
@@ -111,7 +111,7 @@ def main(wheels: int = WHEELS, harmonics: int = 1) -> None:
         show(sample)
         draw(sample)
     else:
-        print(sample.details())
+        print(sample.summary())
         compare(stored(), sample)
 
 

@@ -81,10 +81,10 @@ def run(scene: Scene) -> Outcome:
     """The peak of a scene with one to twelve harmonics, and the whole curve with thirteen."""
     peak = scene.study.peak(scene.preload, scene.interval)
     begin = time.process_time()
-    found = scene.study.converge(peak, harmonics=ASKED, tolerance=scene.tolerance)
+    found = scene.study.harmonic_convergence(peak, harmonics=ASKED, tolerance=scene.tolerance)
     seconds = time.process_time() - begin
-    full = scene.study.with_(harmonics=REFERENCE).peak(scene.preload, scene.interval)
-    whole = full.converged and full.scan.startswith("complete")
+    full = scene.study.replace(harmonics=REFERENCE).peak(scene.preload, scene.interval)
+    whole = full.converged and full.search_status.startswith("complete")
     return Outcome(scene, found, full.amplitude if whole else np.nan, seconds)
 
 

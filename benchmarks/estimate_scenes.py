@@ -59,7 +59,7 @@ def draw(number: int) -> tuple[bd.Study, float, tuple[float, float], str]:
     harmonics, modes = int(rng.choice([1, 3])), int(rng.choice([5, 10]))
     stiffness = str(rng.choice(["residual_modes", "residual_modes", "unit_traction"]))
     points = rng.choice([None, 4, 6])
-    study = scene.study.with_(
+    study = scene.study.replace(
         harmonics=harmonics, blade_modes=modes, contact_stiffness=stiffness, contact_points=points, damper_modes=0
     )
     text = f"{scene.text.rsplit(',', 1)[0]}, {harmonics} harmonics, {stiffness}, {modes} modes, points {points or 'all'}"
@@ -70,7 +70,7 @@ def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
     """All estimates of a scene beside the truth; none where the scene has no whole curve."""
     study, preload, interval, text = draw(number)
     begin = time.process_time()
-    curve = study.track(preload, interval)
+    curve = study.frequency_response(preload, interval)
     own = time.process_time() - begin
     print(f"{number}: {text}, {own:.2f} s" + ("" if curve.complete else f", {curve.status}"), flush=True)
     out: list[Outcome] = []
@@ -84,10 +84,10 @@ def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
         begin = time.process_time()
         estimate = study.estimate_errors(curve, sources=[source])[source]
         middle = time.process_time()
-        rich = study.another(richer.problem.with_())
-        whole = rich.track(preload, interval)
+        rich = study._with_problem(richer.problem.replace())
+        whole = rich.frequency_response(preload, interval)
         if whole.peak_at_end and not curve.peak_at_end:
-            whole = rich.track(preload, (interval[0] / BEYOND, interval[1] * BEYOND))
+            whole = rich.frequency_response(preload, (interval[0] / BEYOND, interval[1] * BEYOND))
         end = time.process_time()
         true = np.nan
         if whole.complete:

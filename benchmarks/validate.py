@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 
 import bdamper as bd
 from bdamper.plot import save_figure
-from bdamper.plot.axes import PAPER, fit_units, legend_beside
+from bdamper.plot.axes import STYLE, fit_units, legend_beside
 from tests.validated import NEEDS, PROBLEMS, Problem, available
 
 matplotlib.use("Agg")
@@ -49,7 +49,7 @@ def section(name: str, problem: Problem) -> str:
 
 def picture(name: str, problem: Problem) -> None:
     """The picture of one problem."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         n = problem.panels
         size = (5.6, 3.6 if n == 1 else 1.2 + 1.9 * n)
         axes = plt.subplots(n, 1, sharex=True, squeeze=False, figsize=size)[1][:, 0]

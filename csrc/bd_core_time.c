@@ -174,12 +174,12 @@ static double *state(core_arguments *arguments, PyObject *object, const char *na
     return x && core_check_numbers(x, PyArray_SIZE((PyArrayObject *)object), name, BD_FINITE) ? x : NULL;
 }
 
-static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) {
+static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"q",      "v",         "a",     "w",        "n_step", "per_period", "omega",  "omega_end",
                             "radius", "tolerance", "fresh", "harmonic", "trace",  "first",      "energy", NULL};
     PyObject *q_object, *v_object, *a_object, *w_object, *harmonic = Py_None, *trace = Py_None, *energy = Py_None;
     bd_time_path path = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlO:march", names, &q_object, &v_object, &a_object,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlO:integrate", names, &q_object, &v_object, &a_object,
                                      &w_object, &path.n_step, &path.per_period, &path.omega, &path.omega_end, &path.radius,
                                      &path.tolerance, &path.fresh, &harmonic, &trace, &path.first, &energy))
         return NULL;
@@ -244,8 +244,8 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
 }
 
 static PyMethodDef Ring_methods[] = {
-    {"march", (PyCFunction)(void (*)(void))Ring_march, METH_VARARGS | METH_KEYWORDS,
-     "march(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, harmonic=None, trace=None, "
+    {"integrate", (PyCFunction)(void (*)(void))Ring_integrate, METH_VARARGS | METH_KEYWORDS,
+     "integrate(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, harmonic=None, trace=None, "
      "first=0, energy=None) -> (int, int, int)\n\n"
      "March m states q, v, a (m, 2 n), w (m, n_sector, n_point, 2, and what laws of users remember) in place over n_step "
      "steps of equal angle from step "
@@ -260,7 +260,7 @@ static PyMethodDef Ring_methods[] = {
      "not 0 where a march ended since contact forces were not found, not even in parts of a step, and how often these were "
      "solved for, with how many evaluations."},
     {"follow", (PyCFunction)Ring_follow, METH_VARARGS,
-     "follow(q, w)\n\nMove the sliders w, as in march, along a given motion q (n_step, 2 n)."},
+     "follow(q, w)\n\nMove the sliders w, as in integrate, along a given motion q (n_step, 2 n)."},
     {NULL, NULL, 0, NULL}};
 
 static PyType_Slot Ring_slots[] = {{Py_tp_new, Ring_new},

@@ -60,11 +60,15 @@ def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 
     for n in points:
         start = time.perf_counter()
         model = bladed_disk(n, n_modes=20, nodal_diameters=(5,), fe=fe)
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraints=False, **SETTINGS)
-        unit = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraints=False, **SETTINGS)
+        study = bd.Study(
+            model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraint_planes=False, **SETTINGS
+        )
+        unit = bd.Study(
+            model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraint_planes=False, **SETTINGS
+        )
         contact = study.static(preload)
         springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
-        curve = study.track(preload, (345.0, 375.0))
+        curve = study.frequency_response(preload, (345.0, 375.0))
         face = model.interfaces["left"]
         yield Row(
             points=n,

@@ -27,7 +27,7 @@ from bdamper.util.formatting import amount
 PRELOADS = (1500.0, 4000.0, 10000.0)
 CHOICES: tuple[str | bd.ResidualModes, ...] = (
     "unit_traction",
-    "eq4",
+    "cigeroglu2009",
     bd.ResidualModes(5, 0.5),
     bd.ResidualModes(8, 0.5),
     bd.ResidualModes(12, 0.1),
@@ -39,7 +39,7 @@ MICROSLIP_PRELOAD = 1000.0
 MICROSLIP_FORCES = np.concatenate([np.arange(15.0, 271.0, 15.0), np.arange(275.0, 311.0, 5.0)])
 MICROSLIP_CHOICES: tuple[str | bd.ResidualModes, ...] = (
     "unit_traction",
-    "eq4",
+    "cigeroglu2009",
     bd.ResidualModes(5, 0.5),
     bd.ResidualModes(8, 0.5),
     bd.ResidualModes(12, 0.02),
@@ -65,8 +65,8 @@ class Row:
 def name_of(choice: str | bd.ResidualModes) -> str:
     """Text for a table."""
     if isinstance(choice, str):
-        return {"unit_traction": "unit tractions", "eq4": "equation (4)"}[choice]
-    return f"{choice.patterns} patterns, share {choice.share:g}"
+        return {"unit_traction": "unit tractions", "cigeroglu2009": "equation (4)"}[choice]
+    return f"{choice.n_vectors} vectors, share {choice.contact_share:g}"
 
 
 def split_study(
@@ -78,9 +78,9 @@ def split_study(
     model = bd.reference_model("bladed_disk", points)
     rows = []
     for choice in choices:
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False, **SETTINGS)
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraint_planes=False, **SETTINGS)
         for preload in preloads:
-            curve = study.track(preload, (330.0, 375.0))
+            curve = study.frequency_response(preload, (330.0, 375.0))
             i = curve.peak.index
             stick, slip, apart = (float(s) for s in curve.shares[i])
             rows.append(
@@ -104,7 +104,7 @@ def microslip_study(
     model = bd.reference_model("bladed_disk", points)
     curves = {}
     for choice in choices:
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False, **SETTINGS)
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraint_planes=False, **SETTINGS)
         curves[name_of(choice)] = microslip(study, MICROSLIP_PRELOAD, MICROSLIP_FORCES)
     return curves
 

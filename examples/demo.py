@@ -13,15 +13,15 @@ from pathlib import Path
 
 import bdamper as bd
 from bdamper.plot import new_axes, plot_curves, plot_optimal, save_figure
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
 
 BAND = (610.0, 710.0)
 FACTORS = (0.6, 1.0, 2.0, 5.0)
-"""Preloads of tracking curves, over that of the optimum."""
+"""Preloads of response curves, over that of the optimum."""
 
 
-def drawn(optimal: OptimalCurve, curves: list[Curve]) -> str:
+def random(optimal: OptimalCurve, curves: list[ResponseCurve]) -> str:
     """What the pictures show, in four digits, to be kept beside them: they are as old as this text."""
     o = optimal.optimum
     numbers = {
@@ -33,8 +33,8 @@ def drawn(optimal: OptimalCurve, curves: list[Curve]) -> str:
 
 def main(
     figures: Path = Path("figures"), preload: tuple[float, float] = (30.0, 1000.0), n: int = 12, check: str | bool = "time"
-) -> tuple[OptimalCurve, list[Curve]]:
-    """Run the demonstration; returns the optimal curve and the tracking curves, the limits first."""
+) -> tuple[OptimalCurve, list[ResponseCurve]]:
+    """Run the demonstration; returns the optimal curve and the response curves, the limits first."""
     figures.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     study = bd.Study(
@@ -46,13 +46,13 @@ def main(
     optimal = study.optimal_curve(preload, n, check=check)
     print(optimal, end="\n\n")
     loads = [float(f"{factor * optimal.optimum.preload:.2g}") for factor in FACTORS]
-    curves = [study.free(BAND), study.stuck(BAND), *(study.track(load, BAND) for load in loads)]
+    curves = [study.free(BAND), study.stuck(BAND), *(study.frequency_response(load, BAND) for load in loads)]
     print(curves[3], end="\n\n")
     gain = optimal.free.amplitude / optimal.optimum.amplitude
     title = f"The right preload: {gain:.2g} times less vibration (excitation 1 N on each blade)"
     save_figure(plot_optimal(optimal, new_axes(6.8, 3.4), title=title), figures / "optimum.png")
     save_figure(plot_curves(curves), figures / "tracking.png")
-    (figures / "optimum.json").write_text(drawn(optimal, curves) + "\n")
+    (figures / "optimum.json").write_text(random(optimal, curves) + "\n")
     print(f"wrote optimum.png and tracking.png in {figures}; {time.perf_counter() - started:.0f} s in all")
     return optimal, curves
 

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 import bdamper as bd
 from bdamper.model.structure import turn
-from bdamper.plot.axes import PAPER
+from bdamper.plot.axes import STYLE
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.model3d import plot_surfaces, seen
 
@@ -66,7 +66,7 @@ rotation = turn(np.pi / model.n_blades).T  # the axes of the damper
 # **Fig. 1.** Contact points on the faces of the damper, and the three springs of a pair, along t1 and t2 in the face and
 # along its normal n.
 
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, (ax, pair) = plt.subplots(1, 2, figsize=(7.4, 3.4), width_ratios=[1.5, 1.0])
     draw_section(ax, model, rotation)
     for name in ("left", "right"):
@@ -98,7 +98,7 @@ keep(figure, "fig01_contact_model")
 # **Fig. 2.** Axes of the blade at the axis of rotation and of the damper, which stand half a pitch apart.
 
 pitch = 2.0 * np.pi / model.n_blades
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, ax = plt.subplots(figsize=(4.2, 5.6))
     draw_section(ax, model, np.eye(3), (-1, 0, 1))
     mesh = 1e3 * model.meshes["blade"].points
@@ -121,7 +121,7 @@ keep(figure, "fig02_axes")
 # **Fig. 3.** The faces of the damper, their angles alpha and beta from the radial direction, and their axes.
 
 centre = 1e3 * rotation @ model.bodies["damper"].centre
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, (ax, side) = plt.subplots(1, 2, figsize=(7.6, 3.0))
     for face in front_faces(model, "damper", rotation):
         ax.fill(*(face - centre[:2]).T, facecolor=DAMPER, edgecolor="0.5", linewidth=0.3)
@@ -161,7 +161,7 @@ keep(figure, "fig03_faces")
 # %%
 # **Fig. 4.** Blade and damper bonded, each with its residual stiffness; equation (11) puts the two in series.
 
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, ax = plt.subplots(figsize=(4.6, 2.0))
     for x, shade, name in ((-2.6, BLADE, "blade"), (2.0, DAMPER, "damper")):
         ax.fill([x, x + 0.6, x + 0.6, x], [-0.8, -0.8, 0.8, 0.8], facecolor=shade, edgecolor="0.5")
@@ -180,7 +180,7 @@ keep(figure, "fig04_bonded")
 # The stiffnesses that equations (4) and (10) give on this body.  White points are open, or their values would be negative
 # or implausible, which holds for nine in ten along the axis: there the stiffness under uniform tractions stands in.
 
-problem = study(1, **bd.PAPER).problem
+problem = study(1, **bd.CIGEROGLU_2009).problem
 print(study(1).stiffness_report)
 stiffness = {name: problem.stiffness[name] for name in ("left", "right")}
 faces = [(name, model.interfaces[name].points, model.interfaces[name].frame) for name in stiffness]

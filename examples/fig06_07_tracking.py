@@ -1,5 +1,5 @@
 """
-Tracking curves of the first two blade modes (Figs 6 and 7)
+Response curves of the first two blade modes (Figs 6 and 7)
 ===========================================================
 
 A disk of 65 blades with a wedge damper between each two is driven by engine order 5 at the trailing-edge corner of the
@@ -20,8 +20,8 @@ paper, converged = {}, {}
 
 def tracking(mode: int) -> None:
     """Curves at each preload with the settings of the paper, and stored ones; draws and prints both."""
-    driven, asked, rich = MODES[mode], study(mode, **bd.PAPER), study(mode)
-    paper[mode] = [asked.track(preload, driven.band, stability=True) for preload in driven.preloads]
+    driven, asked, rich = MODES[mode], study(mode, **bd.CIGEROGLU_2009), study(mode)
+    paper[mode] = [asked.frequency_response(preload, driven.band, stability=True) for preload in driven.preloads]
     converged[mode] = [stored(f"mode_{mode}_{preload:g}N") for preload in driven.preloads]
     limits = [[s.free(driven.band), s.stuck(driven.band)] for s in (asked, rich)]
     print_curves("settings of the paper", paper[mode])

@@ -34,7 +34,7 @@ from paper_disk import DAMPING_RATIO, MODES, keep, plot_optimal_beside, stored, 
 import bdamper as bd
 from bdamper.response.optimal_curve_result import OptimalCurve
 
-PAPER = {1: (4.4, 17.2), 2: (5.5, 3.4)}
+STYLE = {1: (4.4, 17.2), 2: (5.5, 3.4)}
 """Ratio and shift (%) of the paper."""
 paper, converged = {}, {}
 
@@ -47,9 +47,9 @@ def macroslip_ratio(curve: OptimalCurve) -> float:
 def optimal(mode: int) -> None:
     """Optimal curve with the settings of the paper, and the stored one; draws and prints both."""
     driven = MODES[mode]
-    paper[mode] = study(mode, **bd.PAPER).optimal_curve(driven.interval, 24, frequency=driven.band, check=False)
+    paper[mode] = study(mode, **bd.CIGEROGLU_2009).optimal_curve(driven.interval, 24, frequency=driven.band, check=False)
     converged[mode] = stored(f"optimal_{mode}")
-    print(f"the paper: ratio {PAPER[mode][0]}, shift {PAPER[mode][1]} %")
+    print(f"the paper: ratio {STYLE[mode][0]}, shift {STYLE[mode][1]} %")
     for name, curve in (("settings of the paper", paper[mode]), ("converged", converged[mode])):
         o = curve.optimum
         print(

@@ -18,8 +18,8 @@ paper, converged, optimal = {}, {}, {}
 
 def tracking_and_optimal(mode: int) -> None:
     """Curves with the settings of the paper, and stored ones; draws and prints both."""
-    driven, asked, rich = MODES[mode], study(mode, **bd.PAPER), study(mode)
-    paper[mode] = [asked.track(preload, driven.band, stability=True) for preload in driven.preloads]
+    driven, asked, rich = MODES[mode], study(mode, **bd.CIGEROGLU_2009), study(mode)
+    paper[mode] = [asked.frequency_response(preload, driven.band, stability=True) for preload in driven.preloads]
     converged[mode] = [stored(f"mode_{mode}_{preload:g}N") for preload in driven.preloads]
     limits = [[s.free(driven.band), s.stuck(driven.band)] for s in (asked, rich)]
     print_curves("settings of the paper", paper[mode])

@@ -10,7 +10,7 @@ import numpy as np
 from paper_disk import MOTION_PRELOADS, STORED, keep, motion_over_preload, study
 
 import bdamper as bd
-from bdamper.plot.axes import MARKERS, PAPER, colours
+from bdamper.plot.axes import MARKERS, STYLE, colours
 
 NAMES = [f"{axis} {kind}" for kind in ("translation", "rotation") for axis in "XYZ"]
 
@@ -20,7 +20,7 @@ def plot_motion(quantity: str, title: str, name: str) -> None:
 
     What is less than a fifty-thousandth of the largest is not drawn.
     """
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.7), sharex=True, sharey=True)
     shown = [np.abs(motion["modal_" + quantity]) for motion in out.values()]
     top = max(float(values.max()) for values in shown)
@@ -42,7 +42,10 @@ def plot_motion(quantity: str, title: str, name: str) -> None:
 
 
 with np.load(STORED / "rigid_motion.npz") as file:
-    out = {"settings of the paper": motion_over_preload(study(1, **bd.PAPER), MOTION_PRELOADS), "converged": dict(file)}
+    out = {
+        "settings of the paper": motion_over_preload(study(1, **bd.CIGEROGLU_2009), MOTION_PRELOADS),
+        "converged": dict(file),
+    }
 
 # %%
 # **Fig. 12.** Mean at low preload, X and Y translation and Z rotation: holds but for the axial position, in both.  Where

@@ -2,7 +2,7 @@
 Number of contact points, and what each of them does over a period (Figs 15 and 16)
 ===================================================================================
 
-Tracking curves with 9, 24 and 48 points on each face, which are 3 x 3, 4 x 6 and 4 x 12 along the slope and along the
+Response curves with 9, 24 and 48 points on each face, which are 3 x 3, 4 x 6 and 4 x 12 along the slope and along the
 axis.
 """
 
@@ -11,12 +11,12 @@ from paper_disk import MODES, POINTS, POINTS_PRELOADS, keep, print_curves, store
 
 import bdamper as bd
 from bdamper.plot import plot_curves, plot_status_bars, plot_status_map
-from bdamper.plot.axes import PAPER
+from bdamper.plot.axes import STYLE
 from bdamper.plot.motion import ContactStatus, contact_status
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 
-asked, band = {n: study(1, n, **bd.PAPER) for n in POINTS}, MODES[1].band
-curves = {n: [asked[n].track(p, band) for p in POINTS_PRELOADS] for n in POINTS}
+asked, band = {n: study(1, n, **bd.CIGEROGLU_2009) for n in POINTS}, MODES[1].band
+curves = {n: [asked[n].frequency_response(p, band) for p in POINTS_PRELOADS] for n in POINTS}
 lowest = f"{POINTS_PRELOADS[0]:g}N"
 converged = {n: stored(f"mode_1_{lowest}" if n == 24 else f"points_{n}_{lowest}") for n in POINTS}
 
@@ -36,7 +36,7 @@ converged = {n: stored(f"mode_1_{lowest}" if n == 24 else f"points_{n}_{lowest}"
 loads = [f"preload {p:g} N" for p in POINTS_PRELOADS]
 panels = [(f"{load}, settings of the paper", [curves[n][k] for n in POINTS]) for k, load in enumerate(loads)]
 panels.insert(1, (f"{loads[0]}, converged", [converged[n] for n in POINTS]))
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, axes = plt.subplots(2, 3, figsize=(9.0, 5.6), sharex=True, sharey=True)
 for ax, (title, found) in zip(axes.flat, panels):
     print_curves(f"{title}: 9, 24, 48 points on a face", found)
@@ -57,15 +57,15 @@ keep(figure, "fig15_contact_points")
 # stand at the ridge, at one end and in the middle, and further down the slope.
 
 
-def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStatus, Curve]:
+def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStatus, ResponseCurve]:
     """Bars of sample points and maps of both faces at the resonance."""
-    curve = asked.track(preload, band)
+    curve = asked.frequency_response(preload, band)
     status = contact_status(asked, curve.unknowns[curve.peak.index], preload)
     chosen = [status.rows(side)[k] for side in ("left", "right") for k in (0, 3, 12, 21)]
     title = f"preload {preload:g} N, {curve.peak.frequency:.1f} Hz, {name}"
     file = name.split()[-1]
     keep(plot_status_bars(status, chosen, title=title), f"fig16_status_bars_{file}")
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, 1, figsize=(5.6, 4.6))
     for ax, side in zip(axes, ("left", "right")):
         plot_status_map(status, asked.model, side, ax, title=f"{side} face, shares of the period ({title})")

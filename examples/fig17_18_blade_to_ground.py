@@ -20,7 +20,7 @@ import bdamper as bd
 from bdamper.fem import blade_to_ground
 from bdamper.fem.geometry import paper_geometry
 from bdamper.plot import colours
-from bdamper.plot.axes import MARKERS, PAPER, STYLES, fit_units
+from bdamper.plot.axes import MARKERS, STYLE, STYLES, fit_units
 from bdamper.plot.contact import face_coordinates
 from bdamper.plot.curves import amplitude_label
 from bdamper.plot.motion import contact_status
@@ -34,7 +34,7 @@ share = (1.0 + 1.1 * along) / np.maximum(1.0 + 1.1 * along, 0.0).sum()
 # %%
 # **Fig. 17.** The blade on the ground, seen along the axis, and the share of the load at each contact point.
 
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, (ax, on_face) = plt.subplots(1, 2, figsize=(7.4, 3.2), width_ratios=[1.0, 1.6])
     for mesh in model.meshes.values():
         corner = 1e3 * mesh.points
@@ -86,13 +86,13 @@ def differences(single: list, multiple: list) -> list[float]:
 
 curves: dict[str, list[list]] = {}
 opens: dict[str, list[bool]] = {}
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, (*axes, changed) = plt.subplots(1, 3, figsize=(9.6, 4.2), width_ratios=[1.2, 1.2, 1.0])
 for ax, (name, method), marker in zip(axes, METHODS.items(), "os"):
     driven = bd.Excitation("tip_trailing_edge")
     study = bd.Study(model, driven, friction_coefficient=FRICTION, contact_stiffness=method, blade_modes=10, harmonics=1)
-    loaded = [study.with_(fixed_loads={"platform": load * share}) for load in LOADS]
-    curves[name] = [[s.with_(harmonics=h).track(0.0, BAND) for s in loaded] for h in HARMONICS]
+    loaded = [study.replace(constant_loads={"platform": load * share}) for load in LOADS]
+    curves[name] = [[s.replace(harmonics=h).frequency_response(0.0, BAND) for s in loaded] for h in HARMONICS]
     states = [contact_status(s, c.unknowns[c.peak.index], 0.0) for s, c in zip(loaded, curves[name][0])]
     opens[name] = [bool((state.share[share > 0.0, 0, 2] > 0.0).any()) for state in states]
     for h, found in zip(HARMONICS, curves[name]):

@@ -13,14 +13,14 @@ import numpy as np
 from paper_disk import RIG_BAND, RIG_LOADS, RIG_PLAIN, keep, rig_study, stored
 
 import bdamper as bd
-from bdamper.plot.axes import PAPER, looks
+from bdamper.plot.axes import STYLE, looks
 from bdamper.response.optimal_curve_result import OptimalCurve
 
 # %%
 # **Fig. 19.** The blades, the dampers and their loads, seen along the axis.
 
 model = bd.reference_model("test_rig")
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     figure, ax = plt.subplots(figsize=(5.6, 4.4))
 platform = 1e3 * model.locations["platform"].position[1]
 for body, mesh in model.meshes.items():
@@ -85,7 +85,7 @@ for name, curve in curves.items():
         f"{100 * slip:.1f} %"
     )
 shown = {name: curve for name, curve in curves.items() if curve.optimum.verified}
-with plt.rc_context(PAPER):
+with plt.rc_context(STYLE):
     axes = [plt.subplots(figsize=(5.6, 3.6))[1] for _ in range(2)]
     for (name, curve), look in zip(shown.items(), looks(len(shown))):
         look["marker"] = ""

@@ -33,13 +33,13 @@ from paper_disk import (
 )  # fmt: skip
 
 import bdamper as bd
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
 
 
-def tracking(preload: float, mode: int = 1, **settings: Any) -> Curve:
-    """A tracking curve without its unknowns."""
-    curve = study(mode, **settings).track(preload, MODES[mode].band)
+def tracking(preload: float, mode: int = 1, **settings: Any) -> ResponseCurve:
+    """A response curve without its unknowns."""
+    curve = study(mode, **settings).frequency_response(preload, MODES[mode].band)
     return replace(curve, unknowns=np.empty((len(curve), 0)))
 
 
@@ -59,8 +59,8 @@ def model(n: int) -> bd.Model:
     return bladed_disk({9: (3, 3), 48: (4, 12)}[n], fe=fe, n_modes=20, harmonics=3, damping_ratio=DAMPING_RATIO)
 
 
-def points(n: int, preload: float) -> Curve:
-    """A tracking curve with another number of contact points."""
+def points(n: int, preload: float) -> ResponseCurve:
+    """A response curve with another number of contact points."""
     return tracking(preload, model=model(n))
 
 
@@ -89,7 +89,7 @@ def save(result: Any, name: str) -> str:
         np.savez_compressed(STORED / f"{name}.npz", **result)
         return f"{len(result)} arrays"
     result.save(STORED / f"{name}.h5")
-    return result.bottom_line()
+    return result._headline()
 
 
 def main() -> None:

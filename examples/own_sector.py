@@ -16,7 +16,7 @@ from bdamper.mistuning import Mistuning
 STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
 
 
-def main(folder: Path) -> tuple[bd.Study, bd.Wheel, float]:
+def main(folder: Path) -> tuple[bd.Study, bd.BladedDisk, float]:
     """The study, the wheel, and the preload (N) of the least amplitude."""
     built = build_model(
         read_calculix(folder / "sector"), read_calculix(folder / "damper"), n_blades=36, units="mm-t-s",
@@ -29,9 +29,9 @@ def main(folder: Path) -> tuple[bd.Study, bd.Wheel, float]:
     study = bd.Study(built.model, bd.Excitation("tip"), engine_order=4, friction_coefficient=0.3, harmonics=1)
     best = study.optimal_curve((150.0, 300.0), 5, check=False).optimum
     print(best, study.margin(study.peak(best.preload), STEEL, speed=400.0), sep="\n")
-    crossings = study.crossings((1350.0, 1650.0), [4])
+    crossings = study.resonance_crossings((1350.0, 1650.0), [4])
     print(crossings, f"at {RPM * crossings.array('speed').item():.0f} rpm", sep="\n")
-    wheel = bd.Wheel(study, mistuning=Mistuning.drawn(36, 0.02, seed=1))
+    wheel = bd.BladedDisk(study, mistuning=Mistuning.random(36, 0.02, seed=1))
     return study, wheel, best.preload
 
 

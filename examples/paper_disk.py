@@ -20,9 +20,9 @@ from matplotlib.figure import Figure
 
 import bdamper as bd
 from bdamper.plot import plot_curves, plot_optimal
-from bdamper.plot.axes import PAPER
+from bdamper.plot.axes import STYLE
 from bdamper.plot.motion import rigid_motion
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
 
 STORED = Path(__file__).parent / "converged"
@@ -34,7 +34,7 @@ DAMPING_RATIO = 0.0021
 @dataclass(frozen=True)
 class Mode:
     """How a mode is driven at the trailing-edge corner of the tip, where its resonances lie (Hz), the preloads of its
-    tracking curves and the interval of its optimal curve (N).
+    response curves and the interval of its optimal curve (N).
     """
 
     direction: str
@@ -64,7 +64,7 @@ RIG_PLAIN = {"contact_stiffness": "unit_traction", "harmonics": 1}
 
 
 def study(mode: int, contact_points: int = 24, model: bd.Model | None = None, **settings: Any) -> bd.Study:
-    """The disk driven in a mode, with other settings than the defaults if they are named (``**bd.PAPER``)."""
+    """The disk driven in a mode, with other settings than the defaults if they are named (``**bd.CIGEROGLU_2009``)."""
     driven = MODES[mode]
     return bd.Study(
         model or bd.reference_model("paper_disk", contact_points),
@@ -89,7 +89,7 @@ def keep(target: Axes | Figure, name: str) -> None:
     """Write a figure to the folder ``figures`` as well, and leave it open for the gallery."""
     FIGURES.mkdir(exist_ok=True)
     figure = np.ravel(np.asarray(target, object))[0].get_figure()
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure.savefig(FIGURES / f"{name}.png")
     figure.set_layout_engine("none")  # the gallery has it as it was written
 
@@ -104,7 +104,7 @@ def motion_over_preload(asked: bd.Study, preloads: Sequence[float]) -> dict[str,
     """
     columns: dict[str, list[np.ndarray]] = {"bias": [], "vibratory": [], "modal_bias": [], "modal_vibratory": []}
     for preload in preloads:
-        curve = asked.track(preload, MODES[1].band)
+        curve = asked.frequency_response(preload, MODES[1].band)
         motion = rigid_motion(asked, curve.unknowns[curve.peak.index])
         modal = np.abs(motion.modal_vibratory[0])
         for name, value in zip(columns, (motion.bias, motion.amplitude, motion.modal_bias, modal)):
@@ -112,7 +112,7 @@ def motion_over_preload(asked: bd.Study, preloads: Sequence[float]) -> dict[str,
     return {"preload": np.array(preloads), **{name: np.array(rows) for name, rows in columns.items()}}
 
 
-def print_curves(name: str, curves: list[Curve]) -> None:
+def print_curves(name: str, curves: list[ResponseCurve]) -> None:
     """A line of a table for each curve."""
     print(f"{name}\n{'preload':>10}{'peak':>13}{'at':>12}{'folds':>7}{'open at the peak':>18}")
     for c in curves:
@@ -124,9 +124,9 @@ def print_curves(name: str, curves: list[Curve]) -> None:
         )
 
 
-def plot_beside(paper: Sequence[Curve], converged: Sequence[Curve], title: str) -> Figure:
+def plot_beside(paper: Sequence[ResponseCurve], converged: Sequence[ResponseCurve], title: str) -> Figure:
     """Curves with the paper's settings on the left, converged ones on the right, on the same axes."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8.0, 4.2), sharex=True, sharey=True)
         for ax, curves, name in zip(axes, (paper, converged), ("settings of the paper", "converged")):
             plot_curves(curves, ax, title=f"{title}, {name}")
@@ -138,7 +138,7 @@ def plot_beside(paper: Sequence[Curve], converged: Sequence[Curve], title: str) 
 
 def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str) -> Figure:
     """Amplitude above frequency shift, the settings of the paper on the left, converged on the right, on the same axes."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, 2, figsize=(8.2, 5.4), sharex=True, sharey="row", height_ratios=(2.0, 1.0))
         common = {}
         for column, curve, name in zip(axes.T, (paper, converged), ("settings of the paper", "converged")):

@@ -1,7 +1,7 @@
 """Cases on which estimated errors are compared with true ones.
 
 Models, resonances and preloads are those of :mod:`tests.effect_cases`; every case takes one source of error.  True is the
-highest peak under the settings that the estimate looks at: of a tracking curve, of the search for peaks, and of the branch
+highest peak under the settings that the estimate looks at: of a response curve, of the search for peaks, and of the branch
 that the cheap peak leads to, which may come off the curve and close on itself.  Where the resonance has left the interval,
 it is looked for on one curve far beyond it.  A case whose reference is a curve of more than 1,500 points is left out: it
 would take minutes for what it has beside the peak.  References with up to seven harmonics take seconds with few contact
@@ -18,12 +18,12 @@ import bdamper as bd
 from bdamper.analyses.accuracy_cost import varied
 from bdamper.analyses.change_estimate import embed
 from bdamper.analyses.error_estimates import estimate_errors
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.highest_peak import AT_END
 from bdamper.response.peak import Peak, find_peak
 from tests.effect_cases import Case, draw, scene, study_of
 
-SOURCES = ("harmonics", "evaluation", "contact points", "modes")
+SOURCES = ("harmonics", "contact_forces", "contact points", "modes")
 LONGEST = bd.ContinuationOptions(max_points=1500)
 """How references are tracked."""
 
@@ -55,20 +55,20 @@ def compare(number: int) -> Compared | None:
     source = SOURCES[(number // 2) % len(SOURCES)]
     case = affordable(draw(number)) if source == "harmonics" else draw(number)
     rng = np.random.default_rng([8, number])
-    study = study_of(case).with_(harmonics=1, damper_modes=0)
+    study = study_of(case).replace(harmonics=1, damper_modes=0)
     changes: dict = {}
     if source == "harmonics":
         own = int(rng.choice([1, 2, 3]))
-        study, changes = study.another(varied(study.problem, {"harmonics": own})), {"harmonics": own + 4}
-    elif source == "evaluation":
+        study, changes = study._with_problem(varied(study.problem, {"harmonics": own})), {"harmonics": own + 4}
+    elif source == "contact_forces":
         n = int(rng.choice([24, 32, 64, 128, 256]))
-        study, changes = study.with_(evaluation=bd.Sampled(n)), {"evaluation": "exact"}
+        study, changes = study.replace(contact_forces=bd.AFT(n)), {"contact_forces": "event_driven"}
     elif source == "contact points":
         full = study.settings.most_points
-        study = study.with_(contact_points=int(rng.choice([full // 2, full // 3 + 1, full - 1])))
+        study = study.replace(contact_points=int(rng.choice([full // 2, full // 3 + 1, full - 1])))
         changes = {"contact_points": full}
     else:
-        study = study.with_(blade_modes=8 if case.kind == "reference" else 2)
+        study = study.replace(blade_modes=8 if case.kind == "reference" else 2)
         changes = {"blade_modes": 40, "damper_modes": 10}
         if case.kind != "reference":
             changes = {"blade_modes": 5, "damper_modes": 2}
@@ -77,10 +77,10 @@ def compare(number: int) -> Compared | None:
         return None
     preload, interval = place
     try:
-        curve = study.track(preload, interval)
+        curve = study.frequency_response(preload, interval)
         if not curve.complete:
             return None
-        richest = study.another(varied(study.problem, changes))
+        richest = study._with_problem(varied(study.problem, changes))
         own = study.peak(preload, interval)
         top = highest_of_richer(study, richest, curve, own)
     except bd.BdamperError:
@@ -95,20 +95,20 @@ def compare(number: int) -> Compared | None:
     return Compared(case, source, (found.amplitude, found.frequency), error, bool(curve.folds), found.against)
 
 
-def highest_of_richer(study: bd.Study, richer: bd.Study, curve: Curve, own: Peak) -> tuple[float, float] | None:
+def highest_of_richer(study: bd.Study, richer: bd.Study, curve: ResponseCurve, own: Peak) -> tuple[float, float] | None:
     """Amplitude and frequency of the highest peak of a richer study, NaN if it has none; None if its curve takes too long.
 
     An end of the interval counts only where the curve itself has no maximum.  Where the richer response is highest at an
     end and that of the study is not, the resonance has left the interval, and is the next maximum beyond that end.
     """
     preload, interval = curve.preload, (curve.frequency.min(), curve.frequency.max())
-    finer = richer.track(preload, interval, options=LONGEST)
+    finer = richer.frequency_response(preload, interval, options=LONGEST)
     if not finer.complete:
         return None
     if finer.peak_at_end and not curve.peak_at_end:
         return beyond(richer, finer)
-    at_end = AT_END in own.scan
-    tops = [top for top in (richer.peak(preload, interval),) if at_end or AT_END not in top.scan]
+    at_end = AT_END in own.search_status
+    tops = [top for top in (richer.peak(preload, interval),) if at_end or AT_END not in top.search_status]
     if not at_end and (apart := apart_from(study, richer, preload, own)) is not None:
         tops.append(apart)
     if at_end or not finer.peak_at_end:
@@ -116,12 +116,12 @@ def highest_of_richer(study: bd.Study, richer: bd.Study, curve: Curve, own: Peak
     return max(((top.amplitude, top.frequency) for top in tops), default=(np.nan, np.nan))
 
 
-def beyond(study: bd.Study, curve: Curve) -> tuple[float, float] | None:
+def beyond(study: bd.Study, curve: ResponseCurve) -> tuple[float, float] | None:
     """The maximum next to the end at which a curve is highest, outside its interval, and higher than that end."""
     low, high = curve.frequency.min(), curve.frequency.max()
     upward = curve.peak.frequency == high
     wide = (low, 1.5 * high) if upward else (low / 1.5, high)
-    curve, end = study.track(curve.preload, wide, options=LONGEST), curve.peak
+    curve, end = study.frequency_response(curve.preload, wide, options=LONGEST), curve.peak
     if not curve.complete:
         return None
     a, f, branch = curve.amplitude, curve.frequency, curve.branch

@@ -50,15 +50,15 @@ class Evaluated:
         return tuple(out)
 
 
-def evaluate(x, point: Point, evaluation: int = EXACT, n_time: int = 0, law: int = 0) -> Evaluated:
+def evaluate(x, point: Point, contact_forces: int = EXACT, n_time: int = 0, law: int = 0) -> Evaluated:
     """One contact point; outputs are filled with NaN before, so that what is not written shows.
 
     The number of samples does not count where the evaluation is exact.
     """
-    n_time = 0 if evaluation == EXACT else n_time
+    n_time = 0 if contact_forces == EXACT else n_time
     x = np.ascontiguousarray(x, float)
     force, tangent = np.full(x.shape, np.nan), np.full(x.shape + x.shape, np.nan)
-    shares, parts = _core.evaluate_contact(x, *point.arguments, force, tangent, law, evaluation, n_time)
+    shares, parts = _core.evaluate_contact(x, *point.arguments, force, tangent, law, contact_forces, n_time)
     return Evaluated(force, tangent, np.array(shares), parts)
 
 

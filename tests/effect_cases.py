@@ -15,7 +15,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.harmonic_balance.effects import Effects
 from bdamper.harmonic_balance.problem import stuck_springs
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from tests import models
 from tests.plain import plain_study
 
@@ -89,7 +89,7 @@ def study_of(case: Case, effects: Effects | None = None) -> bd.Study:
     return study.with_effects(effects or everything_on(case))
 
 
-def resonances(curve: Curve) -> list[float]:
+def resonances(curve: ResponseCurve) -> list[float]:
     """Frequencies of the maxima of a linear curve, Hz, those of 10 % of the largest and more."""
     a = curve.amplitude
     top = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1

@@ -11,7 +11,7 @@ from bdamper.model.kinematics import Coordinate, HarmonicBasis
 
 
 def oscillator(
-    mass, damping, stiffness, contact, force, response, n_harm, *, kt, kn, mu, n0, mean=True, evaluation="exact"
+    mass, damping, stiffness, contact, force, response, n_harm, *, kt, kn, mu, n0, mean=True, contact_forces="event_driven"
 ) -> Equations[Sector]:
     """``m x'' + c x' + K x + contact force = force cos(omega t) + contact^T (0, 0, n0)``, m and c numbers.
 
@@ -54,4 +54,4 @@ def oscillator(
     )
     rows = [np.asarray(response, float) @ modes[:, : len(b.omega2)] for b in bases]
     size = float(np.abs(excitation).max())
-    return Sector(bases, points, forces, rows, evaluation, (size, size)).equations
+    return Sector(bases, points, forces, rows, contact_forces, (size, size)).equations

@@ -91,7 +91,7 @@ def highest_in_sweeps(drawn: list[Drawn], periods: int = 2500, steps: int = 128)
 
     Parameters
     ----------
-    drawn : list of Drawn
+    random : list of Drawn
     periods : int
         Of the excitation in a sweep, at the mean frequency.
     steps : int

@@ -76,7 +76,7 @@ def test_equal_frequencies_with_different_damping():
 def test_loads_and_preloads():
     """At rest nothing is displaced under preloads; loads act per newton, and the contact follows."""
     contact = bd.Contact(normal=1, kn=4.0, preload=2.0)
-    study = bd.lumped([1.0, 1.0], [0.02, 0.02], [1.0, 1.0], contacts=[contact], forces={1: 0.1}, loads={1: 0.5})
+    study = bd.lumped([1.0, 1.0], [0.02, 0.02], [1.0, 1.0], contacts=[contact], forces={1: 0.1}, load_per_preload={1: 0.5})
     assert study.static(0.0).q == pytest.approx([0.0, 0.0], abs=1e-14)
     assert study.static(0.0).force[0, 2] == pytest.approx(2.0)
     assert study.static(10.0).force[0, 2] == pytest.approx(2.0 + 4.0 * 0.5 * 10.0 / (1.0 + 4.0))
@@ -90,9 +90,9 @@ def test_two_directions_with_coupled_friction():
     contact = bd.Contact(0, tangential2=1, kt=1.0, mu=0.5, preload=1.0)
     study = bd.lumped(
         [1.0, 1.0], [0.1, 0.1], [1.0, 1.0], contacts=[contact], forces={0: 1.0, 1: -1.0j}, harmonics=1,
-        friction_law="coupled", evaluation=bd.Sampled(512),
+        friction_law="coupled", contact_forces=bd.AFT(512),
     )  # fmt: skip
-    curve = study.track(0.0, (0.14, 0.2))
+    curve = study.frequency_response(0.0, (0.14, 0.2))
     radius = curve.peak.amplitude
     at, system = curve.peak, study.problem.system(0.0)
     lost = energies(system, curve.unknowns[at.index], 2.0 * np.pi * at.frequency)["contact"][0]
@@ -102,7 +102,7 @@ def test_two_directions_with_coupled_friction():
 
 def test_a_loaded_cubic_spring():
     """x + 2 x^3 = 3 at rest; small vibrations about it see the stiffness 1 + 6 x^2 = 7."""
-    study = bd.lumped(1.0, 0.01, 1.0, cubic={0: 2.0}, forces={0: 1e-5}, loads={0: 1.0})
+    study = bd.lumped(1.0, 0.01, 1.0, cubic={0: 2.0}, forces={0: 1e-5}, load_per_preload={0: 1.0})
     assert study.static(3.0).converged
     assert study.static(3.0).q == pytest.approx([1.0], rel=1e-10)
     assert study.static(20.0, (2.0, 0.5, 1.0)).q + 2.0 * study.static(20.0).q ** 3 == pytest.approx([20.0], rel=1e-9)
@@ -127,12 +127,12 @@ def test_a_model_comes_back_from_its_file(tmp_path):
 def test_a_cubic_spring_in_time():
     """One period marched from a solution ends where it began; between the folds the middle solution is unstable."""
     study = bd.lumped(1.0, 0.1, 1.0, cubic={0: 1.0}, forces={0: 0.3}, harmonics=7)
-    curve = study.track(0.0, (0.15, 0.35))
+    curve = study.frequency_response(0.0, (0.15, 0.35))
     back = np.flatnonzero(np.diff(curve.frequency) < 0.0)  # the curve runs back from fold to fold
     for i, stable in ((back[0] - 1, True), (back[len(back) // 2], False), (back[-1] + 2, True)):
         omega, ring = 2.0 * np.pi * curve.frequency[i], Ring(study.problem.system(0.0), 1, 0, radius=1.0)
         start = ring.start(curve.unknowns[i], omega, 192)
-        end = ring.march(start, omega, 192).motion
+        end = ring.integrate(start, omega, 192).motion
         assert abs(end.q[0] - start.q[0]) < 2e-3 * curve.amplitude[i]
         assert abs(end.v[0] - start.v[0]) < 2e-3 * curve.amplitude[i] * omega
         assert study.with_stability(curve).stable[i] == stable
@@ -186,7 +186,7 @@ def test_energy_and_history_of_a_cubic_spring():
         ({"forces": {}}, "forces: expected a force on at least one freedom, found none"),
         ({"forces": {0: "1 N"}}, "force on 0: expected a finite real or complex number in N, found '1 N'"),
         ({"forces": {2: 1.0}}, "forces: expected a whole number from 0 to 1, found 2"),
-        ({"loads": {0: 0.0}}, "loads: expected a static force on some freedom, found {0: 0.0}"),
+        ({"load_per_preload": {0: 0.0}}, "load_per_preload: expected a static force on some freedom, found {0: 0.0}"),
         ({"cubic": {0: np.inf}}, "cubic 0: expected a finite number in N/m3, found inf"),
         ({"engine_order": 2}, "lumped: expected settings other than ['engine_order'], which the lumped model decides"),
     ],
@@ -220,13 +220,13 @@ class TestWhatSettingsDoNotReach:
         study = bd.lumped(1.0, 0.02, 1.0, contacts=[JENKINS], forces={0: 1.0}, harmonics=5)
         for settings in ({"contact_stiffness_factor": 2.0}, {"contact_stiffness": 2.0}):
             with pytest.raises(bd.BdamperError, match="contact_stiffness: expected that with which the model was made"):
-                study.with_(**settings)
+                study.replace(**settings)
         assert "contact_stiffness_factor" not in study.peak_sensitivities(study.peak(0.0, (0.05, 0.5)))
 
     def test_damping_ratio_beside_a_damping_matrix(self):
         study = bd.lumped(M, np.diag([0.05, 0.02, 0.01]), K, contacts=[JENKINS], forces={0: 1.0})
         with pytest.raises(bd.BdamperError, match="damping_ratio: expected none, since the model carries a damping matrix"):
-            study.with_(damping_ratio=0.01)
+            study.replace(damping_ratio=0.01)
 
 
 def test_names_of_the_user_are_kept():
@@ -245,7 +245,7 @@ def test_names_of_the_user_are_kept():
 def pressed(force, load=1.0):
     """Two masses with a contact that a preload closes."""
     contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
-    ways = {"contacts": [contact], "forces": {0: force}, "loads": {1: load}, "harmonics": 1}
+    ways = {"contacts": [contact], "forces": {0: force}, "load_per_preload": {1: load}, "harmonics": 1}
     return bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
 
 
@@ -255,7 +255,7 @@ class TestSizesOfNumbers:
 
     BAND = (0.1, 0.3)
     ASKS = (
-        lambda study, preload: study.track(preload, TestSizesOfNumbers.BAND),
+        lambda study, preload: study.frequency_response(preload, TestSizesOfNumbers.BAND),
         lambda study, preload: study.peak(preload, TestSizesOfNumbers.BAND),
         lambda study, preload: study.optimal_curve((preload, 2.0 * preload), 2, frequency=TestSizesOfNumbers.BAND),
     )
@@ -269,7 +269,8 @@ class TestSizesOfNumbers:
 
     @pytest.mark.parametrize("ask", ASKS)
     def test_loads(self, ask):
-        with pytest.raises(bd.SettingError, match=r"^loads: expected static forces on the modes up to 1e\+100, found "):
+        with pytest.raises(bd.SettingError,
+            match=r"^load_per_preload: expected static forces on the modes up to 1e\+100, found "):
             ask(pressed(0.1), 1e300)
 
     @pytest.mark.parametrize("factor", [1e-90, 1e90])

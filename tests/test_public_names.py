@@ -65,7 +65,15 @@ class TestStudy:
 
     def test_tab_shows_few_names(self, study):
         shown = [name for name in dir(study) if not name.startswith("_")]
-        assert len(shown) <= 52 and {"track", "peak", "optimal_curve", "static", "with_", "save", "model"} <= set(shown)
+        assert len(shown) <= 52 and {
+            "frequency_response",
+            "peak",
+            "optimal_curve",
+            "static",
+            "replace",
+            "save",
+            "model",
+        } <= set(shown)
         assert all(hasattr(bd.Study, name) or name in vars(study) for name in shown)
 
     def test_help_explains_every_setting_with_its_default(self):

@@ -22,13 +22,19 @@ def model():
     [
         {},
         {"friction_coefficient": {name: 0.1 * (k + 1) for k, name in enumerate(FACES)}, "harmonics": (1, 3)},
-        {"contact_stiffness": bd.PerArea((1e12, 1e12, 2e12)), "evaluation": bd.Sampled(64, False)},
+        {"contact_stiffness": bd.PerArea((1e12, 1e12, 2e12)), "contact_forces": bd.AFT(64, False)},
         {"contact_stiffness": bd.ResidualModes(8, 0.4, False), "response": bd.Response("tip", "axial")},
         {"contact_stiffness": {name: np.full((3 if name in FACES[2:] else 4, 3), 1e7 / 3.0) for name in FACES}},
         {"contact_stiffness": 1e7 / 3.0, "contact_stiffness_factor": 1.1, "load_history": (1.5, 1.0), "contact_points": 2},
         {"gap": {"left": np.array([0.0, 1e-7, 2e-7, 3e-7])}, "damping_ratio": 0.01, "damper_drag": 0.2, "bias": False},
-        {"rigid_modes": ("TY", "RZ"), "friction_law": "coupled", "evaluation": bd.Sampled(128), "stability": True},
-        {"single_basis": True, "constraints": False, "separation": False, "damper_modes": 1, "blade_modes": 3},
+        {"rigid_modes": ("TY", "RZ"), "friction_law": "coupled", "contact_forces": bd.AFT(128), "stability": True},
+        {
+            "fundamental_modes_only": True,
+            "constraint_planes": False,
+            "separation": False,
+            "damper_modes": 1,
+            "blade_modes": 3,
+        },
     ],
 )
 def test_every_setting_comes_back(model, settings, tmp_path):
@@ -53,7 +59,7 @@ def test_the_model_may_be_left_to_its_hash(model, tmp_path):
 
 def test_a_result_leads_to_its_study(model, tmp_path):
     study = bd.Study(model, TIP, 2, 0.25, harmonics=2)
-    study.track(20.0, (250.0, 400.0)).save(tmp_path / "curve.h5")
+    study.frequency_response(20.0, (250.0, 400.0)).save(tmp_path / "curve.h5")
     back = bd.load_study(tmp_path / "curve.h5", model)
     assert back.problem.record() == study.problem.record()
     bd.save_model(model, tmp_path / "model.h5")

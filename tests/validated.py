@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 import bdamper as bd
 from bdamper.plot import colours
 from bdamper.plot.axes import DASHED, MARKERS, STYLES, runs
-from tests.modes import jenkins, wedge
+from tests.analyses import jenkins, wedge
 
 TWO_PI = 2.0 * np.pi
 
@@ -122,7 +122,9 @@ def griffin() -> Problem:
                 Row(f"its frequency (rad/s) at the limit {limit}", omega, TWO_PI * peak.frequency, 2e-8 / omega),
             ]
     contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=0.5)
-    study = bd.lumped([1.0, 1.0], [0.02, 0.0], [1.0, 0.0], contacts=[contact], forces={0: 1.0}, loads={1: 1.0}, harmonics=1)
+    study = bd.lumped(
+        [1.0, 1.0], [0.02, 0.0], [1.0, 0.0], contacts=[contact], forces={0: 1.0}, load_per_preload={1: 1.0}, harmonics=1
+    )
     curve = study.optimal_curve((2.0, 4.0), 4, frequency=(0.1, 0.3), check=False)
     rows += [
         Row("limit of the least peak", LEAST[0], 0.5 * curve.optimum.preload, 1e-5),
@@ -162,7 +164,7 @@ def _duffing_form(k, c, F, top):
 def duffing() -> Problem:
     rows, curves = [], []
     for name, (k, c, F) in DUFFING.items():
-        curve = bd.lumped(1.0, c, 1.0, cubic={0: k}, forces={0: F}, harmonics=1).track(0.0, (0.05, 0.35))
+        curve = bd.lumped(1.0, c, 1.0, cubic={0: k}, forces={0: F}, harmonics=1).frequency_response(0.0, (0.05, 0.35))
         a, w = curve.amplitude, TWO_PI * curve.frequency
         assert curve.complete
         force = np.hypot(1.0 - w**2 + 0.75 * k * a**2, c * w) * a
@@ -303,7 +305,7 @@ def two_masses() -> Problem:
         [1.0, 0.5], [0.02, 0.01], [[1.5, -0.5], [-0.5, 1.0]], contacts=[face], forces={0: 0.3}, response=0, harmonics=7
     )
     fine = bd.ContinuationOptions(max_step=0.02, step=0.02)
-    curve = study.track(0.0, (0.5 / TWO_PI, 2.2 / TWO_PI), options=fine)
+    curve = study.frequency_response(0.0, (0.5 / TWO_PI, 2.2 / TWO_PI), options=fine)
     rows = (Row("highest amplitude", PYHARM, curve.peak.amplitude, 1e-6),)
 
     def draw(ax):
@@ -357,7 +359,7 @@ def _nlvib(figures, measure) -> Problem:
     for name, example, mass, height, omega in figures:
         study, ends = _nlvib_study(example, mass)
         fine = bd.ContinuationOptions(max_step=0.02, step=0.02)
-        curve = study.track(0.0, (ends[0] / TWO_PI, ends[1] / TWO_PI), options=fine)
+        curve = study.frequency_response(0.0, (ends[0] / TWO_PI, ends[1] / TWO_PI), options=fine)
         assert curve.complete
         square = np.linalg.norm(curve.harmonics, axis=1) / np.sqrt(2.0)  # as NLvib takes it, the mean halved, too
         top = int(np.argmax(square))
@@ -452,8 +454,8 @@ def forced_wedge() -> Problem:
     for harmonics in (1, 3, 5, 9):
         x = wedge.Program(0.5, harmonics).forced(TWO_PI * DRIVEN, FORCE)
         study = wedge.study(0.5, harmonics)
-        study = study.with_(excitation=bd.Excitation(study.excitation.location, study.excitation.direction, FORCE))
-        curve = study.track(wedge.LOAD, (0.93 * DRIVEN, 1.07 * DRIVEN))
+        study = study.replace(excitation=bd.Excitation(study.excitation.location, study.excitation.direction, FORCE))
+        curve = study.frequency_response(wedge.LOAD, (0.93 * DRIVEN, 1.07 * DRIVEN))
         away = np.hypot(50.0 * (curve.frequency / DRIVEN - 1.0), curve.amplitude / np.hypot(*x[0, 1:3]) - 1.0)
         near = curve.unknowns[np.argmin(away)]
         scale, system = np.full(len(near) + 1, np.abs(near).max()), study.problem.system(wedge.LOAD)
@@ -470,9 +472,7 @@ def forced_wedge() -> Problem:
     why = "the periodic motion is not stable; in time the amplitude varies between 231 and 236 µm"
     half = wedge.Program(0.5, 9).forced(TWO_PI * DRIVEN, 0.5 * FORCE)
     for force, found, known in ((0.5 * FORCE, 1e6 * np.hypot(*half[0, 1:3]), ""), (FORCE, rows[-1].ours, why)):
-        rows.append(
-            Row(f"time integration under {force:g} N, 9 harmonics", _marched_wedge(force), found, 1e-3, known)
-        )
+        rows.append(Row(f"time integration under {force:g} N, 9 harmonics", _marched_wedge(force), found, 1e-3, known))
 
     def draw(ax):
         inset = ax.inset_axes((0.05, 0.56, 0.36, 0.4))
@@ -506,7 +506,7 @@ def paper() -> Problem:
     rows, curves = [], []
     for mode, (ratio, shift) in PAPER.items():
         *_, band, interval, _ = bench_paper.DRIVEN[mode]
-        curve = bench_paper.study(mode, **bd.PAPER).optimal_curve(interval, 8, frequency=band, check=False)
+        curve = bench_paper.study(mode, **bd.CIGEROGLU_2009).optimal_curve(interval, 8, frequency=band, check=False)
         rows += [
             Row(f"mode {mode}: stuck over optimum", ratio, curve.ratio, 0.05),
             Row(f"mode {mode}: shift of the stuck resonance (%)", shift, curve.stuck_shift_percent, 0.05),
@@ -527,7 +527,7 @@ def paper() -> Problem:
 
     return Problem(
         "E. Cigeroglu, N. An, C.-H. Menq, J. Eng. Gas Turbines Power 131 (2009), Figs 8 and 9",
-        "the paper's method (`bd.PAPER`) on a disk made for these four numbers, which confirms the method, not the disk",
+        "the paper's method (`bd.CIGEROGLU_2009`) on a disk made for these four numbers: confirms the method, not the disk",
         tuple(rows), draw, 2,
     )  # fmt: skip
 
@@ -536,7 +536,7 @@ def paper() -> Problem:
 
 
 def whitehead() -> Problem:
-    from tests.wheel import test_whitehead as wheels
+    from tests.mistuning import test_whitehead as wheels
 
     rows, seen = [], []
     for n in (4, 6, 8):

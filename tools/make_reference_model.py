@@ -127,7 +127,7 @@ def shortened(model: Model, full: set[int]) -> Model:
     return dataclasses.replace(model, bodies={**model.bodies, "blade": dataclasses.replace(blade, bases=bases)})
 
 
-def kept(new: Model, old: Model) -> Model:
+def time_response(new: Model, old: Model) -> Model:
     """``new`` with the numbers of ``old`` where both have them and agree, so that a file only grows.
 
     Raises
@@ -236,7 +236,7 @@ def main() -> int:
             print(f"{path.name}: largest relative difference {found[key]:.2e} ({key})")
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
-            save_model(kept(model, load_model(path)) if arguments.keep else model, path)
+            save_model(time_response(model, load_model(path)) if arguments.keep else model, path)
             print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s")
     return int(worst > 1e-6)
 

@@ -35,7 +35,7 @@ study = bd.Study(
     friction_coefficient=0.4,
     excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
 )
-curve = study.track(preload=2000.0, frequency=(270.0, 370.0))
+curve = study.frequency_response(preload=2000.0, frequency=(270.0, 370.0))
 print(curve)
 assert curve.complete
 np.testing.assert_allclose((curve.peak.amplitude, curve.peak.frequency), PEAK, rtol=1e-4)

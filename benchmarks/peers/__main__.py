@@ -36,7 +36,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def ours(problem: dict[str, Any], there: np.ndarray) -> tuple[float, bd.Curve, np.ndarray]:
+def ours(problem: dict[str, Any], there: np.ndarray) -> tuple[float, bd.ResponseCurve, np.ndarray]:
     """Processor seconds of a curve, the curve, and the amplitudes at other frequencies (rad/s)."""
     contacts = [
         bd.Contact(tuple(j["nodes"]) if len(j["nodes"]) == 2 else j["nodes"][0], kt=j["kt"], mu=1.0, preload=j["limit"])
@@ -51,7 +51,7 @@ def ours(problem: dict[str, Any], there: np.ndarray) -> tuple[float, bd.Curve, n
     seconds = []
     for _ in range(3):
         started = time.process_time()
-        curve = study.track(0.0, (low, high), options=options)
+        curve = study.frequency_response(0.0, (low, high), options=options)
         seconds.append(time.process_time() - started)
     system, amplitudes = study.problem.system(0.0), []
     for omega in there:

@@ -1,4 +1,4 @@
-"""A bladed disk with wedge dampers, from CalculiX to a tracking curve.
+"""A bladed disk with wedge dampers, from CalculiX to a response curve.
 
 Three decks are written: the sector with its free faces and the damper, whose matrices CalculiX stores
 (``*FREQUENCY, SOLVER=MATRIXSTORAGE``), and the sector with cyclic symmetry, whose modes of nodal diameter 5 serve as a
@@ -21,7 +21,7 @@ from bdamper.fem import MeshDensity, SectorFE
 from bdamper.fem.contact_points import end_patches
 from bdamper.importers import BuiltModel, ContactFaces, build_model
 from bdamper.importers.abaqus import read_calculix
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 
 ENGINE_ORDER = 5
 
@@ -61,7 +61,7 @@ def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20)
     )
 
 
-def tracking_curve(built: BuiltModel) -> Curve:
+def tracking_curve(built: BuiltModel) -> ResponseCurve:
     """First bending mode of the blade under 1 N at the tip and 200 N on the damper."""
     study = Study(
         built.model,
@@ -72,10 +72,10 @@ def tracking_curve(built: BuiltModel) -> Curve:
         blade_modes=10,
         harmonics=1,
     )
-    return study.track(preload=200.0, frequency=(250.0, 400.0))
+    return study.frequency_response(preload=200.0, frequency=(250.0, 400.0))
 
 
-def main(folder: Path) -> tuple[BuiltModel, Curve]:
+def main(folder: Path) -> tuple[BuiltModel, ResponseCurve]:
     """Everything, in ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     fe = SectorFE(density=MeshDensity.preset("coarse"))

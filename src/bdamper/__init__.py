@@ -11,25 +11,25 @@ if TYPE_CHECKING:
     from bdamper.analyses.fit import fit as fit
     from bdamper.analyses.loop_fit import fit_loop as fit_loop
     from bdamper.analyses.microslip import microslip as microslip
-    from bdamper.analyses.response_residuals import Test as Test
+    from bdamper.analyses.response_residuals import MeasuredResponse as MeasuredResponse
     from bdamper.analyses.study_comparison import compare as compare
     from bdamper.analyses.sweep import OptimalTask as OptimalTask
     from bdamper.analyses.sweep import PeakTask as PeakTask
     from bdamper.analyses.sweep import sweep as sweep
-    from bdamper.analyses.uncertainty import draw as draw
+    from bdamper.analyses.uncertainty import optimal_curve_uncertainty as optimal_curve_uncertainty
     from bdamper.analyses.uncertainty import robust_optimum as robust_optimum
-    from bdamper.analyses.uncertainty import uncertain_curve as uncertain_curve
-    from bdamper.contact.law_codes import Sampled as Sampled
+    from bdamper.analyses.uncertainty import sample as sample
+    from bdamper.contact.law_codes import AFT as AFT
     from bdamper.contact.residual_flexibility import ResidualModes as ResidualModes
     from bdamper.contact.stiffness import PerArea as PerArea
     from bdamper.contact.user_laws import ContactLaw as ContactLaw
     from bdamper.fem.reference_models import reference_model as reference_model
     from bdamper.harmonic_balance.effects import Effects as Effects
-    from bdamper.harmonic_balance.settings import PAPER as PAPER
+    from bdamper.harmonic_balance.settings import CIGEROGLU_2009 as CIGEROGLU_2009
     from bdamper.lumped_masses import Contact as Contact
     from bdamper.lumped_masses import lumped as lumped
     from bdamper.mistuning.sample import mistuned_sample as mistuned_sample
-    from bdamper.mistuning.wheel import Wheel as Wheel
+    from bdamper.mistuning.wheel import BladedDisk as BladedDisk
     from bdamper.model.kinematics import RIGID_NAMES as RIGID_NAMES
     from bdamper.model.loads import Excitation as Excitation
     from bdamper.model.loads import Response as Response
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from bdamper.model.model_file import load_model as load_model
     from bdamper.model.model_file import save_model as save_model
     from bdamper.model.structure import Model as Model
-    from bdamper.model.surface_misfit import misfit as misfit
+    from bdamper.model.surface_misfit import face_gap as face_gap
     from bdamper.plot.explorer import explore as explore
     from bdamper.response.continuation_options import ContinuationOptions as ContinuationOptions
     from bdamper.response.peak import PeakOptions as PeakOptions
@@ -60,9 +60,9 @@ HOMES = {
     "Effects": "harmonic_balance.effects",
     "influence_coefficients": "model.loads",
     "RIGID_NAMES": "model.kinematics",
-    "PAPER": "harmonic_balance.settings",
+    "CIGEROGLU_2009": "harmonic_balance.settings",
     # how it is answered
-    "Sampled": "contact.law_codes",
+    "AFT": "contact.law_codes",
     "ContactLaw": "contact.user_laws",
     "PerArea": "contact.stiffness",
     "ResidualModes": "contact.residual_flexibility",
@@ -75,21 +75,21 @@ HOMES = {
     "save_model": "model.model_file",
     "lumped": "lumped_masses",
     "Contact": "lumped_masses",
-    "misfit": "model.surface_misfit",
+    "face_gap": "model.surface_misfit",
     # many variants of a question
     "compare": "analyses.study_comparison",
     "sweep": "analyses.sweep",
     "PeakTask": "analyses.sweep",
     "OptimalTask": "analyses.sweep",
-    "draw": "analyses.uncertainty",
-    "uncertain_curve": "analyses.uncertainty",
+    "sample": "analyses.uncertainty",
+    "optimal_curve_uncertainty": "analyses.uncertainty",
     "robust_optimum": "analyses.uncertainty",
     # from measurements
-    "Test": "analyses.response_residuals",
+    "MeasuredResponse": "analyses.response_residuals",
     "fit": "analyses.fit",
     "fit_loop": "analyses.loop_fit",
     # whole wheels
-    "Wheel": "mistuning.wheel",
+    "BladedDisk": "mistuning.wheel",
     "mistuned_sample": "mistuning.sample",
     # what settings and contacts do
     "accuracy_cost": "analyses.accuracy_cost",

@@ -19,10 +19,10 @@ from bdamper.fatigue.material import Material
 from bdamper.response.resonance_interval import peak_interval
 
 
-def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """The tracking curve, and whether it spans the band."""
+def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """The response curve, and whether it spans the band."""
     band = peak_interval(study.problem, given.band and tuple(given.band), given.preload, given.mode)
-    curve = study.track(given.preload, band, progress=not given.quiet)
+    curve = study.frequency_response(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 
 
@@ -34,9 +34,11 @@ def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     return curve, answered
 
 
-def crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Crossings with engine orders, and whether there is one."""
-    found = study.crossings(rpm=given.speeds, engine_orders=given.orders, mode=given.mode, progress=not given.quiet)
+    found = study.resonance_crossings(
+        rpm=given.speeds, engine_orders=given.orders, mode=given.mode, progress=not given.quiet
+    )
     return found, "speed" in found.quantities and bool(np.isfinite(found.array("speed")).any())
 
 
@@ -51,9 +53,9 @@ def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 
 QUESTIONS = {
-    "track": (track, "the response over a frequency band at one preload"),
+    "response": (frequency_response, "the response over a frequency band at one preload"),
     "optimum": (optimum, "the preload of least resonance"),
-    "crossings": (crossings, "resonances with engine orders over rotor speed, for a model that knows it"),
+    "crossings": (resonance_crossings, "resonances with engine orders over rotor speed, for a model that knows it"),
     "margin": (margin, "margins against fatigue at one preload, for a model with stress"),
 }
 
@@ -105,7 +107,7 @@ def parser() -> argparse.ArgumentParser:
     kinds = [model, asked, picture, out]
     own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
-    for name in ("track", "margin"):
+    for name in ("response", "margin"):
         own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
         own[name].add_argument(
             "--band", help="frequencies in Hz, by default those around the resonances of the mode", **two
@@ -153,7 +155,7 @@ def answer(given: argparse.Namespace) -> int:
             return explore(study, given)
         result, answered = QUESTIONS[given.command][0](study, given)
     more = given.command != "info" and given.details
-    print(result.details() if more else str(result).replace("details() has", "--details has"))
+    print(result.summary() if more else str(result).replace("summary() has", "--details has"))
     files = vars(given)  # written last, since a disk can be full
     if path := files.get("csv"):
         result.to_csv(path)
@@ -183,3 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (bd.BdamperError, OSError, KeyboardInterrupt) as error:
         print(f"bdamper: {str(error) or 'interrupted'}", file=sys.stderr)
         return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -223,7 +223,7 @@ class Ring:
         row: NDArray[np.float64],
         own: _Laws = None,
     ) -> None: ...
-    def march(
+    def integrate(
         self,
         q: NDArray[np.float64],
         v: NDArray[np.float64],

@@ -109,7 +109,7 @@ def lumped(
     contacts: Sequence[Contact] = (),
     cubic: Mapping[Any, float] | None = None,
     forces: Mapping[int | str, complex],
-    loads: Mapping[int | str, float] | None = None,
+    load_per_preload: Mapping[int | str, float] | None = None,
     locations: Mapping[str, int] | None = None,
     response: int | str | None = None,
     **settings: Any,
@@ -131,14 +131,14 @@ def lumped(
         Harmonic forces ``Re(f exp(i omega t))``, with their phases; several are scaled together by
         ``excitation.amplitude``, which is the largest of them.
     loads : mapping of freedom to float, optional
-        Static forces per newton of the ``preload`` that the analyses ask for: ``{1: 1.0}`` and ``study.track(200.0, ...)``
-        are 200 N on freedom 1.  Without ``loads`` that preload is 0.
+        Static forces per newton of the ``preload`` that the analyses ask for: ``{1: 1.0}`` and
+        ``study.frequency_response(200.0, ...)`` are 200 N on freedom 1.  Without ``loads`` that preload is 0.
     locations : mapping of name to freedom, optional
         By default every freedom has one: "x0", "x1" ...
     response : freedom, optional
         At which the response is read; that of the largest force by default.
     **settings
-        Other settings of the study: ``harmonics``, ``evaluation`` ...
+        Other settings of the study: ``harmonics``, ``contact_forces`` ...
 
     Returns
     -------
@@ -171,7 +171,7 @@ def lumped(
     seen = Response(modes.name(response if response is not None else max(given, key=lambda key: abs(given[key]))))
     coefficients = {c.mu for c in contacts} or {0.0}
     return Study(
-        _model(modes, faces, patterns, loads),
+        _model(modes, faces, patterns, load_per_preload),
         excitation,
         friction_coefficient=coefficients.pop() if len(coefficients) == 1 else dict(zip(faces, [c.mu for c in contacts])),
         contact_stiffness={name: np.array([face.stiffness]) for name, face in faces.items()},
@@ -357,7 +357,7 @@ def _model(
     modes: _Modes,
     faces: Mapping[str, _Face],
     patterns: dict[str, NDArray],
-    loads: Mapping[int | str, float] | None,
+    load_per_preload: Mapping[int | str, float] | None,
 ) -> Model:
     """One body of all masses whose ports see the relative motions, on a ground that does not move."""
     zero, pressing = np.zeros(modes.n), np.zeros(modes.n)
@@ -381,13 +381,13 @@ def _model(
         drag=modes.drag if modes.drag.any() else None,
     )
     load = None
-    if loads is not None:
+    if load_per_preload is not None:
         f = np.zeros(modes.n)
         for key, value in validation.instance(
-            "loads", loads, Mapping, "a mapping of degrees of freedom to numbers"
+            "load_per_preload", load_per_preload, Mapping, "a mapping of degrees of freedom to numbers"
         ).items():
-            f += validation.number(f"load on {key!r}", value) * modes.motion(key, "loads")
-        validation.require(f.any(), "loads", "a static force on some freedom", dict(loads))
+            f += validation.number(f"load on {key!r}", value) * modes.motion(key, "load_per_preload")
+        validation.require(f.any(), "load_per_preload", "a static force on some freedom", dict(load_per_preload))
         elastic = modes.omega2 > 0.0
         rest = shapes[..., elastic] @ (f[elastic] / modes.omega2[elastic])
         load = BodyLoad(np.array([0.0, 0.0, 1.0]), f, rest)

@@ -41,8 +41,7 @@ from bdamper.response import highest_peak, linear_curve, setting_derivatives
 from bdamper.response import optimal_curve as optimal
 from bdamper.response import response_curve as tracking
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions
 from bdamper.response.resonance_interval import peak_interval
@@ -57,7 +56,6 @@ from bdamper.util.status import INTERRUPTED
 from bdamper.util.storage import FilePath, enter_reader, load, opened, written
 from bdamper.util.threading import one_thread
 from bdamper.util.versions import HERE
-from bdamper.util.warn import say
 
 S = ParamSpec("S")
 P = ParamSpec("P")
@@ -111,7 +109,7 @@ class Study(Comparable):
         object.__setattr__(self, "problem", problem)
         check_settings(problem)
 
-    def another(self, problem: Problem) -> Study:
+    def _with_problem(self, problem: Problem) -> Study:
         """A study of another problem."""
         study = object.__new__(Study)
         study._ask(problem)
@@ -134,7 +132,7 @@ class Study(Comparable):
         lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
-    with_ = asked(Problem.with_)
+    replace = asked(Problem.replace)
     with_effects = asked(Problem.with_effects)
     static = analysis(Problem.static)
     response_at = analysis(result_checks.response_at)
@@ -142,9 +140,9 @@ class Study(Comparable):
 
     # what is shown of it
     def __str__(self) -> str:
-        return "\n".join(["study", *aligned([(fact.name, fact.text) for fact in self.facts() if fact.known], "  ")])
+        return "\n".join(["study", *aligned([(fact.name, fact.text) for fact in self._facts() if fact.known], "  ")])
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """Excitation, contact and size of the reduced model, and the settings that are no defaults."""
         s, coupling = self.settings, self.problem.coupling
         own = {f.name: f.default for f in fields(s)}
@@ -190,7 +188,7 @@ class Study(Comparable):
     stuck = analysis(linear_curve.stuck)
 
     @validation.spelt
-    def track(
+    def frequency_response(
         self,
         preload: float,
         frequency: tuple[float, float],
@@ -198,8 +196,8 @@ class Study(Comparable):
         options: ContinuationOptions | None = None,
         progress: bool = False,
         stability: bool = False,
-    ) -> Curve:
-        """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
+    ) -> ResponseCurve:
+        """Response curve: the response over a frequency interval at one preload, with all branches on the way.
 
         Parameters
         ----------
@@ -215,14 +213,14 @@ class Study(Comparable):
 
         Returns
         -------
-        Curve
+        ResponseCurve
             ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
             found so far are there.
         """
         problem = self.problem
         validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
-        curve = tracking.track(problem, preload, frequency, options=options, progress=progress)
+        curve = tracking.frequency_response(problem, preload, frequency, options=options, progress=progress)
         judged = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
         return floquet.with_stability(problem, curve) if judged else curve
 
@@ -230,19 +228,8 @@ class Study(Comparable):
     with_stability = analysis(floquet.with_stability)
     verify = analysis(settling.verify)
     settle = analysis(settling.settle)
-    sweep_in_time = analysis(frequency_sweep.sweep_in_time)
-    march = analysis(optimum_in_time.march)
-
-    def kept(self, result: Curve | Peak, *, steps_per_period: int | None = None) -> Marched:
-        """Former name of :meth:`march`.
-
-        Parameters
-        ----------
-        result, steps_per_period
-            As there.
-        """
-        say("study.kept is study.march now; the former name goes with the next version")
-        return self.march(result, steps_per_period=steps_per_period)
+    frequency_sweep = analysis(frequency_sweep.frequency_sweep)
+    time_response = analysis(optimum_in_time.time_response)
 
     # peaks and the optimal curve
     @validation.spelt
@@ -301,9 +288,11 @@ class Study(Comparable):
         executor : concurrent.futures.Executor, optional
             On which the curves are followed; threads by default.
         check : {"time", "neighbours", False}
-            "time": the peak at the optimum with up to 16 harmonics, in ``curve.convergence`` (:meth:`converge`), and the
-            steady-state amplitude in time there, in ``curve.kept``; "neighbours": also a factor of 1.2 below and above
-            (``bdamper.time_domain.optimum_in_time.with_kept``), and the least of them in ``curve.least_in_time``.
+            "time": the peak at the optimum with up to 16 harmonics, in ``curve.convergence``
+            (:meth:`harmonic_convergence`), and the steady-state amplitude in time there, in ``curve.time_response``;
+            "neighbours": also a factor of 1.2 below and above
+            (``bdamper.time_domain.optimum_in_time.with_time_response``), and the least of them in
+            ``curve.optimum_in_time``.
         progress : bool
             Show what is being done, and the time left.
         resume : path, optional
@@ -334,9 +323,9 @@ class Study(Comparable):
             places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
             plain = curve
             curve = more_harmonics.beside(
-                problem, plain, lambda: optimum_in_time.with_kept(problem, plain, places, progress=progress)
+                problem, plain, lambda: optimum_in_time.with_time_response(problem, plain, places, progress=progress)
             )
-        stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.kept)
+        stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)
         if margin and material is not None and not stopped:
             with suppress(KeyboardInterrupt):
                 curve = replace(curve, margins=(best_margin.best_margin(problem, curve, material),))
@@ -344,7 +333,7 @@ class Study(Comparable):
 
     peak_sensitivities = analysis(setting_derivatives.peak_sensitivities)
     curve_sensitivities = analysis(setting_derivatives.curve_sensitivities)
-    with_kept = analysis(optimum_in_time.with_kept)
+    with_time_response = analysis(optimum_in_time.with_time_response)
 
     # free vibration
     nonlinear_mode = analysis(modes.nonlinear_mode)
@@ -352,13 +341,13 @@ class Study(Comparable):
 
     # stress and fatigue
     stress = analysis(stresses.stress)
-    stress_at = analysis(stresses.stress_at)
+    gauge_stress = analysis(stresses.gauge_stress)
     margin = analysis(margins.margin)
 
     best_margin = analysis(best_margin.best_margin)
 
     # effects
-    advise = analysis(effect_selection.advise)
+    effect_significance = analysis(effect_selection.effect_significance)
 
     # what the contacts do in a cycle
     hysteresis = analysis(cycles.hysteresis)
@@ -367,7 +356,7 @@ class Study(Comparable):
     # over rotor speed
     at_speed = at_speed.at_speed
     campbell = analysis(campbell.campbell)
-    crossings = analysis(crossings.crossings)
+    resonance_crossings = analysis(crossings.resonance_crossings)
     run_up = analysis(run_up.run_up)
 
     @property
@@ -378,7 +367,7 @@ class Study(Comparable):
         return at_speed.preload_at(self.problem, self.settings.speed)
 
     # accuracy
-    converge = analysis(more_harmonics.converge)
+    harmonic_convergence = analysis(more_harmonics.harmonic_convergence)
     estimate_errors = analysis(error_estimates.estimate_errors)
     with_errors = analysis(error_estimates.with_errors)
 

@@ -37,13 +37,13 @@ def peak(study, place):
 
 def test_all_sources_of_a_peak(study, place, peak):
     errors = study.estimate_errors(peak)
-    told_of = [source for source in SOURCES if source != "evaluation"]  # exact already
+    told_of = [source for source in SOURCES if source != "contact_forces"]  # exact already
     assert [s.source for s in errors.sources] == told_of
     assert peak.shares[1] + peak.shares[2] > 0.0  # there is something to estimate
     assert errors.unknown == ("contact points",), str(errors)
     assert errors["contact points"].against == "the model has no more contact points"
     assert errors.total >= max(s.size for s in errors.sources if s.known)
-    text = errors.details()
+    text = errors.summary()
     told = [line.split(maxsplit=2)[2] for line in text.splitlines() if line.startswith("  sources ")]
     assert [line.split(":")[0] for line in told] == told_of
     assert errors.line.endswith("), not estimated: contact points") and "\n" not in errors.line
@@ -57,19 +57,19 @@ def test_a_model_that_has_nothing_richer_gives_no_number(study, place, peak):
     for source in ("modes", "contact points"):
         with pytest.raises(bd.BdamperError, match=f"the model has no more {source}"):
             richer_study(rich, source)
-    assert richer_study(rich.with_(damper_modes=2), "modes") is not None
-    own = study.another(rich)
+    assert richer_study(rich.replace(damper_modes=2), "modes") is not None
+    own = study._with_problem(rich)
     errors = own.estimate_errors(own.peak(*place), sources=["modes", "contact points"])
     assert errors.unknown == ("modes", "contact points") and errors.line == "error not estimated"
 
 
-@pytest.mark.parametrize("source", ["harmonics", "contact points", "modes", "evaluation"])
+@pytest.mark.parametrize("source", ["harmonics", "contact points", "modes", "contact_forces"])
 def test_estimate_is_the_change_to_the_richer_study(study, place, source):
-    changes = {"contact points": {"contact_points": 6}, "evaluation": {"evaluation": bd.Sampled(64)}}.get(source, {})
-    own = study.with_(**changes)
-    curve = own.track(*place)
+    changes = {"contact points": {"contact_points": 6}, "contact_forces": {"contact_forces": bd.AFT(64)}}.get(source, {})
+    own = study.replace(**changes)
+    curve = own.frequency_response(*place)
     estimated = own.estimate_errors(curve, sources=[source])[source]
-    true = own.another(richer_study(own.problem, source).problem).peak(*place)
+    true = own._with_problem(richer_study(own.problem, source).problem).peak(*place)
     error = np.array([true.amplitude / curve.peak.amplitude - 1.0, true.frequency / curve.peak.frequency - 1.0])
     assert np.abs(error).max() > 1e-6
     size = max(abs(estimated.amplitude), abs(estimated.frequency))
@@ -77,11 +77,11 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
 
 
 def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, place):
-    own = study.with_(harmonics=1, friction_coefficient=0.4)
+    own = study.replace(harmonics=1, friction_coefficient=0.4)
     peak = own.peak(1000.0, place[1])
     estimated = own.estimate_errors(peak, sources=["harmonics"])["harmonics"]
     assert "whole curve" in estimated.against
-    true = own.another(richer_study(own.problem, "harmonics").problem).peak(1000.0, place[1])
+    true = own._with_problem(richer_study(own.problem, "harmonics").problem).peak(1000.0, place[1])
     assert estimated.amplitude == pytest.approx(true.amplitude / peak.amplitude - 1.0, rel=1e-5)
     assert abs(estimated.amplitude) > 0.05
 
@@ -95,14 +95,15 @@ def test_one_line_says_what_is_known():
     assert ErrorEstimates(1.0, 1.0, 1.0, (modes, harmonics)).line == "estimated error 1.5 % (harmonics 1.1, modes 0.4)"
     errors = ErrorEstimates(1.0, 1.0, 1.0, (modes, unknown, vague))
     assert errors.line == "estimated error 0.4 % (modes 0.4), not estimated: contact points, solver"
-    assert not vague.known and errors.total == 0.004 and "solver: not estimated" in errors.details()
+    assert not vague.known and errors.total == 0.004 and "solver: not estimated" in errors.summary()
     assert ErrorEstimates(1.0, 1.0, 1.0, (unknown,)).line == "error not estimated"
 
 
 def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
-    curve = study.track(place[0], (350.0, 354.5))  # the response still rises
+    curve = study.frequency_response(place[0], (350.0, 354.5))  # the response still rises
     estimated = study.estimate_errors(curve, sources=["harmonics"])["harmonics"]
-    true = study.another(richer_study(study.problem, "harmonics").problem).track(place[0], (350.0, 354.5)).peak
+    true = study._with_problem(richer_study(study.problem, "harmonics").problem).frequency_response(place[0],
+        (350.0, 354.5)).peak
     assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
     assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
 
@@ -132,12 +133,12 @@ def test_a_resonance_far_beyond_the_interval_is_not_known():
 
 
 def test_curve_carries_its_errors(study, place, tmp_path):
-    curve = study.track(*place)
+    curve = study.frequency_response(*place)
     with_errors = study.with_errors(curve, sources=["harmonics"])
-    assert curve.error_estimates is None and Fact("error", "error not estimated") in curve.facts()
+    assert curve.error_estimates is None and Fact("error", "error not estimated") in curve._facts()
     assert with_errors.error_estimates == study.estimate_errors(curve, sources=["harmonics"])
     line = with_errors.error_estimates.line
-    assert Fact("error", line) in with_errors.facts() and with_errors.details().count(line) == 1
+    assert Fact("error", line) in with_errors._facts() and with_errors.summary().count(line) == 1
     assert line.startswith("estimated error") and "(harmonics " in line
     with_errors.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
@@ -146,7 +147,7 @@ def test_curve_carries_its_errors(study, place, tmp_path):
 def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
     """Newton's method from the highest peak alone would not see it."""
     other = replace(peak, amplitude=0.8 * peak.amplitude, y=2.0 * peak.y)
-    richer = study.with_(harmonics=3)
+    richer = study.replace(harmonics=3)
 
     def higher(system, y):
         return replace(peak, amplitude=(1.01 if y[-1] == peak.y[-1] else 1.02) * peak.amplitude)
@@ -163,19 +164,19 @@ def test_peak_carries_its_cost(peak):
     assert peak.cost is not None
     assert peak.cost.seconds >= peak.cost.core > 0.0 and peak.cost.python > 0.0
     assert peak.cost.evaluations >= peak.cost.iterations > peak.iterations
-    assert "contact" in peak.details()
+    assert "contact" in peak.summary()
 
 
 def test_work_is_counted_by_sizes(study, place):
-    curve = study.track(*place)
-    assert curve.cost.work == study.track(*place).cost.work > 0.0
+    curve = study.frequency_response(*place)
+    assert curve.cost.work == study.frequency_response(*place).cost.work > 0.0
     system = study.problem.system(place[0])
     n, points = system.n_unknowns, system.n_points
     kinds = 28e3 * 5 * points, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3  # two harmonics
     np.testing.assert_allclose(system.work, np.array(kinds) / 1e6, rtol=1e-12)
     counts = curve.cost.evaluations, curve.cost.jacobians, curve.cost.factorisations, curve.cost.least_norm
     assert curve.cost.work == pytest.approx(float(np.dot(kinds, counts)) / 1e6, rel=1e-12)
-    sampled = study.with_(evaluation=bd.Sampled(64)).problem.system(place[0])
+    sampled = study.replace(contact_forces=bd.AFT(64)).problem.system(place[0])
     assert sampled.work[0] == pytest.approx(points * (120e3 + 64 * 1.2e3) / 1e6)
     both = CostMeter()
     both.add(curve.cost)
@@ -207,7 +208,7 @@ def test_what_is_refused(study, place, peak):
     with pytest.raises(SettingError, match="sources"):
         study.estimate_errors(peak, sources=["friction"])
     with pytest.raises(SettingError, match="harmonics"):
-        study.with_(harmonics=3).estimate_errors(peak)
+        study.replace(harmonics=3).estimate_errors(peak)
     with pytest.raises(SettingError, match="converged"):
         study.estimate_errors(replace(peak, status="lost"))
     for wrong in ({"vary": "bearing"}, {"vary": {"model": [1]}}, {"vary": {"harmonics": []}}, {"quantity": "temperature"},
@@ -232,7 +233,7 @@ def test_stand_ins_leave_present_modes_alone(study):
 
 def test_change_between_equal_studies_is_nothing(study, place, peak):
     for by_newton in (True, False):
-        change = compare(study.problem, study.problem.with_(), place[0], Tops((peak,)), by_newton)
+        change = compare(study.problem, study.problem.replace(), place[0], Tops((peak,)), by_newton)
         assert change.known and abs(change.amplitude) < 1e-8 and abs(change.frequency) < 1e-8
 
 
@@ -246,11 +247,11 @@ def result(study, place):
 
 
 def test_errors_are_those_of_the_curves(study, place, result):
-    top = study.with_(harmonics=4).track(*place).peak
+    top = study.replace(harmonics=4).frequency_response(*place).peak
     assert (result.richest.values, result.richest.part, result.richest.error) == (("4", "9"), "richest", 0.0)
     assert result.richest.amplitude == pytest.approx(top.amplitude, rel=1e-9)
     poorer = {r.values: r for r in result.runs}
-    own = study.with_(harmonics=4, contact_points=6).track(*place).peak
+    own = study.replace(harmonics=4, contact_points=6).frequency_response(*place).peak
     change = max(abs(own.amplitude / top.amplitude - 1.0), abs(own.frequency / top.frequency - 1.0))
     assert poorer["4", "6"].error == pytest.approx(change, rel=1e-6)
     assert result.last_steps["harmonics"] == poorer["3", "9"].error
@@ -265,7 +266,7 @@ def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, resu
     assert [r.values for r in strict.runs] == [("4",), ("3",)]
     assert (
         strict.recommended is strict.richest
-        and "Nothing but the richest that was run is within 1e-07 %" in strict.details()
+        and "Nothing but the richest that was run is within 1e-07 %" in strict.summary()
     )
 
 
@@ -298,7 +299,7 @@ def test_interrupted_runs_are_kept(study, place, tmp_path):
     vary = {"harmonics": [1, 2, 3]}
     found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask)
     assert [r.values for r in found.runs] == [("3",), ("2",)] and found.interrupted
-    assert found.bottom_line().endswith("Interrupted: other runs may suffice.")
+    assert found._headline().endswith("Interrupted: other runs may suffice.")
     found.save(tmp_path / "cost.h5")
     assert bd.load(tmp_path / "cost.h5").interrupted
     with pytest.raises(KeyboardInterrupt):
@@ -308,7 +309,7 @@ def test_interrupted_runs_are_kept(study, place, tmp_path):
 def test_unknown_answers_are_not_recommended(study, place):
     errors = {(3, 9): 0.0, (2, 9): float("nan")}
     found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)
-    assert found.recommended is found.richest and "uncertain by its last steps, unknown" in found.details()
+    assert found.recommended is found.richest and "uncertain by its last steps, unknown" in found.summary()
     assert np.isnan(found.uncertainty)
     with pytest.raises(bd.BdamperError, match="no whole answer with the richest settings, harmonics 2"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
@@ -322,13 +323,13 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
             raise bd.BdamperError("no answer with one harmonic")
         return 1.0, 300.0
 
-    vary = {"harmonics": [1, 2, 3], "evaluation": [bd.Sampled(8), "exact"], "rigid_modes": [("TX",), bd.RIGID_NAMES]}
+    vary = {"harmonics": [1, 2, 3], "contact_forces": [bd.AFT(8), "event_driven"], "rigid_modes": [("TX",), bd.RIGID_NAMES]}
     found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask)
     reasons = {r.part: r.reason for r in found.runs if r.reason}
     assert reasons["harmonics"] == "no answer with one harmonic"
-    assert reasons["evaluation"].startswith("evaluation: expected") and "rigid" in reasons["rigid_modes"]
-    assert found.recommended.values == ("2", "exact", " ".join(study.settings.rigid_modes))
-    assert all(reason in found.details() for reason in reasons.values())
+    assert reasons["contact_forces"].startswith("contact_forces: expected") and "rigid" in reasons["rigid_modes"]
+    assert found.recommended.values == ("2", "event_driven", " ".join(study.settings.rigid_modes))
+    assert all(reason in found.summary() for reason in reasons.values())
     found.plot()
     found.save(tmp_path / "cost.h5")
     assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
@@ -337,7 +338,7 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
 
 
 def test_result_prints_plots_and_saves(result, tmp_path):
-    text = result.details()
+    text = result.summary()
     best = result.recommended
     assert text.startswith(f"For 6 %: harmonics {best.values[0]}, contact points {best.values[1]}, ")
     assert sum(line.split()[2] == "richest" for line in text.splitlines() if line.startswith("  4")) == 1
@@ -369,10 +370,10 @@ def test_effectivity_on_a_sample(number):
 
 def test_the_peak_is_a_corner_where_the_damper_drifts():
     case = accuracy_cases.draw(153)
-    one = accuracy_cases.study_of(case).with_(harmonics=1, damper_modes=0)
+    one = accuracy_cases.study_of(case).replace(harmonics=1, damper_modes=0)
     place = accuracy_cases.scene(one, case)
-    for study in (one, one.with_(harmonics=3)):  # the first has no smooth maximum at all
-        curve, peak = study.track(*place), study.peak(*place)
+    for study in (one, one.replace(harmonics=3)):  # the first has no smooth maximum at all
+        curve, peak = study.frequency_response(*place), study.peak(*place)
         assert peak.corner and curve.point_kind[curve.peak.index] == "drift"
         assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-6)
         assert peak.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)

@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.analyses import effect_selection as module
 from bdamper.analyses import refined_peak
 from bdamper.analyses.change_estimate import Change
-from bdamper.analyses.effect_selection import EffectAdvice, fullest, parts
+from bdamper.analyses.effect_selection import EffectRow, fullest, parts
 from bdamper.harmonic_balance.effects import Effects
 from tests import models
 from tests.plain import plain_study
@@ -29,7 +29,7 @@ def full():
 
 @pytest.fixture(scope="module")
 def advice(full):
-    return full.advise(PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE)
+    return full.effect_significance(PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE)
 
 
 def changes(study, effects, advice):
@@ -41,7 +41,7 @@ def changes(study, effects, advice):
 def test_every_effect_that_is_on_has_a_row(full, advice):
     assert {e.name for e in advice.effects} == set(parts(full.problem, Effects.of(full)))
     assert all(e.on for e in advice.effects)
-    assert {"bias", "separation", "harmonics beyond 1", "rotation X", "translation Z", "constraints"} <= {
+    assert {"bias", "separation", "harmonics beyond 1", "rotation X", "translation Z", "constraint_planes"} <= {
         e.name for e in advice.effects
     }
     assert "translation Y" not in {e.name for e in advice.effects}  # the preload acts along it
@@ -70,32 +70,32 @@ def test_work_is_that_of_the_equations_without_the_effect(full, advice):
 
 def test_what_is_left_out_changes_no_more_than_the_tolerance(full, advice):
     assert advice.left_out
-    lean = full.with_effects(advice.called_for)
-    assert isinstance(lean, bd.Study) and Effects.of(lean) == advice.called_for
+    lean = full.with_effects(advice.significant)
+    assert isinstance(lean, bd.Study) and Effects.of(lean) == advice.significant
     assert lean.problem.system(PRELOAD).n_unknowns < full.problem.system(PRELOAD).n_unknowns
-    true = changes(full, advice.called_for, advice)
+    true = changes(full, advice.significant, advice)
     assert (advice.amplitude_change, advice.frequency_change) == pytest.approx(true, abs=1e-9)
     assert max(map(abs, true)) <= TOLERANCE
     for e in advice.effects:
-        assert e.called_for == (advice.called_for.without(e.name) != advice.called_for), e
-        assert e.called_for or e.size <= TOLERANCE
+        assert e.significant == (advice.significant.without(e.name) != advice.significant), e
+        assert e.significant or e.size <= TOLERANCE
 
 
 def test_effects_that_the_study_lacks_are_judged_against_what_the_model_can_do(full, advice):
     cheap = full.with_effects(replace(Effects.of(full), harmonics=1, rotation=("X",), separation=False))
-    other = cheap.advise(PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE)
+    other = cheap.effect_significance(PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE)
     off = {e.name for e in other.effects if not e.on}
     assert off == {"harmonics beyond 1", "rotation Y", "rotation Z", "separation"}
     assert {e.name: e.size for e in other.effects} == pytest.approx({e.name: e.size for e in advice.effects})
     assert {e.verdict for e in other.effects if not e.on} <= {"switch on", "stays off"}
     assert any(e.verdict == "switch on" for e in other.effects)
-    true = changes(full, other.called_for, other)
+    true = changes(full, other.significant, other)
     assert max(map(abs, true)) <= TOLERANCE
-    assert "off: switch on" in other.details()
+    assert "off: switch on" in other.summary()
 
 
 def rows(*given):
-    return [EffectAdvice(name, on, change, 0.0, 0.0, "computed", work) for name, on, change, work in given]
+    return [EffectRow(name, on, change, 0.0, 0.0, "computed", work) for name, on, change, work in given]
 
 
 class Reference:
@@ -113,9 +113,9 @@ class Reference:
 
 
 def test_effects_that_save_most_are_left_out_within_the_sum():
-    given = rows(("rotation X", True, 0.006, 0.9), ("bias", True, -0.006, 0.8), ("constraints", True, 0.004, 0.85))
+    given = rows(("rotation X", True, 0.006, 0.9), ("bias", True, -0.006, 0.8), ("constraint_planes", True, 0.004, 0.85))
     found, change = module._chosen(Reference(Effects(), lambda e: 0.0), given, 0.01)
-    assert {e.name for e in found if not e.called_for} == {"bias", "constraints"} and change == (0.0, 0.0)
+    assert {e.name for e in found if not e.significant} == {"bias", "constraint_planes"} and change == (0.0, 0.0)
     assert next(e for e in found if e.name == "rotation X").reason == "the sum would be beyond the tolerance"
 
 
@@ -132,18 +132,18 @@ def test_effects_that_change_more_together_are_taken_back():
     def joint(e):
         if not e.bias:
             return 0.02
-        if not e.constraints:
+        if not e.constraint_planes:
             raise bd.BdamperError("no peak")
         return 0.004
 
-    given = rows(("bias", True, 0.003, 0.8), ("constraints", True, 0.002, 0.9), ("rotation X", True, 0.001, 0.9))
+    given = rows(("bias", True, 0.003, 0.8), ("constraint_planes", True, 0.002, 0.9), ("rotation X", True, 0.001, 0.9))
     reference = Reference(effects, joint)
     found, change = module._chosen(reference, given, 0.01)
-    assert [e.called_for for e in found] == [True, True, False] and change == (0.004, 0.0)
+    assert [e.significant for e in found] == [True, True, False] and change == (0.004, 0.0)
     assert found[0].reason == found[1].reason == "changes more together with others"
     assert reference.asked == [
-        effects.without("bias").without("constraints").without("rotation X"),
-        effects.without("constraints").without("rotation X"),
+        effects.without("bias").without("constraint_planes").without("rotation X"),
+        effects.without("constraint_planes").without("rotation X"),
         effects.without("rotation X"),
     ]
 
@@ -152,38 +152,38 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
     def none(problem, *scene, **named):
         if not problem.settings.separation:
             raise bd.BdamperError("no peak there")
-        curve = track(problem, *scene, **named)
-        return curve if problem.settings.constraints else replace(curve, status="incomplete", reason="lost")
+        curve = frequency_response(problem, *scene, **named)
+        return curve if problem.settings.constraint_planes else replace(curve, status="incomplete", reason="lost")
 
-    track = refined_peak.track
-    monkeypatch.setattr(refined_peak, "track", none)
+    frequency_response = refined_peak.frequency_response
+    monkeypatch.setattr(refined_peak, "frequency_response", none)
     monkeypatch.setattr(module, "estimate_change", lambda system, y: Change(np.nan, np.nan, np.inf))
     reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)
     row = reference.row("separation", Effects.of(full), TOLERANCE)
     assert (row.source, row.verdict, row.size) == ("unknown", "keep", np.inf)
     assert row.reason == "no whole curve: no peak there"
-    partial = reference.row("constraints", Effects.of(full), TOLERANCE)
+    partial = reference.row("constraint_planes", Effects.of(full), TOLERANCE)
     assert partial.source == "unknown" and partial.reason == "no whole curve: incomplete: lost"
     assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
 
 
 def test_a_comparison_computes_both_anew(full, advice):
-    both = {"all": full.with_effects(advice.reference), "called for": full.with_effects(advice.called_for)}
-    found = bd.compare(both, lambda study: study.track(advice.preload, advice.interval))
+    both = {"all": full.with_effects(advice.reference), "called for": full.with_effects(advice.significant)}
+    found = bd.compare(both, lambda study: study.frequency_response(advice.preload, advice.interval))
     assert found.curves[0].peak.amplitude == pytest.approx(advice.amplitude, rel=1e-3)
     assert found.change("called for") == pytest.approx(advice.amplitude_change, abs=2e-3)
     assert abs(found.change("called for")) <= advice.tolerance
 
 
 def test_advice_prints_plots_and_saves(advice, tmp_path):
-    text = advice.details()
+    text = advice.summary()
     for e in advice.effects:
         assert e.name in text and e.verdict in text
     with pytest.raises(bd.SettingError, match=r"effect: expected one of .* found 'gravity'"):
         advice["gravity"]
     advice.save(tmp_path / "advice.h5")
     again = bd.load(tmp_path / "advice.h5")
-    assert again.details() == text and again.called_for == advice.called_for and again.reference == advice.reference
+    assert again.summary() == text and again.significant == advice.significant and again.reference == advice.reference
     ax = advice.plot()
     assert [t.get_text() for t in ax.get_yticklabels()] == [e.name for e in advice.effects[::-1]]
     unknown = [e.name for e in advice.effects if e.source == "unknown"]
@@ -194,7 +194,7 @@ def test_effects_that_cancel_by_chance_are_not_left_out_together():
     """Without variable normal load there is no separation either, which alone changes much."""
     given = rows(("separation", True, 0.2, 1.0), ("variable normal load", True, 0.001, 0.9))
     found, _ = module._chosen(Reference(Effects(), lambda e: 0.001), given, 0.01)
-    assert [e.called_for for e in found] == [True, True]
+    assert [e.significant for e in found] == [True, True]
     assert found[1].reason == "contains separation"
 
 
@@ -210,13 +210,13 @@ def test_a_corner_is_compared_by_whole_curves_alone(full, monkeypatch):
 
 def test_the_reference_is_what_the_model_has(full):
     rich = fullest(full.problem)
-    assert rich.harmonics == 3 and rich.damper_modes == 2 and rich.blade_modes == 4 and rich.friction_law == "separable"
+    assert rich.harmonics == 3 and rich.damper_modes == 2 and rich.blade_modes == 4 and rich.friction_law == "uncoupled"
     bare = full.with_effects(replace(Effects.of(full), rotation=(), bias=False, harmonics=(1, 7)))
     assert fullest(bare.problem).harmonics == (1, 2, 3, 7) and fullest(bare.problem).rotation == ("X", "Y", "Z")
 
 
 def test_a_harmonic_with_a_force_of_its_own_stays(full):
-    several = full.with_(excitation=bd.Excitation("tip") + bd.Excitation("tip", amplitude=0.2, engine_order=4))
+    several = full.replace(excitation=bd.Excitation("tip") + bd.Excitation("tip", amplitude=0.2, engine_order=4))
     names = parts(several.problem, Effects.of(several))
     assert "harmonics beyond 1" not in names and "harmonics beyond 1" in parts(full.problem, Effects.of(full))
     for name in names:
@@ -225,4 +225,4 @@ def test_a_harmonic_with_a_force_of_its_own_stays(full):
 
 def test_no_peak_no_advice(full):
     with pytest.raises(bd.BdamperError, match="no peak"):
-        full.advise(PRELOAD, (5.0, 6.0), against=Effects.of(full))
+        full.effect_significance(PRELOAD, (5.0, 6.0), against=Effects.of(full))

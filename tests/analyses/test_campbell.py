@@ -23,7 +23,7 @@ def spinning_oscillator(stiffening):
     body = study.model.bodies["masses"]
     speed = SpeedBasis(0.0, np.diag(body.bases[0].omega2), np.array([[stiffening]]))
     bases = {0: replace(body.bases[0], speed=speed)}
-    return study.with_(model=replace(study.model, bodies={**study.model.bodies, "masses": replace(body, bases=bases)}))
+    return study.replace(model=replace(study.model, bodies={**study.model.bodies, "masses": replace(body, bases=bases)}))
 
 
 def test_a_spinning_oscillator_in_closed_form():
@@ -35,7 +35,7 @@ def test_a_spinning_oscillator_in_closed_form():
     np.testing.assert_allclose(2.0 * np.pi * found.stuck[0, :, 0], np.sqrt(5.5e5 + 3.5 * speeds**2), rtol=1e-12)
     np.testing.assert_allclose(found.met[:, 2], np.sqrt(4e5 / (np.array([4.0, 9.0]) - 3.5))[[1, 1]] * [np.nan, 1.0])
     np.testing.assert_allclose(found.met[1, 3], np.sqrt(5.5e5 / (9.0 - 3.5)), rtol=1e-12)
-    assert "order 3, mode 1  free at 269.68 rad/s (2575 rpm)" in found.details()
+    assert "order 3, mode 1  free at 269.68 rad/s (2575 rpm)" in found.summary()
 
 
 def test_orders_meet_the_modes_of_their_nodal_diameter_alone(tmp_path):
@@ -68,7 +68,7 @@ def test_the_static_state_of_a_speed_serves_all_nodal_diameters(monkeypatch):
     found = study.campbell((200.0, 500.0, 600.0), modes=2)
     assert [load for load in solved if load > 0.0] == [1.0] * 3
     for d in (5, 10):
-        at = study.with_(engine_order=d).at_speed(500.0)
+        at = study.replace(engine_order=d).at_speed(500.0)
         own = free_and_stuck(at.problem, at.problem.equilibrium(at.preload), 2)[1]
         np.testing.assert_allclose(found.stuck[found.row(d), 1], own, rtol=1e-12)
 
@@ -79,9 +79,9 @@ def test_nodal_diameters_of_one_speed_are_left_out():
     blade = study.model.bodies["blade"]
     bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
     model = replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)})
-    found = study.with_(model=model).campbell((200.0, 300.0, 400.0), [5], modes=1)
+    found = study.replace(model=model).campbell((200.0, 300.0, 400.0), [5], modes=1)
     assert found.nodal_diameter.tolist() == [0, 5]
-    assert "nodal diameters 10: modes of one rotor speed" in found.details()
+    assert "nodal diameters 10: modes of one rotor speed" in found.summary()
 
 
 def test_lines_that_meet_or_do_not():

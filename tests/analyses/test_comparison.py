@@ -21,7 +21,7 @@ DESIGNS = {"smooth": {"friction_coefficient": 0.2}, "heavier": {"damper_mass_fac
 
 
 def ask(study):
-    return study.track(4000.0, INTERVAL)
+    return study.frequency_response(4000.0, INTERVAL)
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +37,13 @@ def found(study):
 
 def test_each_design_has_its_own_curve(study, found, tmp_path):
     assert found.names == ("as it is", "smooth", "heavier")
-    alone = study.with_(friction_coefficient=0.2).track(4000.0, INTERVAL)
+    alone = study.replace(friction_coefficient=0.2).frequency_response(4000.0, INTERVAL)
     assert found.results["smooth"].peak.amplitude == pytest.approx(alone.peak.amplitude, rel=1e-9)
     assert found.differences["smooth"].settings[0] == ("friction_coefficient.left", 0.4, 0.2)
     assert [name for name, *_ in found.differences["heavier"].settings] == ["model"]
     assert found.columns()["name"].values.tolist().count("smooth") == len(alone)
-    text = found.details().splitlines()
-    assert text[0] == found.bottom_line() and text[3].startswith("  smooth")
+    text = found.summary().splitlines()
+    assert text[0] == found._headline() and text[3].startswith("  smooth")
     assert amount(alone.peak.amplitude, "m") in text[3] and text[3].endswith("complete")
     found.save(tmp_path / "designs.h5")
     assert str(bd.load(tmp_path / "designs.h5")) == str(found)
@@ -104,7 +104,7 @@ def test_answers_are_curves_of_one_kind(study, found):
     answers = iter([found.curves[0], optimal])
     with pytest.raises(bd.SettingError, match="answer: expected the same kind of result from every study"):
         bd.compare({"a": study, "b": study}, lambda _: next(answers))
-    with pytest.raises(bd.SettingError, match="answer: expected a Curve or an OptimalCurve, found 3"):
+    with pytest.raises(bd.SettingError, match="answer: expected a ResponseCurve or an OptimalCurve, found 3"):
         bd.compare({"a": study}, lambda _: 3)
 
 
@@ -112,12 +112,12 @@ def test_changes_are_those_from_the_first(found):
     first, smooth = (found.results[name].peak for name in ("as it is", "smooth"))
     assert found.change("smooth") == pytest.approx(smooth.amplitude / first.amplitude - 1.0)
     assert found.change("as it is") == 0.0
-    said = found.bottom_line()
+    said = found._headline()
     assert said.startswith("Beside 'as it is' with ") and f": 'smooth' {100.0 * found.change('smooth'):+.2g} %" in said
 
 
 def test_results_of_several_kinds_are_refused(study, found):
-    with pytest.raises(bd.SettingError, match="results: expected tracking curves, optimal curves or hysteresis"):
+    with pytest.raises(bd.SettingError, match="results: expected response curves, optimal curves or hysteresis"):
         plot_together({"a": found.curves[0], "b": study.dissipation(found.curves[0])})
     with pytest.raises(bd.SettingError, match=r"quantity: expected one of \('amplitude',\), found 'shift'"):
         found.plot("shift")

@@ -49,18 +49,18 @@ def curve(study):
     return study.optimal_curve((3000.0, 5000.0), 2, frequency=INTERVAL, check=False)
 
 
-def series(*amplitudes, status="complete", tolerance=0.05, meetings=()):
+def series(*amplitudes, status="complete", tolerance=0.05, internal_resonances=()):
     """A convergence with 1, 3, 5 ... harmonics."""
     peaks = tuple(HarmonicPeak(2 * i + 1, a, 300.0) for i, a in enumerate(amplitudes))
-    return Convergence(100.0, tolerance, peaks, meetings, status=status)
+    return Convergence(100.0, tolerance, peaks, internal_resonances, status=status)
 
 
 class TestPeaks:
     def test_are_those_of_studies_with_so_many_harmonics(self, study):
-        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
+        found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
         assert [p.harmonics for p in found.peaks] == [1, 3, 5, 7] and found.status == "complete"
         for p in found.peaks:
-            own = study.with_(harmonics=p.harmonics).peak(5000.0, INTERVAL)
+            own = study.replace(harmonics=p.harmonics).peak(5000.0, INTERVAL)
             assert (p.amplitude, p.frequency) == pytest.approx((own.amplitude, own.frequency), rel=1e-6)
         assert found.cost.iterations > 0
         assert all(p.seconds > 0.0 for p in found.peaks[1:]) and found.cost.processor > 0.0
@@ -69,15 +69,15 @@ class TestPeaks:
         """A Jenkins element has a force with corners: its harmonics fall with l^-2 and those of the motion with l^-4, so
         that H harmonics leave an error of the order of the amplitude times H^-4."""
         study, asked = jenkins(harmonics=1), (3, 5, 7, 9, 11, 13, 17, 21, 25, 33, 63)
-        found = study.converge(study.peak(0.0, BAND), harmonics=asked, tolerance=1e-12)
+        found = study.harmonic_convergence(study.peak(0.0, BAND), harmonics=asked, tolerance=1e-12)
         amplitude, harmonics = np.array([(p.amplitude, p.harmonics) for p in found.peaks]).T
         error = np.abs(amplitude[:-1] / amplitude[-1] - 1.0) * harmonics[:-1] ** 4
         assert len(error) == 11 and error.max() < 1.0 and error[-3:].max() > 0.05
 
     def test_only_odd_harmonics_where_even_ones_vanish(self, study):
-        study = study.with_(variable_normal_load=False, separation=False)
-        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(5, 8))
-        last = study.with_(harmonics=8).peak(5000.0, INTERVAL)
+        study = study.replace(variable_normal_load=False, separation=False)
+        found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(5, 8))
+        last = study.replace(harmonics=8).peak(5000.0, INTERVAL)
         assert [p.harmonics for p in found.peaks] == [1, 5, 7]
         assert found.peaks[-1].amplitude == pytest.approx(last.amplitude, rel=1e-6)
 
@@ -91,7 +91,7 @@ class TestPeaks:
 
         monkeypatch.setattr(room, "_to", recorded)
         peak = study.peak(5000.0, INTERVAL)
-        study.converge(peak, harmonics=(3, 5))
+        study.harmonic_convergence(peak, harmonics=(3, 5))
         signs = [np.linalg.slogdet(at.system(5000.0).evaluate(top.y[:-1], top.y[-1])[1])[0] for at, top in seen]
         system = study.problem.system(5000.0)
         own = np.linalg.slogdet(system.evaluate(peak.y[:-1], peak.y[-1])[1])[0]
@@ -109,11 +109,11 @@ class TestPeaks:
             return ("too far", 0) if missing > 2 else beside(system, y, sign, **ways)
 
         monkeypatch.setattr(room, "peak_of_sign", near_only)
-        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(6,))
+        found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(6,))
         assert found.status == "complete" and found.peaks[-1].harmonics == 6
         assert [n for n, _ in asked][:2] == [6, 3] and max(n for _, n in asked[1:]) <= 3
         monkeypatch.setattr(room, "peak_of_sign", lambda *_, **__: ("too far", 0))
-        broken = study.converge(study.peak(5000.0, INTERVAL), harmonics=(6,))
+        broken = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(6,))
         assert broken.status == "incomplete: with 6 harmonics no peak was found beside this one (too far)"
         assert len(broken.peaks) == 1 and not broken.converged and "not known with more harmonics" in broken.note
 
@@ -126,7 +126,7 @@ class TestPeaks:
             return to(known, problem, *rest)
 
         monkeypatch.setattr(room, "_to", stops)
-        found = study.converge(study.peak(5000.0, INTERVAL), harmonics=(3, 5))
+        found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(3, 5))
         assert found.status == "interrupted" and [p.harmonics for p in found.peaks] == [1, 3]
 
     def test_what_is_refused(self, study):
@@ -135,25 +135,25 @@ class TestPeaks:
             ({"harmonics": (5, 3)}, "harmonics"), ({"harmonics": (65,)}, "harmonics"), ({"tolerance": 5.0}, "tolerance"),
         ):  # fmt: skip
             with pytest.raises(bd.SettingError, match=f"^{what}: expected"):
-                study.converge(peak, **wrong)
+                study.harmonic_convergence(peak, **wrong)
         with pytest.raises(bd.SettingError, match=r"^peak: expected a converged one"):
-            study.converge(replace(peak, status="not found: why"))
+            study.harmonic_convergence(replace(peak, status="not found: why"))
         with pytest.raises(bd.SettingError, match=r"^peak: expected one of this study"):
-            study.with_(friction_coefficient=0.1).converge(peak)
+            study.replace(friction_coefficient=0.1).harmonic_convergence(peak)
         with pytest.raises(bd.SettingError, match=r"^peak: expected a Peak"):
-            study.converge(study.track(5000.0, INTERVAL))
+            study.harmonic_convergence(study.frequency_response(5000.0, INTERVAL))
 
 
 class TestEnd:
     def test_of_the_structure(self, study):
         """Without residual modes there are the five modes that the study retains, at each harmonic's own diameter."""
-        study = study.with_(blade_modes=5)
+        study = study.replace(blade_modes=5)
         peak = study.peak(5000.0, INTERVAL)
         bases = study.model.bodies["blade"].bases
         diameter = {l: study.model.folded_nodal_diameter(5 * l)[0] for l in range(2, 27)}
         top = {l: np.sqrt(bases[d].omega2[4]) / (2.0 * np.pi) for l, d in diameter.items()}
         first = min(l for l in top if l * peak.frequency > top[l])
-        found = study.converge(peak, harmonics=(3, 26))
+        found = study.harmonic_convergence(peak, harmonics=(3, 26))
         assert 4 < first < 26 and [p.harmonics for p in found.peaks] == [1, 3, first - 1]
         end = f"{1e-3 * top[first]:.3g} kHz"
         assert f"the structure ends at {end}, harmonic {int(top[first] / peak.frequency)}" in found.note
@@ -168,25 +168,29 @@ class TestEnd:
     def test_of_the_nodal_diameters(self):
         model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
         study = plain_study(model, bd.Excitation("tip"), 2)
-        found = study.converge(study.peak(5.0), harmonics=(3, 5))
+        found = study.harmonic_convergence(study.peak(5.0), harmonics=(3, 5))
         assert [p.harmonics for p in found.peaks] == [1, 3]
-        assert found.limit == "the model has no modes of harmonic 4, nodal diameter 8"
+        assert found.highest_harmonic == "the model has no modes of harmonic 4, nodal diameter 8"
 
     def test_of_the_samples(self, study):
-        sampled = study.with_(evaluation=bd.Sampled(24))
-        found = sampled.converge(sampled.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
+        sampled = study.replace(contact_forces=bd.AFT(24))
+        found = sampled.harmonic_convergence(sampled.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
         assert [p.harmonics for p in found.peaks] == [1, 3, 5]
-        assert found.limit.startswith("no 7 harmonics are possible with the same settings (evaluation: ")
+        assert found.highest_harmonic.startswith("no 7 harmonics are possible with the same settings (contact_forces: ")
 
     def test_early_where_no_later_harmonic_meets_a_mode(self):
         study = jenkins(harmonics=1)
-        found = study.converge(study.peak(0.0, BAND))
-        assert found.converged and found.limit == "no later harmonic meets a mode" and found.meetings == ()
+        found = study.harmonic_convergence(study.peak(0.0, BAND))
+        assert (
+            found.converged
+            and found.highest_harmonic == "no later harmonic meets a mode"
+            and found.internal_resonances == ()
+        )
         assert found.peaks[-1].harmonics < 26
 
     def test_not_before_a_mode_that_is_met_later(self):
         study = with_absorber(19.0)
-        found = study.converge(study.peak(0.0, BAND))
+        found = study.harmonic_convergence(study.peak(0.0, BAND))
         assert found.peaks[-1].harmonics >= 20
 
 
@@ -195,8 +199,8 @@ class TestMeetings:
     def test_name_a_mode_that_is_placed_on_purpose(self, ratio):
         study = with_absorber(ratio)
         peak = study.peak(0.0, BAND)
-        found = study.converge(peak, harmonics=(2, 3, 5, 7, 9))
-        (met,) = (m for m in found.meetings if m.harmonic == ratio)
+        found = study.harmonic_convergence(peak, harmonics=(2, 3, 5, 7, 9))
+        (met,) = (m for m in found.internal_resonances if m.harmonic == ratio)
         K = np.array([[2.0, 0.0], [0.0, 0.0]]) + 0.01 * (2.0 * np.pi * 0.1763 * ratio) ** 2 * np.array([[1, -1], [-1, 1]])
         modes = np.sqrt(np.linalg.eigvals(np.diag([1.0, 100.0]) @ K)) / (2.0 * np.pi)
         assert (met.mode, met.nodal_diameter) == (2, -1) and met.frequency == pytest.approx(modes.max(), rel=1e-9)
@@ -205,10 +209,10 @@ class TestMeetings:
 
     def test_at_the_nodal_diameter_of_the_harmonic(self, blade):
         """Harmonic 16 of engine order 5 has nodal diameter 20 of 60 sectors."""
-        found = list(room._meetings(blade.with_(harmonics=16).problem, blade.peak(103.6)))
+        found = list(room._meetings(blade.replace(harmonics=16).problem, blade.peak(103.6)))
         met = {m.harmonic: m for m in found}
         assert met[16].nodal_diameter == 20 and met[16].mode == 7 and met[16].distance == pytest.approx(0.016, abs=2e-3)
-        assert all(abs(m.distance) <= room.NEAR for m in found) and 14 not in met
+        assert all(abs(m.distance) <= room.NEAR_MODE for m in found) and 14 not in met
 
 
 class TestClaims:
@@ -219,7 +223,9 @@ class TestClaims:
         assert found.note.startswith("75.3 µm with 1 harmonic, 69.2 to 70.7 µm with 9 to 13: not converged with 1")
 
     def test_meetings_are_named(self):
-        found = series(1.0, 1.0, 0.8, 0.8, meetings=(Meeting(4, 4, 10, 9e3, -0.03), Meeting(5, 4, 10, 9e3, 0.01)))
+        found = series(
+            1.0, 1.0, 0.8, 0.8, internal_resonances=(Meeting(4, 4, 10, 9e3, -0.03), Meeting(5, 4, 10, 9e3, 0.01))
+        )
         where = "harmonic 5 is within 1 % of mode 4 of the stuck structure at nodal diameter 10 (9000 Hz)"
         assert where in str(found)
 
@@ -239,10 +245,10 @@ class TestOptimalCurve:
         more = found.convergence
         assert [p.harmonics for p in more.peaks][:3] == [1, 5, 7] and max(p.harmonics for p in more.peaks) <= 16
         assert more.peaks[0].amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-4)
-        alone = study.converge(study.peak(curve.optimum.preload, INTERVAL), harmonics=(5, 7, 9, 12, 16))
+        alone = study.harmonic_convergence(study.peak(curve.optimum.preload, INTERVAL), harmonics=(5, 7, 9, 12, 16))
         assert found.cost.evaluations == curve.cost.evaluations + more.cost.evaluations
         assert more.cost.evaluations > alone.cost.evaluations and found.cost.seconds > curve.cost.seconds
-        assert f"More harmonics: {more.verdict}." in found.bottom_line() and more.note in found.details()
+        assert f"More harmonics: {more.verdict}." in found._headline() and more.note in found.summary()
         found.save(tmp_path / "optimal.h5")
         assert bd.load(tmp_path / "optimal.h5").convergence == more
 
@@ -265,12 +271,12 @@ class TestOptimalCurve:
 @pytest.mark.slow
 def test_the_turbine_blade(blade):
     """Three to nine harmonics agree and are 6 to 8 % above what sixteen and more say; five times the optimum converges."""
-    found = blade.converge(blade.peak(103.6))
+    found = blade.harmonic_convergence(blade.peak(103.6))
     amplitude = {p.harmonics: 1e6 * p.amplitude for p in found.peaks}
     expected = {3: 75.29, 5: 74.95, 7: 74.96, 9: 75.16, 12: 74.19, 16: 69.41, 20: 70.67, 26: 69.19}
     assert amplitude == pytest.approx(expected, rel=1e-3) and found.status == "complete"
     assert found.note.startswith("75.3 µm with 3 harmonics, 69.2 to 70.7 µm with 16 to 26: not converged with 3")
-    far = blade.converge(blade.peak(518.0))
+    far = blade.harmonic_convergence(blade.peak(518.0))
     assert far.converged and far.peaks[-1].amplitude == pytest.approx(188.36e-6, rel=1e-3)
 
 
@@ -281,7 +287,7 @@ def test_fourteen_and_fifteen_harmonics_of_the_turbine_blade(blade):
     y, problem = peak.y.copy(), blade.problem
     y[-1] = 2.0 * np.pi * 660.77
     for n in (3, 7, 12, 13, 14, 15):
-        richer = blade.with_(harmonics=n).problem
+        richer = blade.replace(harmonics=n).problem
         system = richer.system(103.6)
         guess = embed(problem, richer, 103.6, y)
         c = system.correct_at(guess[:-1], guess[-1], system.units(guess, guess[-1]), 1e-9, 40, 2)

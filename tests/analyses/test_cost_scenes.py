@@ -12,7 +12,7 @@ def test_the_least_peak_is_that_of_a_curve_with_a_peak():
     one has no peak above 285 Hz."""
     preloads, band = np.array([37.96543782323048, 76.94668000744166]), bench_cost.BANDS["bladed_disk"]
     study = bench_cost.study("bladed_disk", 10, 0.4)
-    short, whole = (study.track(p, band) for p in preloads)
+    short, whole = (study.frequency_response(p, band) for p in preloads)
     assert whole.complete and not whole.peak_at_end
     assert short.peak_at_end or not short.complete
     optimum = study.optimal_curve(preloads, frequency=band, check=False).optimum

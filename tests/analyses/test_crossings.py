@@ -13,7 +13,7 @@ from bdamper.analyses.speed_family import SpeedFamily
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.plot import plot_crossings
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.peak import amplitude_at
 from bdamper.util.cost import CostMeter
 from tests.plain import plain_study
@@ -30,12 +30,12 @@ def study():
 
 @pytest.fixture(scope="module")
 def found(study):
-    return study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001))
+    return study.resonance_crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001))
 
 
 def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     """The other crossings are there, and what the model neglects is told of them."""
-    both = study.crossings(SPEEDS, [4, 5])
+    both = study.resonance_crossings(SPEEDS, [4, 5])
     assert both.status[0].startswith("failed") and "nodal diameter" in both.status[0] and not both.complete
     assert both.values[1]["kind"] == "complete" and both.values[1]["amplitude"] == found.values[1]["amplitude"]
     assert both.warnings == ("", "")
@@ -85,22 +85,24 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
     """With the highest point and the peak at fixed speed of the crossing; its unknowns are those of no study."""
     run = study.run_up((420.0, 465.0))
     value = found.values[1]
-    assert isinstance(run, Curve) and run.complete and not run.peak_at_end, str(run)
+    assert isinstance(run, ResponseCurve) and run.complete and not run.peak_at_end, str(run)
     assert run.speed.min() == pytest.approx(420.0) and run.speed.max() == pytest.approx(465.0)
     np.testing.assert_allclose(2.0 * np.pi * run.frequency, 5.0 * run.speed, rtol=1e-12)
     top = run.peak.index
     assert run.amplitude[top] == pytest.approx(value["amplitude"], rel=1e-9)
     assert run.unknowns.shape == (len(run), 0)
     fixed = f"{1e3 * value['fixed_speed_amplitude']:.4g} mm at {value['fixed_speed']:.5g} rad/s"
-    assert f"above the peak at fixed speed, {fixed}" in run.details()
-    assert "interpolation over speed leaves a residual of" in run.details()
-    assert "along engine order 5, at 4208.3 rpm (440.69 rad/s)" in run.bottom_line()
+    assert f"above the peak at fixed speed, {fixed}" in run.summary()
+    assert "interpolation over speed leaves a residual of" in run.summary()
+    assert "along engine order 5, at 4208.3 rpm (440.69 rad/s)" in run._headline()
     assert run.plot().get_xlabel() == "Rotor speed (rpm)" and run.columns()["speed"].unit == "rad/s"
     run.save(tmp_path / "run.h5")
     again = bd.load(tmp_path / "run.h5")
     np.testing.assert_array_equal(again.speed, run.speed)
-    assert again.details() == run.details()
-    with pytest.raises(bd.SettingError, match=r"curve: expected a tracking curve .study.track., found a run-up curve"):
+    assert again.summary() == run.summary()
+    with pytest.raises(
+        bd.SettingError, match=r"curve: expected a response curve .study.frequency_response., found a run-up curve"
+    ):
         study.hysteresis(run)
 
 
@@ -111,7 +113,7 @@ def test_where_faces_open_the_highest_point_is_the_end_of_a_plateau(mass, highes
     """It meets the line at a higher speed than the highest peak at fixed speed does, under more load, and is higher."""
     shipped = bd.reference_model("bladed_disk", 9)
     study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=1)
-    found = study.crossings((400.0, 600.0), [5], damper_mass=(mass,))
+    found = study.resonance_crossings((400.0, 600.0), [5], damper_mass=(mass,))
     (value,) = found.values
     assert value["kind"] == "complete", str(found)
     assert (value["amplitude"], value["speed"]) == pytest.approx(highest, rel=1e-4)
@@ -123,10 +125,10 @@ def test_where_the_response_has_a_shoulder_both_are_named():
     """Three harmonics: no second maximum at fixed speed, and the highest point is 2.4 % above the peak."""
     shipped = bd.reference_model("bladed_disk", 9)
     study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
-    (value,) = study.crossings((400.0, 600.0), [5]).values
+    (value,) = study.resonance_crossings((400.0, 600.0), [5]).values
     assert 0.02 < value["amplitude"] / value["fixed_speed_amplitude"] - 1.0 < 0.03
     run = study.run_up()
-    assert run.peak.amplitude == pytest.approx(value["amplitude"], rel=1e-6) and "% above the peak" in run.details()
+    assert run.peak.amplitude == pytest.approx(value["amplitude"], rel=1e-6) and "% above the peak" in run.summary()
 
 
 def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
@@ -134,7 +136,7 @@ def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
     run = study.run_up((420.0, 465.0))
     higher = replace(run, harmonics=np.vstack([run.harmonics[:-1], 1.01 * run.harmonics[[run.peak.index]]]))
     assert not run.peak_at_end and higher.peak_at_end
-    assert "lies at an end of the curve" in higher.bottom_line()
+    assert "lies at an end of the curve" in higher._headline()
 
 
 def test_pictures_of_crossings(study, found):
@@ -233,7 +235,7 @@ def test_unknowns_of_two_speeds_are_comparable(line):
 def test_corners_of_tables_over_speed_take_a_shorter_range(study):
     """Friction that rises from a speed near the crossing on: polynomials over the whole range are off there."""
     table = {300.0: 0.3, 435.0: 0.3, 600.0: 0.6}
-    found = study.crossings((400.0, 500.0), [5], friction=table)
+    found = study.resonance_crossings((400.0, 500.0), [5], friction=table)
     with pytest.raises(bd.SettingError, match="speeds: expected a range in which the equations change smoothly"):
         study.run_up((400.0, 500.0), friction=table)
     beyond = study.run_up((436.5, 470.0), friction=table)
@@ -242,43 +244,45 @@ def test_corners_of_tables_over_speed_take_a_shorter_range(study):
 
 
 def test_coupled_friction(study, found):
-    coupled = study.with_(friction_law="coupled", evaluation=bd.Sampled(64))
-    other = coupled.crossings((400.0, 500.0), [5])
+    coupled = study.replace(friction_law="coupled", contact_forces=bd.AFT(64))
+    other = coupled.resonance_crossings((400.0, 500.0), [5])
     assert other.values[0]["kind"] == "complete", str(other)
     assert other.values[0]["amplitude"] == pytest.approx(found.values[1]["amplitude"], rel=0.2)
 
 
 def test_executors_and_files_give_the_same_table(study, found, tmp_path):
     with ThreadPoolExecutor(2) as pool:
-        other = study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), executor=pool, resume=tmp_path / "kept")
+        other = study.resonance_crossings(
+            SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), executor=pool, resume=tmp_path / "time_response"
+        )
     np.testing.assert_allclose(other.array("amplitude"), found.array("amplitude"), rtol=1e-12)
-    again = study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), resume=tmp_path / "kept")
+    again = study.resonance_crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), resume=tmp_path / "time_response")
     np.testing.assert_array_equal(again.array("amplitude"), other.array("amplitude"))
     again.save(tmp_path / "table.h5")
     assert str(bd.load(tmp_path / "table.h5")) == str(again)
     with pytest.raises(bd.BdamperError, match="found those of another one"):
-        study.crossings((400.0, 500.0), [5], resume=tmp_path / "kept")
+        study.resonance_crossings((400.0, 500.0), [5], resume=tmp_path / "time_response")
 
 
 def test_answers_of_another_function_are_not_taken_up(study, tmp_path):
     """Two functions of one name, and a search without a crossing, which ends at once."""
     for mu in (0.3, 0.4):
-        where = tmp_path / "kept"
+        where = tmp_path / "time_response"
         if mu == 0.4:
             with pytest.raises(bd.BdamperError, match="found those of another one"):
-                study.crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+                study.resonance_crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
         else:
-            study.crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+            study.resonance_crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
 
 
 def test_nodal_diameters_without_data_over_speed_are_told():
     study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, harmonics=2, friction_coefficient=0.3)
     blade = study.model.bodies["blade"]
     bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
-    study = study.with_(model=replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}))
+    study = study.replace(model=replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}))
     told = "nodal diameters 10: modes of one rotor speed"
-    assert told in study.crossings((100.0, 200.0), [5]).details() and told in str(study.at_speed(400.0))
-    assert "neglected" not in str(study.with_(harmonics=1).at_speed(400.0))
+    assert told in study.resonance_crossings((100.0, 200.0), [5]).summary() and told in str(study.at_speed(400.0))
+    assert "neglected" not in str(study.replace(harmonics=1).at_speed(400.0))
 
 
 def test_tables_are_asked_where_they_reach(study):
@@ -288,13 +292,13 @@ def test_tables_are_asked_where_they_reach(study):
 
 def test_a_line_without_a_maximum_is_told(study):
     """The range ends before the highest point."""
-    found = study.crossings((400.0, 425.0), [5])
+    found = study.resonance_crossings((400.0, 425.0), [5])
     assert found.values[0]["kind"] == "not found" and np.isnan(found.values[0]["amplitude"])
     assert "no maximum of mode 1 between 400 and 425 rad/s: does the excitation move it" in found.warnings[0], str(found)
 
 
 def test_no_crossing_in_the_range(study):
-    found = study.crossings((100.0, 200.0), [5])
+    found = study.resonance_crossings((100.0, 200.0), [5])
     assert found.values[0]["kind"] == "none" and np.isnan(found.values[0]["speed"]) and found.complete
     assert found.warnings == ("engine order 5 meets no resonance of mode 1 between 100 and 200 rad/s",)
     with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 100 and 200"):
@@ -318,9 +322,9 @@ def test_a_range_whose_end_is_highest_is_named(study):
 )
 def test_questions_that_do_not_fit(study, asked, words):
     with pytest.raises(bd.SettingError, match=words):
-        study.crossings(*asked)
+        study.resonance_crossings(*asked)
     with pytest.raises(bd.SettingError, match="damper_mass: expected"):
-        study.crossings((400.0, 500.0), [5], damper_mass=(0.0,))
+        study.resonance_crossings((400.0, 500.0), [5], damper_mass=(0.0,))
 
 
 def test_the_mass_factor_alone_scales_inertia(study):

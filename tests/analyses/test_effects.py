@@ -47,10 +47,10 @@ COUNTS = [
     ({"translation": ("X", "Y")}, 10 * 7, 18),
     ({"damper_modes": 0}, 10 * 7, 18),
     ({"blade_modes": 2}, 9 * 7, 18),
-    ({"constraints": False}, 11 * 7, 12),
+    ({"constraint_planes": False}, 11 * 7, 12),
     ({"contact_points": 2}, 11 * 7, 10),
     ({"harmonic_nodal_diameters": False}, 11 * 7, 18),
-    ({"harmonics": 1, "bias": False, "rotation": (), "damper_modes": 0, "constraints": False}, 7 * 2, 12),
+    ({"harmonics": 1, "bias": False, "rotation": (), "damper_modes": 0, "constraint_planes": False}, 7 * 2, 12),
 ]
 
 
@@ -64,7 +64,7 @@ def test_every_evaluation_of_a_curve_is_counted(full):
     """Contact laws are evaluated once for each point of the system and each evaluation of the residual."""
     cheap = full.with_effects(effects(full, harmonics=1, damper_modes=0))
     for study in (full, cheap):
-        curve = study.track(5000.0, (780.0, 880.0))
+        curve = study.frequency_response(5000.0, (780.0, 880.0))
         assert curve.complete
         # one Jacobian for each corrector iteration, and one for the tangent of each point
         assert curve.cost.evaluations >= curve.cost.jacobians >= curve.cost.iterations + len(curve)
@@ -109,7 +109,7 @@ def test_equations_that_remain_are_those_of_the_full_system(full, changes):
 def test_without_separation_the_normal_spring_is_two_sided(full):
     rng = np.random.default_rng(2)
     gap = np.linspace(0.0, 1e-7, 6)
-    study = full.with_effects(effects(full, separation=False)).with_(gap={"left": gap, "right": gap})
+    study = full.with_effects(effects(full, separation=False)).replace(gap={"left": gap, "right": gap})
     closed = ~(study.static(PRELOAD).status == OPEN).any(axis=1)
     friction = np.arange(18) < 12
     system, u = state_of(study, rng, 3e-5)
@@ -147,9 +147,9 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
 
 
 def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
-    study = full.with_effects(effects(full, variable_normal_load=False, bias=True, constraints=False))
+    study = full.with_effects(effects(full, variable_normal_load=False, bias=True, constraint_planes=False))
     assert not bd.Effects.of(study).variable_normal_load
-    curve = study.track(20.0, (780.0, 880.0))
+    curve = study.frequency_response(20.0, (780.0, 880.0))
     assert curve.complete
     assert curve.shares[:, 1].max() > 0.01
     top = np.abs(curve.harmonics).max(axis=0)
@@ -158,8 +158,8 @@ def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
 
 @pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
 def test_stuck_response_does_not_depend_on_how_points_would_slip_or_open(full, changes):
-    a = full.track(1e6, (780.0, 880.0))
-    b = full.with_effects(effects(full, **changes)).track(1e6, (780.0, 880.0))
+    a = full.frequency_response(1e6, (780.0, 880.0))
+    b = full.with_effects(effects(full, **changes)).frequency_response(1e6, (780.0, 880.0))
     assert a.shares[:, 0].min() == 1.0
     assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-8)
     assert b.peak.frequency == pytest.approx(a.peak.frequency, rel=1e-9)
@@ -199,24 +199,24 @@ def test_united_points_keep_rigid_motion_area_and_energy(model):
 
 
 def test_as_many_groups_as_points_change_nothing(full):
-    a = full.track(2000.0, (780.0, 880.0))
-    b = full.with_effects(effects(full, contact_points=6)).track(2000.0, (780.0, 880.0))
+    a = full.frequency_response(2000.0, (780.0, 880.0))
+    b = full.with_effects(effects(full, contact_points=6)).frequency_response(2000.0, (780.0, 880.0))
     assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-9)
 
 
 def test_given_stiffness_is_that_of_the_points_of_the_model(full):
-    whole = full.with_(contact_stiffness=2e7)
-    united = whole.with_(contact_points=2)
+    whole = full.replace(contact_stiffness=2e7)
+    united = whole.replace(contact_points=2)
     np.testing.assert_allclose(united.problem.point_stiffness[:2], 6e7)
     total = whole.problem.point_stiffness[:12].sum(axis=0)
     np.testing.assert_allclose(united.problem.point_stiffness[:4].sum(axis=0), total)
-    by_name = united.with_(contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.problem.coupling.interfaces})
+    by_name = united.replace(contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.problem.coupling.interfaces})
     np.testing.assert_allclose(by_name.problem.point_stiffness[0], [3e7, 6e7, 9e7])
 
 
 def test_given_gap_is_that_of_the_points_of_the_model(full):
     gap = np.linspace(0.0, 5e-6, 6)
-    united = full.with_(contact_points=2, gap={"left": gap})
+    united = full.replace(contact_points=2, gap={"left": gap})
     np.testing.assert_allclose(np.sort(united.problem.point_gaps[:2]).mean(), gap.mean())
     assert united.problem.point_gaps[:2].min() > 0.0
     np.testing.assert_array_equal(united.problem.point_gaps[2:4], 0.0)
@@ -230,7 +230,7 @@ def test_effects_and_settings_are_one(full):
     study = plain_study(full.model, bd.Excitation("tip"), engine_order=2).with_effects(chosen)
     assert bd.Effects.of(study) == chosen
     assert study.settings.harmonics == (1, 3) and study.settings.rigid_modes == ("TX", "TY", "TZ", "RZ")
-    assert bd.Effects.of(study.with_(harmonics=2)).harmonics == 2
+    assert bd.Effects.of(study.replace(harmonics=2)).harmonics == 2
     assert bd.Effects.of(study.with_effects(bd.Effects.of(full))) == bd.Effects.of(full)
 
 
@@ -249,7 +249,7 @@ def test_every_effect_has_an_assumption():
         ("variable normal load", {"variable_normal_load": False, "separation": False}),
         ("separation", {"separation": False}),
         ("harmonic nodal diameters", {"harmonic_nodal_diameters": False}),
-        ("constraints", {"constraints": False}),
+        ("constraint_planes", {"constraint_planes": False}),
         ("rotation X", {"rotation": ("Y", "Z")}),
         ("translation Z", {"translation": ("X", "Y")}),
         ("harmonics beyond 3", {"harmonics": 3}),
@@ -275,9 +275,9 @@ def test_what_is_off_or_fewer_already_remains():
 
 
 def test_stability_is_judged_only_where_it_is_on(full):
-    assert full.track(1000.0, (838.0, 842.0)).stable is None
+    assert full.frequency_response(1000.0, (838.0, 842.0)).stable is None
     judged = full.with_effects(effects(full, stability=True))
-    curve = judged.track(1000.0, (838.0, 842.0))
+    curve = judged.frequency_response(1000.0, (838.0, 842.0))
     assert curve.stable is not None and curve.stable.shape == (len(curve),)
 
 
@@ -294,12 +294,12 @@ def test_bad_effects_are_named(wrong):
 
 
 def test_coupled_friction_brings_a_sampled_evaluation(full):
-    assert full.settings.evaluation == "exact"
-    assert isinstance(full.with_(friction_law="coupled").settings.evaluation, bd.Sampled)
+    assert full.settings.contact_forces == "event_driven"
+    assert isinstance(full.replace(friction_law="coupled").settings.contact_forces, bd.AFT)
     coupled = full.with_effects(effects(full, friction_law="coupled"))
-    assert isinstance(coupled.settings.evaluation, bd.Sampled) and coupled.settings.friction_law == "coupled"
-    kept = full.with_(evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
-    assert kept.settings.evaluation == bd.Sampled(256)
+    assert isinstance(coupled.settings.contact_forces, bd.AFT) and coupled.settings.friction_law == "coupled"
+    kept = full.replace(contact_forces=bd.AFT(256)).with_effects(effects(full, friction_law="coupled"))
+    assert kept.settings.contact_forces == bd.AFT(256)
 
 
 # ---- settings together ----
@@ -308,8 +308,8 @@ def test_coupled_friction_brings_a_sampled_evaluation(full):
 @pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
 def test_bonded_points_do_not_know_of_separation(full, changes):
     """They pull as well as they push (and have no gaps, which would be refused)."""
-    bonded = full.with_(friction_law="bonded", constraints=False)
-    plain, other = bonded.problem.system(PRELOAD), bonded.with_(**changes).problem.system(PRELOAD)
+    bonded = full.replace(friction_law="bonded", constraint_planes=False)
+    plain, other = bonded.problem.system(PRELOAD), bonded.replace(**changes).problem.system(PRELOAD)
     u = np.random.default_rng(5).normal(size=plain.n_unknowns)
     for a, b in zip(plain.evaluate(u, 2000.0), other.evaluate(u, 2000.0)):
         np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9 * np.abs(a).max())
@@ -317,7 +317,7 @@ def test_bonded_points_do_not_know_of_separation(full, changes):
 
 def test_modes_of_a_system_are_those_of_its_points(full):
     """Whatever reads the equations of a system finds the motion of its points in its modes."""
-    system = full.with_(separation=False).problem.system(PRELOAD)
+    system = full.replace(separation=False).problem.system(PRELOAD)
     u = np.random.default_rng(6).normal(size=system.n_unknowns)
     X, _, _ = system.contact(u)
     for l in range(1, 4):
@@ -329,15 +329,15 @@ def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
     interval = (600.0, 800.0)
     faces = {name: np.full((face.n_points, 3), 1e6) for name, face in full.model.interfaces.items()}
     stiffness = [1e6, 2e6, bd.PerArea(1e12), bd.PerArea((1e12, 1e12, 2e12)), faces, "unit_traction"]
-    curves = [full.with_(contact_stiffness=k).free(interval) for k in stiffness]
+    curves = [full.replace(contact_stiffness=k).free(interval) for k in stiffness]
     for i, a in enumerate(curves):
         assert all(a.settings != b.settings for b in curves[:i])
     # numbers of whatever kind can be saved
-    numbers = full.with_(
+    numbers = full.replace(
         harmonics=np.int64(2),
         blade_modes=np.int64(3),
         contact_points=np.int64(2),
-        evaluation=bd.Sampled(np.int64(64)),
+        contact_forces=bd.AFT(np.int64(64)),
         damping_ratio=np.float32(0.001),
         excitation=bd.Excitation("tip", direction=np.array([1.0, 0.0, 0.0]), amplitude=np.float32(2.0)),
         contact_stiffness=faces,
@@ -351,24 +351,24 @@ def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
 
 def test_studies_can_be_keys_and_be_sent_elsewhere(full):
     again = pickle.loads(pickle.dumps(full))
-    assert len({full, full, full.another(full.problem.with_()), again}) == 3
+    assert len({full, full, full._with_problem(full.problem.replace()), again}) == 3
     assert again.model.hash == full.model.hash
     # to rounding, which depends on where arrays lie in memory
     np.testing.assert_allclose(again.static(PRELOAD).force, full.static(PRELOAD).force, rtol=0.0, atol=1e-12 * PRELOAD)
 
 
 def test_a_curve_of_other_settings_is_refused(full):
-    curve = full.track(PRELOAD, (1090.0, 1110.0))
+    curve = full.frequency_response(PRELOAD, (1090.0, 1110.0))
     assert len(curve)
     assert full.with_stability(curve).stable is not None
     with pytest.raises(bd.SettingError, match="found one with other settings"):
-        full.with_(friction_coefficient=0.1).with_stability(curve)
+        full.replace(friction_coefficient=0.1).with_stability(curve)
 
 
 def test_linear_resonances_are_those_of_the_linear_curves(full):
     """With residual modes, which have no inertia or that of the modes left out, as well as without."""
     for method in ("unit_traction", "residual_modes"):
-        study = full.with_(contact_stiffness=method)
+        study = full.replace(contact_stiffness=method)
         system, springs = study.problem.system(PRELOAD), stuck_springs(study.problem, study.static(PRELOAD))
         low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
         found = system.structure.linear.resonances((springs,), low, high)
@@ -394,11 +394,11 @@ def test_linear_resonances_are_those_of_the_linear_curves(full):
 )
 def test_wrong_settings_are_named_at_once(full, settings, message):
     with pytest.raises(bd.SettingError, match=message):
-        full.with_(**settings)
+        full.replace(**settings)
 
 
 def test_whole_numbers_of_other_kinds_are_taken(full):
-    assert full.with_(blade_modes=3.0, engine_order=np.int64(2)).problem.system(PRELOAD).n_unknowns == 10 * 7
+    assert full.replace(blade_modes=3.0, engine_order=np.int64(2)).problem.system(PRELOAD).n_unknowns == 10 * 7
 
 
 def test_a_study_is_printed_without_its_model(full):
@@ -406,7 +406,7 @@ def test_a_study_is_printed_without_its_model(full):
 
 
 def test_no_stuck_response_without_a_static_state(full):
-    study = full.another(full.problem.with_())
+    study = full._with_problem(full.problem.replace())
     study.problem.static_states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
     with pytest.raises(bd.BdamperError, match="expected a static state under 300 N, found none: lost"):
         study.stuck((600.0, 800.0), PRELOAD)
@@ -414,7 +414,7 @@ def test_no_stuck_response_without_a_static_state(full):
 
 def test_residual_modes_are_no_bodies_that_walk(full):
     """What is said of mean positions leaves coordinates alone that belong to no body."""
-    study = full.with_(contact_stiffness="residual_modes")
+    study = full.replace(contact_stiffness="residual_modes")
     system, coordinates = study.problem.system(0.0), study.problem.bases[0].coordinates
     assert any(c.body not in study.model.bodies for c in coordinates)
     model = study.problem.coupling.model
@@ -431,11 +431,11 @@ def test_residual_modes_are_no_bodies_that_walk(full):
 
 def test_a_peak_says_how_its_curve_ended(full):
     peak = full.peak(1000.0, (820.0, 860.0))
-    assert peak.scan == "complete"
-    assert "higher one" not in peak.details()
+    assert peak.search_status == "complete"
+    assert "higher one" not in peak.summary()
     assert (
         "There may be a higher one, the curve ended as: incomplete (why)"
-        in replace(peak, scan="incomplete (why)").bottom_line()
+        in replace(peak, search_status="incomplete (why)")._headline()
     )
 
 

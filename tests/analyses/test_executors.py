@@ -166,7 +166,7 @@ def test_a_worker_keeps_a_few_jobs(tmp_path):
     with ProcessPoolExecutor(1) as pool:
         for k in range(3 * executors.MOST_JOBS):
             bd.sweep(pressed(), {"preload": [1.0]}, Count(k), executor=pool)
-        assert pool.submit(kept).result() == executors.MOST_JOBS
+        assert pool.submit(time_response).result() == executors.MOST_JOBS
 
 
 class Count:
@@ -179,5 +179,5 @@ class Count:
         return {"value": float(self.number)}
 
 
-def kept():
+def time_response():
     return len(executors._jobs)

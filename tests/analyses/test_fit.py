@@ -23,7 +23,9 @@ LOADS = 0.5, 2.0, 6.0  # slips through, slips, mostly sticks under 1 N
 def jenkins():
     """One mass with an elastic friction element, whose normal load is that of a second mass."""
     contact = bd.Contact(tangential=0, normal=1, kt=1.0, kn=20.0, mu=0.5)
-    return bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, loads={1: 1.0}, harmonics=1)
+    return bd.lumped(
+        [1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, load_per_preload={1: 1.0}, harmonics=1
+    )
 
 
 def measured(study, test, noise=0.0, seed=0):
@@ -34,12 +36,12 @@ def measured(study, test, noise=0.0, seed=0):
     noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
     response = np.array([swept.first(swept.at(at)) for at in f]) * np.exp(noise_of[0] + 1j * noise_of[1])
     response = response if test.data.response.imag.any() else np.abs(response) + 0j
-    return bd.Test(bd.importers.Measurement(test.data.name, f, response), test.preload, test.force, test.sweep)
+    return bd.MeasuredResponse(bd.importers.Measurement(test.data.name, f, response), test.preload, test.force, test.sweep)
 
 
 def blank(preload, band, n=20, phase=True, **how):
     unit = np.ones(n) * (1j if phase else 1.0)
-    return bd.Test(bd.importers.Measurement(f"{preload:g} N", np.linspace(*band, n), unit), preload, **how)
+    return bd.MeasuredResponse(bd.importers.Measurement(f"{preload:g} N", np.linspace(*band, n), unit), preload, **how)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +64,7 @@ def test_the_whole_of_the_experiment_times_three_changes_nothing(jenkins, tests)
     truth = vary(jenkins, TRUE)
     noisy = [measured(truth, test, 0.02, i) for i, test in enumerate(tests)]
     larger = [(t, bd.importers.Measurement(t.data.name, t.data.frequency, 3.0 * t.data.response)) for t in noisy]
-    larger = [bd.Test(data, 3.0 * t.preload, 3.0) for t, data in larger]
+    larger = [bd.MeasuredResponse(data, 3.0 * t.preload, 3.0) for t, data in larger]
     first, second = fit(jenkins, noisy, RANGES), fit(jenkins, larger, RANGES)
     assert second.values == pytest.approx(first.values, rel=1e-6)
     assert second.deviation == pytest.approx(first.deviation, rel=1e-4)
@@ -83,7 +85,7 @@ def test_derivatives_of_residuals(jenkins, tests):
 def test_derivatives_of_distances_at_a_jump():
     """Points around a fold are compared with the whole curve, with finite derivatives on either side."""
     study = bd.lumped(1.0, 0.04, 1.0, cubic={0: 0.05}, forces={0: 0.12}, harmonics=1)
-    curve = study.track(0.0, (0.12, 0.28))
+    curve = study.frequency_response(0.0, (0.12, 0.28))
     (jump,) = sweep_of(curve, "up").jumps
     test = measured(study, blank(0.0, (0.97 * jump.frequency, 1.03 * jump.frequency), 25))
     objective = Objective(study, [test], {"force_factor": (0.5, 2.0), "damping_factor": (0.5, 2.0)}, 0.02)
@@ -107,7 +109,7 @@ def test_deviations_are_those_of_the_errors(jenkins):
     for seed in range(50):
         noise = np.random.default_rng(seed).standard_normal((2, 15)) * 0.02
         data = bd.importers.Measurement("2 N", exact.data.frequency, exact.data.response * np.exp(noise[0] + 1j * noise[1]))
-        objective = Objective(jenkins, [bd.Test(data, 2.0)], RANGES, 0.02)
+        objective = Objective(jenkins, [bd.MeasuredResponse(data, 2.0)], RANGES, 0.02)
         x = objective.least(np.log(list(TRUE.values())), np.ones(2, bool), 1e-8)
         deviation = np.sqrt(np.diag(np.linalg.inv(objective.jacobian(x).T @ objective.jacobian(x))))
         ratios.append((x - np.log(list(TRUE.values()))) / deviation)
@@ -122,7 +124,7 @@ def test_stages_and_resonances():
     limit = truth.free((500.0, 700.0)).peak
     width = 0.01 * limit.frequency
     plan = blank(0.0, (limit.frequency - width, limit.frequency + width), 20, force=1.05)
-    free = bd.Test(measured(truth, plan).data, 0.0)  # the cell has shown 1 N of 1.05 N
+    free = bd.MeasuredResponse(measured(truth, plan).data, 0.0)  # the cell has shown 1 N of 1.05 N
     loads = np.array([0.0, 20.0, 60.0, 200.0])
     peaks = [limit, *(truth.peak(load) for load in loads[1:])]
     data = Measured(loads, np.array([p.amplitude for p in peaks]), np.array([p.frequency for p in peaks]), "resonances")
@@ -294,7 +296,7 @@ class TestMistakes:
         again = bd.load(tmp_path / "fit.h5")
         assert again.values == pytest.approx(found.values)
         with pytest.raises(bd.SettingError, match="harmonics 1"):
-            again.apply(jenkins.with_(harmonics=3))
+            again.apply(jenkins.replace(harmonics=3))
         assert "to no other settings" in str(found).replace("\n", " ")
 
     def test_what_the_data_cannot_tell_apart(self, jenkins, tests):
@@ -307,7 +309,7 @@ class TestMistakes:
         with pytest.raises(bd.SettingError, match="data: expected one test or more"):
             fit(jenkins, [], RANGES, free=tests[0])
         with pytest.raises(bd.BdamperError, match="amplitudes above 0, found 0"):
-            bd.Test(bd.importers.Measurement("rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])), 1.0)
+            bd.MeasuredResponse(bd.importers.Measurement("rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])), 1.0)
 
     def test_mistakes_of_the_settings_are_raised(self, tests):
         """The model carries no load, so its preload is 0; formerly each point counted as lost and friction was "0.5"."""
@@ -323,19 +325,19 @@ class TestMistakes:
         ranges = {"friction_coefficient": (0.1, 0.9), "damping_factor": (0.5, 2.0)}
         found = fit(jenkins, free, ranges)
         assert [found.low[0], found.high[0]] == pytest.approx([0.1, 0.9]) and np.isinf(found.deviation[0])
-        assert "riction coefficient not determined by these data (0.1 to 0.9)" in found.bottom_line()
+        assert "riction coefficient not determined by these data (0.1 to 0.9)" in found._headline()
         assert "friction coefficient not determined by these data" in found.status
         assert 1.1 < found.low[1] < 1.2 < found.high[1] < 1.3  # damping is known
 
     def test_failures_of_the_solver_are_counted(self, jenkins, tests, monkeypatch):
-        track = response_residuals.track
+        frequency_response = response_residuals.frequency_response
 
         def fails(problem, preload, band):
             if preload == LOADS[0]:
                 raise StaticError("no static state")
-            return track(problem, preload, band)
+            return frequency_response(problem, preload, band)
 
-        monkeypatch.setattr(response_residuals, "track", fails)
+        monkeypatch.setattr(response_residuals, "frequency_response", fails)
         found = fit(jenkins, tests[:2], {"friction_coefficient": (0.1, 0.9)})
         assert found["friction_coefficient"] == pytest.approx(0.4, rel=0.2)
         assert "no response was found at 20 points of 0.5 N (0.5 N, up) (no static state)" in found.status
@@ -345,8 +347,8 @@ class TestMistakes:
     @pytest.mark.parametrize("factor", [1e3, 1e-6])
     def test_wrong_units_are_named_first(self, jenkins, tests, factor):
         data = bd.importers.Measurement("rig", tests[1].data.frequency, factor * tests[1].data.response)
-        found = fit(jenkins, bd.Test(data, 2.0), {"friction_coefficient": (0.1, 0.9)})
-        line = found.bottom_line().partition(".  ")[0]
+        found = fit(jenkins, bd.MeasuredResponse(data, 2.0), {"friction_coefficient": (0.1, 0.9)})
+        line = found._headline().partition(".  ")[0]
         assert line.startswith("The model does not describe these data (misfit ")
         assert f"amplitudes are about {factor:g} times those of the model: check the units" in line
         assert "the model does not describe these data" in found.status
@@ -394,10 +396,10 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     assert found["force_factor"] == pytest.approx(1.05, rel=0.02)
     j = found.names.index("friction_coefficient")
     assert found.low[j] < 0.45 < found.high[j]
-    assert found.misfit > 3.0 and "the model is wrong by more than the noise" in found.bottom_line()
-    assert "True constants may lie outside" in found.bottom_line()
+    assert found.misfit > 3.0 and "the model is wrong by more than the noise" in found._headline()
+    assert "True constants may lie outside" in found._headline()
     assert found["contact_stiffness_factor"] > 1.0  # not 0.6: it makes up for what the coarse model leaves out
-    assert "contact points 9" in found.bottom_line()
+    assert "contact points 9" in found._headline()
     with pytest.raises(bd.SettingError, match="contact points 9"):
         found.apply(rich)
     best = vary(found.apply(coarse), {"excitation.amplitude": found["force_factor"]})
@@ -410,7 +412,7 @@ def several(sliders, spread, harmonics):
     """The oscillator with sliders side by side that share its normal load unequally."""
     share = np.exp(spread * np.linspace(-1.0, 1.0, sliders))
     contacts = [bd.Contact(tangential=0, normal=1, kt=1.0 / sliders, kn=20.0 * s / share.sum(), mu=0.5) for s in share]
-    forced = {"forces": {0: 1.0}, "loads": {1: 1.0}}
+    forced = {"forces": {0: 1.0}, "load_per_preload": {1: 1.0}}
     return bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=contacts, harmonics=harmonics, **forced)
 
 
@@ -433,4 +435,4 @@ def test_friction_of_a_rich_truth_under_drawn_loads(jenkins, seed):
     found = fit(jenkins, runs, {"friction_coefficient": (0.05, 3.0), "contact_stiffness_factor": (0.1, 10.0)})
     print(mu, found.low[0], found.values[0], found.high[0], found.misfit)
     assert found.low[0] < mu < found.high[0]
-    assert found.misfit > 1.5 and "True constants may lie outside" in found.bottom_line()
+    assert found.misfit > 1.5 and "True constants may lie outside" in found._headline()

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from tests.modes.test_mode import oscillator
 
 import bdamper as bd
-from tests.modes import jenkins, wedge
+from tests.analyses import jenkins, wedge
+from tests.analyses.test_mode import oscillator
 
 TWO_PI = 2.0 * np.pi
 EXCITES = -0.1
@@ -25,14 +25,14 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert TWO_PI * found.frequency[1:] == pytest.approx([jenkins.closed_form(a)[0] for a in closed_cycles()], rel=1e-9)
     assert found.stable.tolist() == [False, True, False]
     assert found.safe == pytest.approx(closed_cycles()[1], rel=1e-9)
-    assert found.bottom_line().startswith(f"Starts below {closed_cycles()[1]:.3g} m stay bounded")
+    assert found._headline().startswith(f"Starts below {closed_cycles()[1]:.3g} m stay bounded")
     quiet = oscillator(1).flutter(0.0, -0.005, amplitude=(0.01, 30.0))
     assert quiet.stable.tolist() == [True] and np.isinf(quiet.safe).all()
     lost = oscillator(1).flutter(0.0, -0.2, amplitude=(0.01, 30.0))
     assert lost.stable.tolist() == [False] and (lost.safe == 0.0).all()
     assert found.plot().get_yscale() == "log"
     found.save(tmp_path / "flutter.h5")
-    assert bd.load(tmp_path / "flutter.h5").details() == found.details()
+    assert bd.load(tmp_path / "flutter.h5").summary() == found.summary()
 
 
 def test_a_branch_from_above_has_the_same_cycles():

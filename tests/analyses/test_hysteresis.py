@@ -27,7 +27,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def curve(study):
-    return study.track(500.0, INTERVAL)
+    return study.frequency_response(500.0, INTERVAL)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def area(x, f):
 
 def test_energies_balance_along_a_curve(study, curve):
     found = study.dissipation(curve)
-    assert not found.facts()  # those of a single solution would be numbers of points here
+    assert not found._facts()  # those of a single solution would be numbers of points here
     assert np.abs(found.imbalance).max() < 2e-9  # the residual of a point of a curve is 1e-9
     assert found.amplitude == pytest.approx(curve.amplitude, rel=1e-12)
     assert (found.energy >= -1e-12 * found.excitation.max()).all()
@@ -56,11 +56,11 @@ def test_energies_balance_to_rounding_at_a_peak(study):
 
 
 def test_points_that_never_slip_or_are_left_out(study):
-    bonded = study.with_(friction_law="bonded")
-    found = bonded.hysteresis(bonded.track(500.0, (352.0, 354.0)))
+    bonded = study.replace(friction_law="bonded")
+    found = bonded.hysteresis(bonded.frequency_response(500.0, (352.0, 354.0)))
     assert abs(found.lost) < 1e-9 * found.excitation and abs(found.imbalance) < 2e-9
-    part = study.with_(separation=False, gap={"left": np.r_[1e-3, np.zeros(8)], "right": np.zeros(9)})
-    found = part.hysteresis(part.track(500.0, (353.0, 353.5)))
+    part = study.replace(separation=False, gap={"left": np.r_[1e-3, np.zeros(8)], "right": np.zeros(9)})
+    found = part.hysteresis(part.frequency_response(500.0, (353.0, 353.5)))
     assert abs(found.imbalance) < 2e-9 and found.lost > 0.1 * found.excitation
     v, n = found.displacement[1:18, 2], found.force[1:18, 2]
     kn = part.problem.point_stiffness[1:18, 2]
@@ -94,8 +94,8 @@ def test_forces_lie_in_the_cone_and_the_gap_is_open_without_pressure(study, cycl
 def test_residual_modes_are_in_series_with_the_contact_elements(study):
     """Stuck: the equivalent stiffness is that of the whole contact, whatever part of its elasticity residual modes hold."""
     found = []
-    for method in ("unit_traction", bd.ResidualModes(patterns=2)):
-        other = study.with_(contact_stiffness=method, blade_modes=4, constraints=False)
+    for method in ("unit_traction", bd.ResidualModes(n_vectors=2)):
+        other = study.replace(contact_stiffness=method, blade_modes=4, constraint_planes=False)
         system, static = other.problem.system(2e4), other.static(2e4)
         stuck = system.structure.linear.response(2.0 * np.pi * 300.0, stuck_springs(other.problem, static))
         u = system.layout.pack(static.q, 0.05 * stuck)
@@ -109,7 +109,7 @@ def test_springs_of_the_bodies_are_no_contacts():
     K = np.array([[2.0, -1.0], [-1.0, 1.0]])
     contact = bd.Contact(0, kt=0.5, mu=1.0, preload=9.0)
     chain = bd.lumped(np.eye(2), [[0.1, 0.0], [0.0, 0.0]], K, contacts=[contact], forces={0: 0.1}, cubic={(1, 0): 0.5})
-    found = chain.hysteresis(chain.track(0.0, (0.10, 0.11)))
+    found = chain.hysteresis(chain.frequency_response(0.0, (0.10, 0.11)))
     assert found.interfaces == ("contact 1", "cubic 1") and abs(found.imbalance) < 2e-9
     assert found.stiffness == pytest.approx(0.5, rel=1e-9), "stuck, at the response itself"
     x, f = found.loop("cubic 1")
@@ -137,9 +137,12 @@ def test_of_an_optimal_curve(study):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (lambda s, c: s.hysteresis(s.model), "result: expected a tracking curve, a peak or an optimal curve of this study"),
-        (lambda s, c: s.dissipation(s.free(INTERVAL)), "expected a tracking curve .study.track., found a free curve"),
-        (lambda s, c: s.with_(friction_coefficient=0.3).dissipation(c), "other settings"),
+        (lambda s, c: s.hysteresis(s.model), "result: expected a response curve, a peak or an optimal curve of this study"),
+        (
+            lambda s, c: s.dissipation(s.free(INTERVAL)),
+            "expected a response curve .study.frequency_response., found a free curve",
+        ),
+        (lambda s, c: s.replace(friction_coefficient=0.3).dissipation(c), "other settings"),
         (lambda s, c: s.hysteresis(c, 10**6), "index of a point: expected"),
         (lambda s, c: s.hysteresis(c).loop("top"), "where: expected one of"),
         (lambda s, c: s.hysteresis(c).plot(["whole", "left"]), 'where: expected contact points and faces, or "whole"'),
@@ -197,7 +200,7 @@ def test_as_many_axes_are_given_as_a_picture_has(study, curve):
 
 
 def test_a_result_of_another_response_is_refused(study, curve):
-    other = study.with_(response=bd.Response("tip", "axial"))
+    other = study.replace(response=bd.Response("tip", "axial"))
     with pytest.raises(bd.BdamperError, match=r"found one with response = .*tangential.* for .*axial"):
         other.hysteresis(curve)
 

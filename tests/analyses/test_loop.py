@@ -141,7 +141,7 @@ def test_another_law_is_not_described():
     x, force = loop(0.0, 3.0 * REACH)
     found = bd.fit_loop(x, force * (1.0 + 0.5 * x / x.max()), normal=NORMAL)
     assert found.misfit > 0.05 and found.status.startswith("incomplete: the model does not describe this loop (misfit ")
-    assert found.bottom_line().startswith("The model does not describe this loop")
+    assert found._headline().startswith("The model does not describe this loop")
 
 
 def test_from_a_file(tmp_path):

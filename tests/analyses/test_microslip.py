@@ -14,7 +14,7 @@ FORCES = np.array([20.0, 60.0, 120.0, 200.0, 260.0, 280.0, 300.0])
 
 def study(contact, **settings):
     model = bd.reference_model("bladed_disk", 9)
-    return plain_study(model, bd.Excitation("tip"), 5, contact_stiffness=contact, constraints=False, **settings)
+    return plain_study(model, bd.Excitation("tip"), 5, contact_stiffness=contact, constraint_planes=False, **settings)
 
 
 def chords(curve):

@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import mode_system
 from bdamper.plot import save_figure
-from tests.modes import jenkins, wedge
+from tests.analyses import jenkins, wedge
 
 TWO_PI = 2.0 * np.pi
 FINE = bd.ContinuationOptions(tolerance=1e-12)
@@ -96,7 +96,7 @@ def test_a_constant_force_keeps_a_mode_at_its_preload():
     name, body = next(iter(study.model.bodies.items()))
     force = 1e-3 * np.arange(1.0, 1.0 + body.bases[0].n_modes)
     model = replace(study.model, bodies=study.model.bodies | {name: replace(body, constant_force=force)})
-    pushed = study.with_(model=model)
+    pushed = study.replace(model=model)
     assert pushed.problem.static_system.constant_force.any()
     assert study.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == np.inf
     assert pushed.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == 0.0
@@ -194,7 +194,7 @@ def test_a_motion_on_no_branch_through_a_mode_solves_the_equations_of_both_progr
             break
     assert len(known) == 3 and all(abs(f / found[0] - 1.0) > 1e-3 for f, _ in known)
     u, own = system.structure.motion(c.y[None])[0], wedge.Program(0.3, 1)
-    at = [study.with_(response=bd.Response(f"x{i}")).problem.system(wedge.LOAD).response(u) for i in range(6)]
+    at = [study.replace(response=bd.Response(f"x{i}")).problem.system(wedge.LOAD).response(u) for i in range(6)]
     turned = np.array(at) * [1.0, 1.0 / at[0][1]]  # over the first, which becomes a cosine of 1
     x = np.stack([turned[:, 0].real, turned[:, 1].real, -turned[:, 1].imag], axis=1)
     z = np.concatenate([x.ravel(), [1e-3 * c.y[-3], c.y[-2], np.log(amplitude)]])
@@ -219,9 +219,9 @@ def test_modes_of_the_model_print_plot_and_save(tmp_path):
     mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-4))
     assert mode.complete and mode.correlation.min() > 0.98
     assert mode.damping_ratio.max() == pytest.approx(0.0252, abs=1e-4)
-    first = mode.bottom_line()
+    first = mode._headline()
     assert first.startswith("Damping of mode 1 under a preload of 100 N: at most 2.52 %, with 73.5 µm at 660 Hz")
-    assert str(mode).startswith(first[:80]) and "folds" in mode.details()
+    assert str(mode).startswith(first[:80]) and "folds" in mode.summary()
     upper, lower = mode.plot()
     for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
         line, folds = axes.lines

@@ -8,7 +8,7 @@ from bdamper.analyses import refined_peak
 from bdamper.analyses.refined_peak import Tops, ask, compare, whole_curve
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.resonance_interval import resonance_interval
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from tests.models import wedge_model
 from tests.plain import plain_study
 
@@ -32,7 +32,7 @@ def test_a_failure_is_an_answer(study):
 
 
 def test_curve_peak_and_numbers_are_read_alike(study):
-    curve = ask(study.problem, lambda p: track(p, 0.0, BAND))
+    curve = ask(study.problem, lambda p: frequency_response(p, 0.0, BAND))
     peak = ask(study.problem, lambda p: highest_peak(p, 0.0, BAND))
     assert curve.why == peak.why == ""
     assert curve.amplitude == curve.result.peak.amplitude == pytest.approx(peak.amplitude, rel=1e-6)
@@ -57,12 +57,12 @@ def test_a_list_of_two_numbers_is_an_answer_and_others_are_named(study):
     assert ask(study.problem, lambda p: [0.1, np.float64(0.2)])[:3] == (0.1, 0.2, "")
     for wrong in ([0.1], "ab", None, [0.1, "x"]):
         found = ask(study.problem, lambda p, answer=wrong: answer)
-        assert "expected a Curve, a Peak, or amplitude (m) and frequency (Hz), found" in found.why
+        assert "expected a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz), found" in found.why
 
 
 def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
-    other = study.with_(harmonics=5)
-    tops = Tops.of(study.problem, study.track(0.0, BAND))
+    other = study.replace(harmonics=5)
+    tops = Tops.of(study.problem, study.frequency_response(0.0, BAND))
     true = other.peak(0.0, BAND).amplitude / tops.peaks[0].amplitude - 1.0
     by_curve = compare(study.problem, other.problem, 0.0, tops)
     assert by_curve.how == "found anew by a whole curve" and by_curve.amplitude == pytest.approx(true, rel=1e-4)
@@ -70,6 +70,6 @@ def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
     def none(*_, **__):
         raise AssertionError("followed")
 
-    monkeypatch.setattr(refined_peak, "track", none)
+    monkeypatch.setattr(refined_peak, "frequency_response", none)
     solved = compare(study.problem, other.problem, 0.0, tops, by_newton=True)
     assert solved.how == "solved" and solved.amplitude == pytest.approx(true, rel=1e-4) and abs(true) > 1e-5

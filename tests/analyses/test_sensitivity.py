@@ -107,7 +107,7 @@ def test_mass_of_the_damper_on_a_flat_peak():
 def test_a_kink_has_no_derivative(above, below):
     """Where the equations change at other rates above and below the value, both sides disagree."""
     study = shipped("bladed_disk")
-    study = study.with_(harmonics=1)
+    study = study.replace(harmonics=1)
     peak = study.peak(1000.0, (340.0, 370.0))
 
     def family(value):
@@ -123,7 +123,7 @@ def test_a_kink_has_no_derivative(above, below):
 def test_every_default_parameter_of_shipped_models(name, preload):
     study, least = shipped(name), 4
     if name == "blade_to_ground":  # nothing but excitation and damping can be varied
-        study, preload, least = study.with_(fixed_loads={"platform": np.full(24, preload / 24.0)}), 0.0, 2
+        study, preload, least = study.replace(constant_loads={"platform": np.full(24, preload / 24.0)}), 0.0, 2
     wrong, compared = compare(study, preload, PARAMETERS)
     assert wrong == {}
     assert compared >= least
@@ -134,11 +134,11 @@ class TestCurve:
 
     @pytest.fixture(scope="class")
     def study(self):
-        return shipped("bladed_disk").with_(harmonics=1)
+        return shipped("bladed_disk").replace(harmonics=1)
 
     @pytest.fixture(scope="class")
     def curve(self, study):
-        curve = study.track(60.0, (250.0, 400.0))
+        curve = study.frequency_response(60.0, (250.0, 400.0))
         assert len(curve.folds) >= 2
         return curve
 
@@ -164,8 +164,8 @@ class TestCurve:
     @pytest.fixture(scope="class")
     def across(self, study):
         """A study of unit tractions, so that unknowns stay what they are, its curve, and each point solved in its plane."""
-        study = study.with_(contact_stiffness="unit_traction")
-        curve = study.track(200.0, (270.0, 370.0))
+        study = study.replace(contact_stiffness="unit_traction")
+        curve = study.frequency_response(200.0, (270.0, 370.0))
         assert len(curve.folds) >= 1
         system, solved = study.problem.system(200.0), {}
         for i in range(1, len(curve) - 1):
@@ -201,7 +201,7 @@ class TestCurve:
         misses = []
         for spread in (4e-4, 1e-4):
             _, frequency, amplitude = band(curve, found, {"friction_coefficient": spread})
-            other = study.with_(friction_coefficient=0.3 + 2.0 * spread)
+            other = study.replace(friction_coefficient=0.3 + 2.0 * spread)
             system, miss = other.problem.system(60.0), []
             for i in range(2, len(curve), 3):
                 edges = []
@@ -215,6 +215,6 @@ class TestCurve:
 
     def test_other_results_are_refused(self, study, curve):
         with pytest.raises(bd.SettingError, match="one of this study"):
-            study.with_(friction_coefficient=0.5).curve_sensitivities(curve)
-        with pytest.raises(bd.SettingError, match="a tracking curve"):
+            study.replace(friction_coefficient=0.5).curve_sensitivities(curve)
+        with pytest.raises(bd.SettingError, match="a response curve"):
             study.curve_sensitivities(study.free((250.0, 400.0)))

@@ -28,36 +28,36 @@ def study():
 def test_law_of_each_point(study):
     friction = study.problem.friction_points
     for settings, law in (
-        ({"friction_law": "coupled", "evaluation": bd.Sampled(64)}, LAW_COUPLED),
+        ({"friction_law": "coupled", "contact_forces": bd.AFT(64)}, LAW_COUPLED),
         ({"friction_law": "bonded"}, LAW_BONDED),
         ({"variable_normal_load": False}, LAW_CONSTANT),
-        ({"friction_law": "coupled", "evaluation": bd.Sampled(64), "variable_normal_load": False}, LAW_COUPLED_CONSTANT),
+        ({"friction_law": "coupled", "contact_forces": bd.AFT(64), "variable_normal_load": False}, LAW_COUPLED_CONSTANT),
     ):
-        points = study.with_(**settings).problem.system(200.0).structure.points
+        points = study.replace(**settings).problem.system(200.0).structure.points
         assert set(points.law[: friction.sum()]) == {law}
         assert set(points.law[friction.sum() :]) <= {LAW_NORMAL}
 
 
 def test_a_law_for_each_interface(study):
     faces = [name for name, face in study.model.interfaces.items() if face.kind == "friction"]
-    mixed = study.with_(friction_law={faces[0]: "bonded", faces[1]: "separable"})
+    mixed = study.replace(friction_law={faces[0]: "bonded", faces[1]: "uncoupled"})
     law = mixed.problem.system(200.0).structure.points.law
     assert (law[mixed.problem.coupling.rows(faces[0])] == LAW_BONDED).all()
     assert (law[mixed.problem.coupling.rows(faces[1])] != LAW_BONDED).all()
-    assert mixed.track(200.0, INTERVAL).complete
+    assert mixed.frequency_response(200.0, INTERVAL).complete
 
 
 def test_bonded_points_have_no_gap(study):
     face = next(name for name, face in study.model.interfaces.items() if face.kind == "friction")
     gap = {face: np.where(np.arange(9) == 3, 2e-6, 0.0)}
     with pytest.raises(bd.SettingError, match=rf"^gap of '{face}': expected none under friction_law=.* found 2e-06 m"):
-        study.with_(friction_law="bonded", gap=gap)
-    assert study.with_(gap=gap).problem.point_gaps[3] == 2e-6
-    assert study.with_(friction_law="bonded", gap={face: np.zeros(9)}).problem.point_gaps[3] == 0.0
+        study.replace(friction_law="bonded", gap=gap)
+    assert study.replace(gap=gap).problem.point_gaps[3] == 2e-6
+    assert study.replace(friction_law="bonded", gap={face: np.zeros(9)}).problem.point_gaps[3] == 0.0
 
 
 def test_bonded_points_give_the_stuck_response(study):
-    bonded, stuck = study.with_(friction_law="bonded").track(50.0, INTERVAL), study.stuck(INTERVAL)
+    bonded, stuck = study.replace(friction_law="bonded").frequency_response(50.0, INTERVAL), study.stuck(INTERVAL)
     assert bonded.complete
     assert bonded.shares[:, 0].min() > 0.999
     assert bonded.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-4)
@@ -78,7 +78,7 @@ def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
         contact_stiffness="model",
         damping_ratio=0.02,
         friction_law="bonded",
-        constraints=False,
+        constraint_planes=False,
     )
     load = 2000.0
     state = study.static(load)
@@ -93,32 +93,32 @@ def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
     assert springs[:, 2].min() < 0.0
     assert (state.status == STICK).all()
     assert self_locking(study.problem) == ()
-    curve = study.track(load, (250.0, 400.0))
+    curve = study.frequency_response(load, (250.0, 400.0))
     assert curve.complete
     assert curve.shares[:, 0].min() > 0.999
 
 
 def test_comparison_of_laws(study, tmp_path):
     """At high preload nothing slips, and all laws agree; at a low one they differ, most of all from constant load."""
-    laws = ("coupled", "separable", "constant_normal_load")
+    laws = ("coupled", "uncoupled", "constant_normal_load")
 
     def under(one):
-        coupled = one.with_(friction_law="coupled", evaluation=bd.Sampled(128))
-        return dict(zip(laws, (coupled, one, one.with_(variable_normal_load=False))))
+        coupled = one.replace(friction_law="coupled", contact_forces=bd.AFT(128))
+        return dict(zip(laws, (coupled, one, one.replace(variable_normal_load=False))))
 
-    low = bd.compare(under(study), lambda one: one.track(200.0, INTERVAL))
+    low = bd.compare(under(study), lambda one: one.frequency_response(200.0, INTERVAL))
     assert all(curve.complete for curve in low.curves)
-    assert abs(low.change("separable")) < 0.05
+    assert abs(low.change("uncoupled")) < 0.05
     assert abs(low.change("constant_normal_load")) > 0.1
     assert low.change("coupled") == 0.0
-    assert "coupled" in low.details()
+    assert "coupled" in low.summary()
     low.save(tmp_path / "laws.h5")
     again = bd.load(tmp_path / "laws.h5")
     assert str(again) == str(low) and again.names == laws and {curve.preload for curve in again.curves} == {200.0}
-    assert [curve.settings["friction_law"] for curve in again.curves] == ["coupled", "separable", "separable"]
+    assert [curve.settings["friction_law"] for curve in again.curves] == ["coupled", "uncoupled", "uncoupled"]
     assert [curve.settings["variable_normal_load"] for curve in again.curves] == [True, True, False]
-    high = bd.compare(under(study.with_(damping_ratio=0.02)), lambda one: one.track(50000.0, INTERVAL))
-    for law in ("separable", "constant_normal_load"):
+    high = bd.compare(under(study.replace(damping_ratio=0.02)), lambda one: one.frequency_response(50000.0, INTERVAL))
+    for law in ("uncoupled", "constant_normal_load"):
         assert abs(high.change(law)) < 1e-3
 
 
@@ -131,10 +131,10 @@ def test_comparison_of_laws(study, tmp_path):
 )
 def test_wrong_settings_are_named(study, settings, message):
     with pytest.raises(bd.SettingError, match=message):
-        study.with_(**settings)
+        study.replace(**settings)
 
 
 @pytest.mark.parametrize("n_time", [7, -1, 64.5, True, "many"])
 def test_wrong_numbers_of_samples(n_time):
     with pytest.raises(bd.SettingError, match="n_time: expected"):
-        bd.Sampled(n_time)
+        bd.AFT(n_time)

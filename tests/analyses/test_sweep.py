@@ -123,7 +123,7 @@ class TestAnswers:
         amplitude = serial.array("amplitude")
         for i, mu in enumerate(OVER["friction_coefficient"]):
             for j, p in enumerate(OVER["preload"]):
-                alone = highest_peak(study.with_(friction_coefficient=mu).problem, p, INTERVAL)
+                alone = highest_peak(study.replace(friction_coefficient=mu).problem, p, INTERVAL)
                 assert amplitude[i, j] == pytest.approx(alone.amplitude, rel=1e-12)
 
     def test_threads_and_processes_give_the_same(self, study, serial):
@@ -160,7 +160,7 @@ class TestAnswers:
         over = {"friction_coefficient": [0.3, 0.4], "damper_mass_factor": [1.0, 2.0], "preload": [100.0]}
         result = bd.sweep(study, over=over, evaluate=residual_norm)
         assert result.complete, result.status
-        direct = study.with_(friction_coefficient=0.3)
+        direct = study.replace(friction_coefficient=0.3)
         assert result.array("norm")[0, 0, 0] == residual_norm(direct, 100.0)["norm"]
         assert len(np.unique(result.array("norm"))) == 4
         assert result.array("list").shape == (2, 2, 1, 2)
@@ -171,7 +171,7 @@ class TestAnswers:
         assert result.status[1].startswith("failed: preload: expected")
         assert np.isnan(result.array("amplitude")[1])
         assert not result.complete
-        assert "1 failed" in result.details()
+        assert "1 failed" in result.summary()
 
     def test_save_load_print_and_plot(self, serial, tmp_path):
         import matplotlib as mpl
@@ -186,8 +186,8 @@ class TestAnswers:
         assert np.array_equal(again.seconds, serial.seconds)
         assert again.cost == serial.cost
         assert all(c.evaluations > 0 and c.iterations > 0 for c in again.cost)
-        assert f"; {sum(c.evaluations for c in again.cost)} evaluations, " in again.details()
-        assert "6 points" in serial.details()
+        assert f"; {sum(c.evaluations for c in again.cost)} evaluations, " in again.summary()
+        assert "6 points" in serial.summary()
         assert len(serial.plot("amplitude").lines) == 3
 
     @pytest.mark.parametrize(
@@ -227,7 +227,7 @@ class TestWorkers:
 
     def begun(self, pool, study, seen=True):
         """A pool whose processes were there before the job, which they would inherit."""
-        bd.sweep(study.with_(friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
+        bd.sweep(study.replace(friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
         return Parcels(pool, seen)
 
     def test_tasks_are_small_where_workers_see_the_file(self, study):
@@ -259,8 +259,8 @@ class TestInterrupted:
         assert result.status == ("complete", "complete", "not run", "not run")
         assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
         assert not result.complete
-        assert result.details().count("interrupted: 2 of 4 parts were not run") == 1
-        assert ", 0 failed, 2 not run." in result.bottom_line()
+        assert result.summary().count("interrupted: 2 of 4 parts were not run") == 1
+        assert ", 0 failed, 2 not run." in result._headline()
         result.save(tmp_path / "part.h5")
         assert bd.load(tmp_path / "part.h5").status == result.status
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
@@ -284,7 +284,7 @@ class TestInterrupted:
             result = bd.sweep(study, self.over, deadly_question, executor=pool)
         assert result.status[:2] == ("complete", "complete") and result.array("value")[:2].tolist() == [100.0, 200.0]
         assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
-        assert "2 of 4 parts were not run: A process" in result.details()
+        assert "2 of 4 parts were not run: A process" in result.summary()
 
     def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
         """Ctrl-C while a line is forced to disk; all four points are finished by then."""
@@ -305,7 +305,7 @@ class TestInterrupted:
         """A question that tracks a curve: what the curve has so far is not recorded as the answer."""
 
         def question(study, preload):
-            return {"points": len(study.track(preload, (340.0, 360.0)))}
+            return {"points": len(study.frequency_response(preload, (340.0, 360.0)))}
 
         record = Follower.record
         seen = []
@@ -336,10 +336,10 @@ class TestInterrupted:
         monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", stopped)
         samples = {"friction_coefficient": [0.25, 0.3]}
         four = {"friction_coefficient": [0.25, 0.3, 0.35, 0.4]}
-        curve = bd.uncertain_curve(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
+        curve = bd.optimal_curve_uncertainty(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
         assert curve.status == ("complete", "complete", "complete", "not run")
         assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
-        assert "interrupted: 1 of 4 parts were not run" in curve.details() and "without a peak" not in curve.details()
+        assert "interrupted: 1 of 4 parts were not run" in curve.summary() and "without a peak" not in curve.summary()
         ways = {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
         made.clear()
         found = bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
@@ -447,7 +447,7 @@ class TestResultsFile:
         self.run(study, path)
         content = path.read_bytes()
         with pytest.raises(bd.BdamperError, match="another one: study"):
-            self.run(study.with_(engine_order=60), path)
+            self.run(study.replace(engine_order=60), path)
         with pytest.raises(bd.BdamperError, match="another one: over"):
             bd.sweep(study, over={"preload": [1.0]}, evaluate=quick_question, resume=path)
         with pytest.raises(bd.BdamperError, match="another one: evaluate"):
@@ -475,16 +475,16 @@ class TestResultsFile:
     def test_fingerprint_sees_every_setting(self, study):
         base = study_fingerprint(study.problem)
         others = [
-            study.with_(friction_coefficient=0.31),
-            study.with_(harmonics=3),
-            study.with_(excitation=replace(study.excitation, amplitude=2.0)),
-            study.with_(contact_stiffness=1e7),
-            study.with_(evaluation=bd.Sampled(64)),
-            study.with_(model=bd.reference_model(contact_points=24)),
+            study.replace(friction_coefficient=0.31),
+            study.replace(harmonics=3),
+            study.replace(excitation=replace(study.excitation, amplitude=2.0)),
+            study.replace(contact_stiffness=1e7),
+            study.replace(contact_forces=bd.AFT(64)),
+            study.replace(model=bd.reference_model(contact_points=24)),
         ]
         prints = [study_fingerprint(s) for s in others]
         assert len({base, *prints}) == len(prints) + 1
-        assert study_fingerprint(study.another(study.problem.with_()).problem) == base
+        assert study_fingerprint(study._with_problem(study.problem.replace()).problem) == base
 
 
 DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_factor": stats.lognorm(0.1)}
@@ -492,12 +492,12 @@ DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_facto
 
 @pytest.fixture(scope="module")
 def samples():
-    return bd.draw(DISTRIBUTIONS, 4, seed=3)
+    return bd.sample(DISTRIBUTIONS, 4, seed=3)
 
 
 @pytest.fixture(scope="module")
 def curve(study, samples):
-    return bd.uncertain_curve(study, samples, (200.0, 10e3), 5, frequency=INTERVAL)
+    return bd.optimal_curve_uncertainty(study, samples, (200.0, 10e3), 5, frequency=INTERVAL)
 
 
 class TestWarnings:
@@ -513,17 +513,17 @@ class TestWarnings:
     def test_a_peak_of_an_incomplete_scan(self, study, short):
         wide = (200.0, 1200.0)
         peak = study.peak(3000.0, wide)
-        assert peak.scan.startswith("incomplete")
+        assert peak.search_status.startswith("incomplete")
         result = bd.sweep(study, {"preload": [3000.0]}, frequency=wide)
         assert result.complete
-        assert result.array("scan").tolist() == [peak.scan]
-        assert result.warnings == (f"scan {peak.scan}",)
-        assert "0 failed" in result.details() and result.details().count(f"\nscan {peak.scan}") == 1
+        assert result.array("search_status").tolist() == [peak.search_status]
+        assert result.warnings == (f"scan {peak.search_status}",)
+        assert "0 failed" in result.summary() and result.summary().count(f"\nscan {peak.search_status}") == 1
 
     def test_none_of_a_whole_scan(self, serial):
-        assert set(serial.array("scan").ravel()) == {"complete"}
+        assert set(serial.array("search_status").ravel()) == {"complete"}
         assert serial.warnings == ("",) * len(serial)
-        assert "\nscan " not in serial.details()
+        assert "\nscan " not in serial.summary()
 
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
         whole = optimal_curve
@@ -544,9 +544,9 @@ class TestWarnings:
             "optimum incomplete: lost, preload known to a relative 0.1"
         )
         assert result.warnings == (expected,)
-        curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
+        curve = bd.optimal_curve_uncertainty(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
         assert curve.warnings == (expected,)
-        assert "optimum incomplete: lost" in curve.details()
+        assert "optimum incomplete: lost" in curve.summary()
         curve.save(tmp_path / "curve.h5")
         assert bd.load(tmp_path / "curve.h5").warnings == (expected,)
         robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)
@@ -555,14 +555,14 @@ class TestWarnings:
 
 class TestUncertainty:
     def test_draws_follow_their_distributions(self):
-        samples = bd.draw(DISTRIBUTIONS, 1024, seed=1)
+        samples = bd.sample(DISTRIBUTIONS, 1024, seed=1)
         for name, distribution in DISTRIBUTIONS.items():
             assert stats.kstest(samples[name], distribution.cdf).pvalue > 1e-3
-        again = bd.draw(DISTRIBUTIONS, 1024, seed=1)
+        again = bd.sample(DISTRIBUTIONS, 1024, seed=1)
         assert np.array_equal(samples["damping_factor"], again["damping_factor"])
 
     def test_sobol_means_converge_faster_than_random_ones(self):
-        draws = [bd.draw({"x": stats.norm(0, 1)}, 256, seed=seed)["x"] for seed in range(20)]
+        draws = [bd.sample({"x": stats.norm(0, 1)}, 256, seed=seed)["x"] for seed in range(20)]
         drawn = [np.random.default_rng(seed).standard_normal(256) for seed in range(20)]
         sobol, random_ones = (np.std([np.mean(x**2) - 1.0 for x in each]) for each in (draws, drawn))
         assert sobol < 0.2 * random_ones
@@ -592,7 +592,7 @@ class TestUncertainty:
         assert list(again.samples) == list(curve.samples)
         assert again.settings == curve.settings and again.settings["engine_order"] == 5
         assert again.model_hash == curve.model_hash != ""
-        assert "4 draws" in curve.details()
+        assert "4 draws" in curve.summary()
         curve.plot()
         curve.plot(quantity="frequency")
 
@@ -613,7 +613,7 @@ class TestUncertainty:
         found = bd.robust_optimum(
             study, spread, (20.0, 70.0), percentile=100.0, n=7, tolerance=0.05, frequency=INTERVAL
         )  # fmt: skip
-        worst = bd.uncertain_curve(study, spread, [0.9 * found.preload, found.preload, 1.1 * found.preload],
+        worst = bd.optimal_curve_uncertainty(study, spread, [0.9 * found.preload, found.preload, 1.1 * found.preload],
                                    frequency=INTERVAL).percentile(100.0)  # fmt: skip
         assert worst[1] == pytest.approx(found.amplitude, rel=1e-9)
         assert worst[1] <= min(worst[0], worst[2])
@@ -621,10 +621,10 @@ class TestUncertainty:
     @pytest.mark.parametrize(
         ("call", "message"),
         [
-            (lambda s: bd.draw({}, 8), "distributions: expected"),
-            (lambda s: bd.draw({"x": 3}, 8), "one of scipy.stats"),
-            (lambda s: bd.draw({"x": stats.norm()}, 7), "power of two"),
-            (lambda s: bd.uncertain_curve(s, {"preload": [1.0]}), "other than the preload"),
+            (lambda s: bd.sample({}, 8), "distributions: expected"),
+            (lambda s: bd.sample({"x": 3}, 8), "one of scipy.stats"),
+            (lambda s: bd.sample({"x": stats.norm()}, 7), "power of two"),
+            (lambda s: bd.optimal_curve_uncertainty(s, {"preload": [1.0]}), "other than the preload"),
             (lambda s: bd.robust_optimum(s, {"friction_coefficient": [0.3]}, percentile=101), "percentile"),
         ],
     )
@@ -645,7 +645,7 @@ def test_models_without_a_loaded_body_say_so():
 def test_answers_do_not_depend_on_order(study):
     """To the last bit, also where only the preload varies and all points share one study."""
     loads = [5000.0, 700.0, 1500.0]
-    fresh = study.another(study.problem.with_())
+    fresh = study._with_problem(study.problem.replace())
     first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
-    again = bd.sweep(study.another(study.problem.with_()), over={"preload": loads[::-1]}, frequency=INTERVAL)
+    again = bd.sweep(study._with_problem(study.problem.replace()), over={"preload": loads[::-1]}, frequency=INTERVAL)
     assert first.values == again.values[::-1]

@@ -38,7 +38,9 @@ def study(mu, harmonics):
         bd.Contact(*({i: x for i, x in enumerate(row) if x} for row in one), kt=STIFFNESS, kn=STIFFNESS, mu=mu)
         for one in rows()
     ]
-    return bd.lumped(MASS, DAMPING, stiffness(), contacts=contacts, forces={0: 1.0}, loads={5: 1.0}, harmonics=harmonics)
+    return bd.lumped(
+        MASS, DAMPING, stiffness(), contacts=contacts, forces={0: 1.0}, load_per_preload={5: 1.0}, harmonics=harmonics
+    )
 
 
 class Program:

@@ -26,7 +26,7 @@ def jenkins(force, n_harm):
     return oscillator(1.0, 0.02, 1.0, [[1], [0], [0]], [force], [1.0], n_harm, kt=1.0, kn=0.0, mu=0.5, n0=2.0, mean=False)
 
 
-def track(system, low, high, guess, options=FINE):
+def frequency_response(system, low, high, guess, options=FINE):
     start = np.append(guess, low)
     first = system.correct_at(start[:-1], low, np.ones(len(start)), 1e-12, 80, True)
     assert first.status == OK
@@ -48,7 +48,7 @@ class TestJenkinsMass:
         guess = np.zeros(system.n_unknowns)
         guess[0] = force / (2.0 - 0.64)
         # the interval around the peak; from below, where the response is small and stuck or nearly so
-        path = track(system, 0.8, 1.6, guess)
+        path = frequency_response(system, 0.8, 1.6, guess)
         top = max((p for p in path.points if p.kind == "maximum"), key=lambda p: amplitude(system, p.y))
         return system, path, top
 
@@ -156,7 +156,7 @@ class TestTwoFolds:
 
     def down(self, n_harm):
         system = self.system(n_harm)
-        path = track(system, 3.4, 3.5, np.zeros(system.n_unknowns))
+        path = frequency_response(system, 3.4, 3.5, np.zeros(system.n_unknowns))
         down = follow(system, path.points[0].y, (1.6, 3.4), up=False, options=FINE)
         assert down.status == "complete"
         return system, down

@@ -45,8 +45,8 @@ def spoils(name, value):
     return change
 
 
-ANALYSES = [lambda s: s.static(0.0), lambda s: s.track(0.0, (0.1, 0.3)), lambda s: s.peak(0.0, (0.1, 0.3)),
-            lambda s: s.sweep_in_time(0.0, (0.15, 0.16))]  # fmt: skip
+ANALYSES = [lambda s: s.static(0.0), lambda s: s.frequency_response(0.0, (0.1, 0.3)), lambda s: s.peak(0.0, (0.1, 0.3)),
+            lambda s: s.frequency_sweep(0.0, (0.15, 0.16))]  # fmt: skip
 
 
 @pytest.mark.parametrize("analysis", ANALYSES)
@@ -120,7 +120,7 @@ def test_values_that_end_at_larger_motions(tmp_path):
     function.restype, function.argtypes = None, [ctypes.POINTER(ctypes.c_double)] * 10 + [ctypes.c_void_p]
     law = bd.ContactLaw(LowLevelCallable(function), 0, [1.2], [1.0, 1.0, 0.0], "mine")
     study = bd.lumped(1.0, 0.02, 1.0, contacts=[CONTACT], forces={0: 0.4}, harmonics=1, friction_law=law)
-    curve = study.track(0.0, (0.14, 0.25))
+    curve = study.frequency_response(0.0, (0.14, 0.25))
     assert curve.status == "incomplete"
     assert f"forces of {AT} may not be finite there" in curve.reason
     with pytest.raises(bd.SettingError, match=rf"{AT}: expected finite .*, found others at the motion \[1.3"):

@@ -15,12 +15,12 @@ SERVED = [(law, EXACT) for law in (SEPARABLE, NORMAL, CONSTANT, BONDED)] + [
 ]
 
 
-def evaluate(x, kt, kn, mu, n0, w, law, evaluation=SAMPLED, n_time=64, load=None):
+def evaluate(x, kt, kn, mu, n0, w, law, contact_forces=SAMPLED, n_time=64, load=None):
     x = np.ascontiguousarray(x, float)
     force, tangent = np.full(x.shape, np.nan), np.full(x.shape + x.shape, np.nan)
     shares, parts = _core.evaluate_contact(
-        x, np.asarray(kt, float), kn, mu, n0, np.array(w, float), force, tangent, law, evaluation,
-        n_time if evaluation else 0, n0 if load is None else load,
+        x, np.asarray(kt, float), kn, mu, n0, np.array(w, float), force, tangent, law, contact_forces,
+        n_time if contact_forces else 0, n0 if load is None else load,
     )  # fmt: skip
     return force, tangent, np.array(shares), parts
 
@@ -38,26 +38,26 @@ def random_state(rng, harmonics):
     }
 
 
-@pytest.mark.parametrize(("law", "evaluation"), SERVED)
-def test_tangent_is_the_derivative_on_random_states(law, evaluation):
+@pytest.mark.parametrize(("law", "contact_forces"), SERVED)
+def test_tangent_is_the_derivative_on_random_states(law, contact_forces):
     """Five thousand states over all laws and evaluations: a random direction each; a state whose finite difference
     straddles an event is asked again with a smaller step."""
-    rng = np.random.default_rng(10 * law + evaluation)
+    rng = np.random.default_rng(10 * law + contact_forces)
     straddled = nonlinear = 0
     for _ in range(315):
         x, p = random_state(rng, int(rng.choice([1, 1, 2, 3])))
         d = rng.normal(size=x.shape)
-        _, tangent, shares, _ = evaluate(x, law=law, evaluation=evaluation, **p)
+        _, tangent, shares, _ = evaluate(x, law=law, contact_forces=contact_forces, **p)
         assert np.isfinite(tangent).all()
         nonlinear += shares[1] > 0.0 or shares[3] > 0.0 or 0.0 < shares[4] < 1.0
         exact = np.einsum("aibj,bj->ai", tangent, d)
         for step, tolerance in ((1e-6, 1e-5), (1e-8, 1e-3), (1e-9, 1e-2)):
-            plus, minus = (evaluate(x + s * d, law=law, evaluation=evaluation, **p)[0] for s in (step, -step))
+            plus, minus = (evaluate(x + s * d, law=law, contact_forces=contact_forces, **p)[0] for s in (step, -step))
             error = np.abs((plus - minus) / (2 * step) - exact).max() / (1.0 + np.abs(exact).max())
             if error < tolerance:
                 break
         straddled += step < 1e-6
-        assert error < tolerance, (law, evaluation, p, x.tolist())
+        assert error < tolerance, (law, contact_forces, p, x.tolist())
     assert straddled <= 10
     assert nonlinear > 50 or law == BONDED
 
@@ -89,14 +89,14 @@ class TestConstantLoad:
         for _ in range(25):
             x, p = random_state(rng, harmonics)
             load = abs(p["load"])
-            mine = evaluate(x, **{**p, "load": load}, law=CONSTANT, evaluation=EXACT)
+            mine = evaluate(x, **{**p, "load": load}, law=CONSTANT, contact_forces=EXACT)
             expected = oracle.contact(x.copy(), p["kt"], 0.0, p["mu"], load, p["w"])
             np.testing.assert_allclose(mine[0][:2], expected[:2], rtol=0, atol=1e-11)
 
     def test_no_load_no_friction(self):
         x, p = random_state(np.random.default_rng(5), 2)
         for evaluation in (EXACT, SAMPLED):
-            force, tangent, _, _ = evaluate(x, **{**p, "load": -1.0}, law=CONSTANT, evaluation=evaluation)
+            force, tangent, _, _ = evaluate(x, **{**p, "load": -1.0}, law=CONSTANT, contact_forces=evaluation)
             assert not force[:2].any()
             assert not tangent[:2].any()
 
@@ -105,7 +105,7 @@ class TestConstantLoad:
         error = np.zeros(2)
         for _ in range(40):
             x, p = random_state(rng, 3)
-            exact = evaluate(x, **p, law=CONSTANT, evaluation=EXACT)[0]
+            exact = evaluate(x, **p, law=CONSTANT, contact_forces=EXACT)[0]
             for i, n in enumerate((256, 2048)):
                 error[i] += np.abs(evaluate(x, **p, law=CONSTANT, n_time=n)[0] - exact).max()
         assert error[0] > 0
@@ -281,7 +281,7 @@ class TestLinearLaws:
     def test_bonded_points_are_springs_in_both_senses(self):
         x, p = random_state(np.random.default_rng(1), 2)
         for evaluation in (EXACT, SAMPLED):
-            force, tangent, shares, parts = evaluate(x, **p, law=BONDED, evaluation=evaluation)
+            force, tangent, shares, parts = evaluate(x, **p, law=BONDED, contact_forces=evaluation)
             springs = np.array([*p["kt"], p["kn"]])
             expected = springs[:, None] * x
             expected[:, 0] += [*(-p["kt"] * p["w"]), p["n0"]]
@@ -294,16 +294,16 @@ class TestLinearLaws:
     def test_normal_alone_is_friction_without_coefficient(self):
         x, p = random_state(np.random.default_rng(1), 3)
         for evaluation in (EXACT, SAMPLED):
-            normal = evaluate(x, **p, law=NORMAL, evaluation=evaluation)
-            frictionless = evaluate(x, **{**p, "mu": 0.0}, law=SEPARABLE, evaluation=evaluation)
+            normal = evaluate(x, **p, law=NORMAL, contact_forces=evaluation)
+            frictionless = evaluate(x, **{**p, "mu": 0.0}, law=SEPARABLE, contact_forces=evaluation)
             np.testing.assert_array_equal(normal[0], frictionless[0])
             np.testing.assert_array_equal(normal[1], frictionless[1])
             assert not normal[0][:2].any()
 
 
 @pytest.mark.parametrize("law", [SEPARABLE, CONSTANT])
-@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED])
-def test_ends_of_the_interval_of_residual_tractions(law, evaluation):
+@pytest.mark.parametrize("contact_forces", [EXACT, SAMPLED])
+def test_ends_of_the_interval_of_residual_tractions(law, contact_forces):
     """An infinite slider is carried to the end of the interval; beyond it the point would slip."""
     x = np.array([[0.1, 0.2, 0.1], [0.0, 0.1, -0.1], [0.0, 0.2, -0.1]])
     point = ([1.0, 2.0], 1.0, 0.5, 3.0)
@@ -313,10 +313,10 @@ def test_ends_of_the_interval_of_residual_tractions(law, evaluation):
     ends = (u - reach).max(), (u + reach).min()
     n = 4096
     for far, end in zip((-np.inf, np.inf), ends):
-        force, _, shares, _ = evaluate(x, *point, [far, 0.0], law, evaluation, n)
+        force, _, shares, _ = evaluate(x, *point, [far, 0.0], law, contact_forces, n)
         assert shares[0] == pytest.approx(1.0)
         assert force[0, 0] == pytest.approx(0.1 - end, abs=1e-6)
-        inner = evaluate(x, *point, [end - 1e-3 * np.sign(far), 0.0], law, evaluation, n)[0]
+        inner = evaluate(x, *point, [end - 1e-3 * np.sign(far), 0.0], law, contact_forces, n)[0]
         assert inner[0, 0] == pytest.approx(0.1 - end + 1e-3 * np.sign(far), abs=1e-6)
 
 
@@ -325,7 +325,7 @@ class TestRefusals:
         x, p = random_state(np.random.default_rng(0), 1)
         for law in (COUPLED, COUPLED_CONSTANT):
             with pytest.raises(ValueError, match=r"^law: the coupled laws .* have no exact evaluation"):
-                evaluate(x, **p, law=law, evaluation=EXACT)
+                evaluate(x, **p, law=law, contact_forces=EXACT)
 
     @pytest.mark.parametrize("law", [NORMAL, COUPLED, COUPLED_CONSTANT, BONDED])
     def test_infinite_sliders_only_where_there_is_an_interval(self, law):

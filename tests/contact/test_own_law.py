@@ -62,11 +62,11 @@ def along(law, u):
 class TestIwan:
     def test_n_sliders_are_n_interfaces(self):
         k, f = np.array([0.3, 0.4, 0.2, 0.1]), np.array([0.05, 0.2, 0.3, 1.0])
-        sampled = bd.Sampled(128)
+        sampled = bd.AFT(128)
         contacts = [bd.Contact(0, kt=k_, mu=1.0, preload=f_) for k_, f_ in zip(k, f)]
-        many = bd.lumped(1.0, 0.02, 1.0, contacts=contacts, forces={0: 0.4}, harmonics=3, evaluation=sampled)
+        many = bd.lumped(1.0, 0.02, 1.0, contacts=contacts, forces={0: 0.4}, harmonics=3, contact_forces=sampled)
         one = joint(bd.ContactLaw.jenkins(k, f))
-        expected, found = (study.track(0.0, (0.12, 0.25)) for study in (many, one))
+        expected, found = (study.frequency_response(0.0, (0.12, 0.25)) for study in (many, one))
         np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-10)
         assert found.cost.evaluations == expected.cost.evaluations
         stuck = [study.stuck((0.1, 0.3), 0.0).peak.frequency for study in (many, one)]
@@ -131,15 +131,15 @@ class TestBoucWen:
     def test_balance_and_march_agree(self):
         """The march is of second order in its step, and finds the motion of nine harmonics."""
         law = bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)
-        study = joint(law, harmonics=9, evaluation=bd.Sampled(512))
-        curve = study.track(0.0, (0.15, 0.22))
+        study = joint(law, harmonics=9, contact_forces=bd.AFT(512))
+        curve = study.frequency_response(0.0, (0.15, 0.22))
         top = int(np.argmax(curve.amplitude))
         omega, u = 2 * np.pi * curve.frequency[top], curve.unknowns[top]
         system = study.problem.system(0.0)
         ring = Ring(system, 1, 1)
         motion = ring.start(u, omega, 512)
         assert motion.w.shape == (1, 1, 2 + 5)
-        marched = ring.march(motion, omega, 512, 30)
+        marched = ring.integrate(motion, omega, 512, 30)
         assert abs(marched.harmonics[-1, 0, 1]) == pytest.approx(curve.amplitude[top], rel=5e-4)
         lost = energies(system, u, omega)
         assert lost["contact"].sum() + lost["damping"] == pytest.approx(lost["excitation"], rel=1e-8)
@@ -148,7 +148,7 @@ class TestBoucWen:
 def test_a_sweep_in_time_is_that_of_our_friction():
     """A joint of one Jenkins element, and our friction under a constant normal load."""
     ours, own = joint(), joint(bd.ContactLaw.jenkins([1.0], [1.0]))
-    expected, found = (study.sweep_in_time(0.0, (0.15, 0.16)) for study in (ours, own))
+    expected, found = (study.frequency_sweep(0.0, (0.15, 0.16)) for study in (ours, own))
     assert found.amplitude.max() == pytest.approx(expected.amplitude.max(), rel=1e-3)
 
 
@@ -156,10 +156,10 @@ class TestOurFriction:
     """A law that is separable friction gives the curve of separable friction."""
 
     def test_a_contact_that_opens(self):
-        ours, law = ground(evaluation=bd.Sampled(128)), bd.ContactLaw.jenkins([0.6], [0.0], [0.4], kn=6.0)
+        ours, law = ground(contact_forces=bd.AFT(128)), bd.ContactLaw.jenkins([0.6], [0.0], [0.4], kn=6.0)
         own = ground(friction_law={"contact 1": law})
-        assert own.settings.evaluation == bd.Sampled(128)
-        expected, found = (study.track(0.0, (0.25, 0.54)) for study in (ours, own))
+        assert own.settings.contact_forces == bd.AFT(128)
+        expected, found = (study.frequency_response(0.0, (0.25, 0.54)) for study in (ours, own))
         assert len(expected.folds) >= 2
         np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-10)
         assert found.cost.evaluations == expected.cost.evaluations
@@ -171,19 +171,19 @@ class TestOurFriction:
         model = bd.reference_model("bladed_disk")
         study = bd.Study(
             model, bd.Excitation("tip", "axial", amplitude=5.0), engine_order=3, friction_coefficient=0.3,
-            evaluation=bd.Sampled(128), harmonics=1,
+            contact_forces=bd.AFT(128), harmonics=1,
         )  # fmt: skip
         stiffness = {name: c.stiffness.copy() for name, c in study.problem.stiffness.items()}
         for k in stiffness.values():
             k[:, 1] = k[:, 0]
-        ours = study.with_(contact_stiffness=stiffness)
-        own = ours.with_(friction_law=as_jenkins(ours, ("left", "right"), 0.3))
+        ours = study.replace(contact_stiffness=stiffness)
+        own = ours.replace(friction_law=as_jenkins(ours, ("left", "right"), 0.3))
         states = [s.static(300.0) for s in (ours, own)]
         assert states[1].converged and "slip" in states[1].state
         assert states[1].state == states[0].state
         np.testing.assert_allclose(states[1].force, states[0].force, atol=1e-9 * np.abs(states[0].force).max())
         band = (715.0, 750.0)
-        expected, found = (s.track(300.0, band) for s in (ours, own))
+        expected, found = (s.frequency_response(300.0, band) for s in (ours, own))
         np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-8)
         stuck = [s.stuck((200.0, 900.0), 300.0).peak for s in (ours, own)]
         assert stuck[1].amplitude == pytest.approx(stuck[0].amplitude, rel=1e-9)
@@ -191,10 +191,10 @@ class TestOurFriction:
     def test_a_gap_opens_them(self):
         law = bd.ContactLaw.jenkins([0.6], [0.0], [0.4], kn=6.0)
         contact = bd.Contact(0, 1, kt=0.6, kn=6.0, mu=0.4, gap=0.05)
-        given = {"contacts": [contact], "forces": {0: 0.1, 1: 0.12}, "response": 1, "evaluation": bd.Sampled(128)}
+        given = {"contacts": [contact], "forces": {0: 0.1, 1: 0.12}, "response": 1, "contact_forces": bd.AFT(128)}
         ours = bd.lumped([1.0, 1.0], [0.05, 0.05], [[1.0, 0.3], [0.3, 2.0]], **given)
-        assert ours.with_(friction_law=law).static(0.0).state == ("open",)
-        expected, found = (s.peak(0.0, (0.15, 0.4)) for s in (ours, ours.with_(friction_law=law)))
+        assert ours.replace(friction_law=law).static(0.0).state == ("open",)
+        expected, found = (s.peak(0.0, (0.15, 0.4)) for s in (ours, ours.replace(friction_law=law)))
         assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-10)
 
 
@@ -281,7 +281,7 @@ class TestRefused:
 
     def test_analyses_that_know_events(self):
         study = joint(bd.ContactLaw.jenkins([1.0], [0.5]))
-        curve = study.track(0.0, (0.14, 0.2))
+        curve = study.frequency_response(0.0, (0.14, 0.2))
         with pytest.raises(bd.SettingError, match=r"friction_law: stability expected laws .* found jenkins"):
             study.with_stability(curve)
 
@@ -290,7 +290,7 @@ class TestRefused:
         law = bd.ContactLaw.jenkins([1e7], [1.0], kn=1e7)
         study = bd.Study(model, bd.Excitation("tip", "axial"), engine_order=3, friction_law=law)
         with pytest.raises(bd.SettingError, match="a wheel expected laws"):
-            bd.Wheel(study)
+            bd.BladedDisk(study)
 
 
 class TestPerPoint:
@@ -325,8 +325,8 @@ class TestPerPoint:
 
 def own_curve(law):
     """Of the law of the page, and of separable friction whose closings are not interpolated."""
-    ours = ground(evaluation=bd.Sampled(128, interpolate=False))
-    return [study.track(0.0, (0.25, 0.54)) for study in (ours, ours.with_(friction_law=law))]
+    ours = ground(contact_forces=bd.AFT(128, interpolate=False))
+    return [study.frequency_response(0.0, (0.25, 0.54)) for study in (ours, ours.replace(friction_law=law))]
 
 
 def test_the_example_in_c(tmp_path):

@@ -35,7 +35,7 @@ def bonded(model, blade_modes, damper_modes, contact):
         5,
         blade_modes=blade_modes,
         damper_modes=damper_modes,
-        constraints=False,
+        constraint_planes=False,
         contact_stiffness=contact,
     )
     springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
@@ -47,7 +47,7 @@ def bonded(model, blade_modes, damper_modes, contact):
 def test_bonded_frequencies_within_a_fifth_of_a_percent(reference, blade_modes, damper_modes):
     found = bonded(reference, blade_modes, damper_modes, ResidualModes(8))
     np.testing.assert_allclose(found, bonded_in_full(reference), rtol=2e-3)
-    # and much better where the fundamental harmonic of a tracking curve lies
+    # and much better where the fundamental harmonic of a response curve lies
     np.testing.assert_allclose(found[:4], bonded_in_full(reference)[:4], rtol=5e-5)
 
 
@@ -183,7 +183,7 @@ def test_tracking_with_residual_modes():
     peaks = []
     for patterns in (12, 16):
         study = plain_study(model, bd.Excitation("tip"), 5, contact_stiffness=ResidualModes(patterns))
-        curve = study.track(4000.0, (330.0, 380.0))
+        curve = study.frequency_response(4000.0, (330.0, 380.0))
         assert curve.complete
         assert curve.residual.max() < 1e-9
         peaks.append(curve.peak.amplitude)
@@ -194,7 +194,7 @@ def test_tracking_with_residual_modes():
 
 @pytest.mark.parametrize("bad", [0, 2.5, -1])
 def test_bad_patterns_are_refused(bad):
-    with pytest.raises(SettingError, match="patterns"):
+    with pytest.raises(SettingError, match="n_vectors"):
         ResidualModes(bad)
 
 
@@ -245,9 +245,9 @@ def test_the_peak_does_not_depend_on_the_number_of_modes(preload):
                 5,
                 contact_stiffness=method,
                 blade_modes=modes,
-                constraints=False,
+                constraint_planes=False,
             )
-            curve = study.track(preload, (345.0, 375.0))
+            curve = study.frequency_response(preload, (345.0, 375.0))
             assert curve.complete
             peaks[method, modes] = curve.peak.amplitude
     assert peaks[bd.ResidualModes(12), 30] == pytest.approx(peaks[bd.ResidualModes(12), 10], rel=0.02)

@@ -93,7 +93,7 @@ class TestIwan:
             law = bd.ContactLaw.iwan(1.0, 1.0, -0.5, 0.2, decades=decades)
             contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
             study = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1e-5}, harmonics=1, friction_law=law)
-            return study.track(0.0, (0.2, 0.25))
+            return study.frequency_response(0.0, (0.2, 0.25))
 
         with pytest.warns(BdamperWarning, match="law 'iwan' of interface 'contact 1' moves by at most .* resolves"):
             tracked(3.0)

@@ -46,10 +46,10 @@ def test_the_equations_are_not_those_of_another_load(study):
 
 @pytest.mark.parametrize("options", [{}, {"stability": True}])
 def test_a_curve_has_no_start(study, options):
-    curve = study.track(800.0, INTERVAL, **options)
+    curve = study.frequency_response(800.0, INTERVAL, **options)
     assert (curve.status, curve.reason, len(curve)) == ("not found", "static state: no equilibrium beyond 500 N", 0)
     assert curve.unknowns.shape == (0, study.problem.n_unknowns)
-    assert study.track(LAST, INTERVAL).complete
+    assert study.frequency_response(LAST, INTERVAL).complete
 
 
 def test_a_peak_is_not_that_of_another_load(study):

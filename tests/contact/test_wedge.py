@@ -68,17 +68,17 @@ def test_history_of_loads():
     # from rest the state is proportional to the load, whatever the steps
     again = s.static(1000.0, history=(0.1, 0.4))
     np.testing.assert_allclose(again.force, up.force, atol=1e-7 * up.force.max())
-    # an overload changes what a tracking curve starts from
+    # an overload changes what a response curve starts from
     seated = study(friction_coefficient=0.5, load_history=(2.5, 1.0))
     np.testing.assert_allclose(seated.static(400.0).force, down.force, atol=2e-2 * up.force.max())
-    assert seated.track(400.0, (280.0, 320.0)).complete
+    assert seated.frequency_response(400.0, (280.0, 320.0)).complete
 
 
 @pytest.mark.parametrize(("mu", "locks"), [(0.1, False), (0.3, True)])
 def test_unloading_to_nothing(mu, locks):
     """A steep wedge that slid in under load and locks itself keeps its normal force, one that does not lets go."""
     model = wedge_model(n_points=6, alpha=0.25, beta=0.25)
-    s = plain_study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7, constraints=False)
+    s = plain_study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7, constraint_planes=False)
     assert s.wedge_friction().self_locking == locks
     found = s.static(1000.0, history=(1.0, 0.0))
     assert found.converged
@@ -89,7 +89,7 @@ def test_unloading_to_nothing(mu, locks):
 def test_reduced_state_agrees_with_the_certified_one():
     """Static contact with residual modes against the condensed problem on the whole flexibility."""
     for patterns, tolerance in ((12, 2e-3), ("all", 1e-8)):
-        s = study(contact_stiffness=bd.ResidualModes(patterns), constraints=False)
+        s = study(contact_stiffness=bd.ResidualModes(patterns), constraint_planes=False)
         problem = static_contact_problem(s.problem.coupling, s.problem.friction)
         certified = 1000.0 * solve_static_contact(problem).force
         found = s.static(1000.0)
@@ -102,9 +102,9 @@ def test_map_of_the_contact(tmp_path):
     assert sum(contact.normal_force.values()) == pytest.approx(contact.force[:, 2].sum())
     np.testing.assert_allclose(contact.pressure * contact.area, contact.force[:, 2])
     assert 0.0 < contact.contact_area["left"] <= s.model.interfaces["left"].area.sum()
-    area = {fact.name: fact.value for fact in contact.facts()}
+    area = {fact.name: fact.value for fact in contact._facts()}
     assert area == {f"contact area {name}": value for name, value in contact.contact_area.items()}
-    assert "pressure (kPa)" in contact.details() or "pressure (MPa)" in contact.details()
+    assert "pressure (kPa)" in contact.summary() or "pressure (MPa)" in contact.summary()
     contact.save(tmp_path / "map.h5")
     again = bd.load(tmp_path / "map.h5")
     np.testing.assert_array_equal(again.force, contact.force)
@@ -118,20 +118,20 @@ def test_map_of_the_contact(tmp_path):
 
 def test_misfit_of_a_face():
     face = bd.reference_model("bladed_disk", 9).interfaces["left"]
-    gap = bd.misfit(face, angle=1e-3)
+    gap = bd.face_gap(face, angle=1e-3)
     along = np.einsum("ij,ij->i", face.points, face.frame[:, 0])
     np.testing.assert_allclose(np.ptp(gap), np.tan(1e-3) * np.ptp(along), rtol=1e-12)
     assert gap.min() == 0.0
-    crowned = bd.misfit(face, crowning=1e-6, axial_crowning=2e-6)
+    crowned = bd.face_gap(face, crowning=1e-6, axial_crowning=2e-6)
     assert crowned.max() == pytest.approx(3e-6)
     assert crowned[4] == pytest.approx(0.0, abs=1e-18)
     with pytest.raises(SettingError, match=r"angle: expected .* <= 0\.1 rad"):
-        bd.misfit(face, angle=1.0)
+        bd.face_gap(face, angle=1.0)
 
 
 def test_a_misfit_shrinks_the_contact_and_closes_under_load():
     model = bd.reference_model("bladed_disk", 9)
-    gap = {"left": bd.misfit(model.interfaces["left"], angle=2e-4)}
+    gap = {"left": bd.face_gap(model.interfaces["left"], angle=2e-4)}
     fit, bad = study(), study(gap=gap)
     for load in (20.0, 2e5):
         assert bad.static(load).converged
@@ -144,7 +144,7 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
 def test_line_contact_of_the_reduced_model(kind):
     """Both faces crowned: the damper can turn about the line on which it sits until others touch."""
     faces = bd.reference_model("bladed_disk", 9).interfaces
-    s = study(gap={name: bd.misfit(faces[name], **kind) for name in ("left", "right")}, constraints=False)
+    s = study(gap={name: bd.face_gap(faces[name], **kind) for name in ("left", "right")}, constraint_planes=False)
     for history in ((1.0,), (0.1, 1.0, 0.2, 1.5)):
         found = s.static(1000.0, history=history)
         assert found.converged
@@ -171,7 +171,7 @@ def test_bad_settings(settings, message):
 def test_methods_differ_where_the_equations_of_the_paper_fail():
     """Eqs (4), (10) taken literally are negative at closed points, which fall back; bonded frequencies differ."""
     found = {method: study(contact_stiffness=method).problem for method in METHODS}
-    problem = found["eq4"]
+    problem = found["cigeroglu2009"]
     force, left_out = paper_contact(problem.coupling, problem.friction)
     rows = problem.coupling.rows("left")
     negative = (force * left_out < 0.0)[rows] & (force[rows][:, 2:] > 0.0)
@@ -188,7 +188,7 @@ class TestForcesOfTheUser:
 
     @pytest.fixture
     def parts(self):
-        s = study(constraints=False)
+        s = study(constraint_planes=False)
         problem = static_contact_problem(s.problem.coupling, s.problem.friction)
         solution = solve_static_contact(problem)
         turn = np.array([1.0, 1.0, -1.0])
@@ -201,7 +201,7 @@ class TestForcesOfTheUser:
     def test_gives_what_the_condensed_problem_gives(self, parts):
         s, solution, static = parts
         model = replace(s.model, static=static)
-        given = plain_study(model, bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4")
+        given = plain_study(model, bd.Excitation("tip"), 5, constraint_planes=False, contact_stiffness="cigeroglu2009")
         left_out = (s.problem.coupling.residual_flexibility(0).real @ solution.force.ravel()).reshape(-1, 3)
         for name, contact in given.problem.stiffness.items():
             rows = given.problem.coupling.rows(name)
@@ -215,7 +215,11 @@ class TestForcesOfTheUser:
         bad = {name: replace(c, force=1.1 * c.force) for name, c in static.items()}
         with pytest.raises(ModelError, match=r"found a difference of 0\.1 times"):
             plain_study(
-                replace(s.model, static=bad), bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4"
+                replace(s.model, static=bad),
+                bd.Excitation("tip"),
+                5,
+                constraint_planes=False,
+                contact_stiffness="cigeroglu2009",
             ).static(1.0)
 
     def test_displacements_of_another_model_are_refused(self, parts):
@@ -223,7 +227,11 @@ class TestForcesOfTheUser:
         bad = {name: replace(c, displacement_b=-4.0 * c.displacement_b) for name, c in static.items()}
         with pytest.raises(ModelError, match="displacements of the model"):
             plain_study(
-                replace(s.model, static=bad), bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4"
+                replace(s.model, static=bad),
+                bd.Excitation("tip"),
+                5,
+                constraint_planes=False,
+                contact_stiffness="cigeroglu2009",
             ).static(1.0)
 
 

@@ -16,6 +16,6 @@ def test_advice_of_the_page(monkeypatch):
         exec(compile(block, str(PAGE), "exec"), space)
     advice = space["advice"]
     row = re.compile(r"^ *(translation X|contact points beyond 4|separation) +(\S+)", re.M)
-    shown, found = (dict(row.findall(text)) for text in (page, advice.details()))
+    shown, found = (dict(row.findall(text)) for text in (page, advice.summary()))
     assert len(shown) == 3
     assert [float(found[name]) for name in shown] == pytest.approx([float(v) for v in shown.values()], rel=0.02)

@@ -1,4 +1,4 @@
-"""The CalculiX example gives the frequencies and the tracking curve of the model built in memory on the same mesh."""
+"""The CalculiX example gives the frequencies and the response curve of the model built in memory on the same mesh."""
 
 import importlib.util
 import shutil
@@ -39,9 +39,9 @@ def distance_from(points, line):
 
 
 def compare_curves(curve, model):
-    """The tracking curve is that of ``model`` within half a percent: every point, both folds, the peak."""
+    """The response curve is that of ``model`` within half a percent: every point, both folds, the peak."""
     study = plain_study(model, Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3)
-    own = study.track(200.0, (250.0, 400.0), options=ContinuationOptions(step=0.02, max_step=0.02))
+    own = study.frequency_response(200.0, (250.0, 400.0), options=ContinuationOptions(step=0.02, max_step=0.02))
     assert own.complete
     assert curve.complete
     a, b = (np.column_stack([c.frequency / own.peak.frequency, c.amplitude / own.peak.amplitude]) for c in (curve, own))
@@ -71,7 +71,7 @@ def test_frequencies_and_curve_on_the_coarse_mesh(tmp_path, capsys, monkeypatch)
 
 @pytest.mark.slow
 def test_shipped_reference_model(tmp_path, monkeypatch):
-    """On the mesh of the shipped model: its frequencies to 0.1 %, its tracking curve to 0.5 %."""
+    """On the mesh of the shipped model: its frequencies to 0.1 %, its response curve to 0.5 %."""
     module = example(monkeypatch)
     fe = SectorFE(density=MeshDensity.preset("reference"))
     module.write_and_run(tmp_path, fe)

@@ -35,7 +35,7 @@ def test_recipes(tmp_path, monkeypatch):
     assert resumed["optimal"].optimum.preload == pytest.approx(chosen["best"].preload, rel=1e-9)
     assert not bd.load("curve.h5").compare(space["curve"]) and space["model"].hash == space["study"].model.hash
     assert space["designs"].curves[1].peak.amplitude < 0.9 * space["designs"].curves[0].peak.amplitude
-    assert not space["short"].complete and space["short"].left_out and space["further"].complete
+    assert not space["short"].complete and space["short"].missing_ranges and space["further"].complete
     assert len(space["settled"].harmonics) == 16
     assert space["strongest"].best_margin >= np.nanmax(space["strongest"].margin) and space["margins"].least > 0.0
     assert space["optimal"].optimum.verified and space["richer"].peaks[-1].harmonics >= 3

@@ -1,4 +1,4 @@
-"""The code of docs/import.md, from matrices in plain files to a tracking curve, runs and gives the reference model's."""
+"""The code of docs/import.md, from matrices in plain files to a response curve, runs and gives the reference model's."""
 
 import re
 from dataclasses import replace
@@ -16,7 +16,7 @@ from bdamper.fem.assembly import local_order
 from bdamper.fem.blade_stress import blade_points
 from tests.ansys_files import write_cdb, write_full
 from tests.fe_bodies import FIRST_NUMBER, modes_alone, sector_and_damper
-from tests.io.test_io_files import bulk_text
+from tests.importers.test_io_files import bulk_text
 from tests.own_sector import OwnSector, deck
 from tests.plain import plain_study
 
@@ -94,7 +94,7 @@ def test_page(tmp_path, monkeypatch, capsys):
     # the rectangles of the constraint planes differ by 3.5 mm, which residual modes tell in the fourth digit
     models = modes_alone(space["built"].model), reference
     studies = [plain_study(m, Excitation("tip"), 5, friction_coefficient=0.3) for m in models]
-    found, expected = (s.track(500.0, (250.0, 400.0)).peak for s in studies)
+    found, expected = (s.frequency_response(500.0, (250.0, 400.0)).peak for s in studies)
     assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-3)
     assert found.frequency == pytest.approx(expected.frequency, rel=1e-4)
 

@@ -84,7 +84,7 @@ def test_stored_curves_belong_to_the_shipped_model():
             assert result.model_hash == model.hash, path.name
     # one of them again
     kept = paper_disk.stored("mode_2_500N")
-    again = paper_disk.study(2).track(500.0, paper_disk.MODES[2].band)
+    again = paper_disk.study(2).frequency_response(500.0, paper_disk.MODES[2].band)
     assert kept.peak.amplitude == pytest.approx(again.peak.amplitude, rel=1e-6)
     assert kept.peak.frequency == pytest.approx(again.peak.frequency, rel=1e-6)
 
@@ -104,8 +104,8 @@ def test_tracking(tmp_path):
     paper, converged = out["paper"][1], out["converged"][1]
     assert all(len(c.folds) >= 2 and c.shares[c.peak.index, 2] > 0.1 for c in paper)
     assert [len(c.folds) >= 2 for c in converged] == [c.preload <= 2000.0 for c in converged]
-    alone = paper_disk.study(1, **{**bd.PAPER, "separation": False})  # it is due to separation
-    assert not any(alone.track(c.preload, paper_disk.MODES[1].band).folds for c in paper)
+    alone = paper_disk.study(1, **{**bd.CIGEROGLU_2009, "separation": False})  # it is due to separation
+    assert not any(alone.frequency_response(c.preload, paper_disk.MODES[1].band).folds for c in paper)
     # an unstable branch between two stable ones: the typical fold, in the words of the paper; beside it oscillations grow
     for curve in paper[1:]:
         assert len(curve.folds) == 2 and curve.stable is not None and curve.stable[0] and curve.stable[-1]
@@ -121,9 +121,9 @@ def test_tracking(tmp_path):
 @pytest.mark.slow
 def test_mode_2_turns_about_x_with_closed_faces_and_folds_by_slip_alone():
     """Fig. 7: the damper rotates above all about X; at 120 N there are folds where nothing opens."""
-    asked, driven = paper_disk.study(2, **bd.PAPER), paper_disk.MODES[2]
+    asked, driven = paper_disk.study(2, **bd.CIGEROGLU_2009), paper_disk.MODES[2]
     for preload in (120.0, 250.0, 500.0, 1000.0, 2000.0):
-        curve = asked.track(preload, driven.band)
+        curve = asked.frequency_response(preload, driven.band)
         about_x, about_y, about_z = rigid_motion(asked, curve.unknowns[curve.peak.index]).amplitude[3:]
         assert 0.68 < about_y / about_x < 0.775 and about_z < 0.035 * about_x
         assert curve.shares[:, 2].max() == 0.0, "no contact opens"
@@ -146,7 +146,7 @@ def test_optimal_curves(tmp_path):
     assert converged[1].ratio == pytest.approx(15.0, rel=0.03) and converged[2].ratio == pytest.approx(5.2, rel=0.03)
     # below 92 N no steady response is expected: the least value of mode 1 is not verified, and not shown as if it were
     assert converged[2].optimum.verified and not converged[1].optimum.verified
-    assert converged[1].no_steady_below == pytest.approx(92.0, rel=0.01)
+    assert converged[1].lowest_steady_preload == pytest.approx(92.0, rel=0.01)
     assert converged[1].stuck_shift_percent == pytest.approx(18.2, rel=0.01)
     assert converged[2].stuck_shift_percent == pytest.approx(2.5, rel=0.01)
     # "damping at the second mode is more effective" (stuck over optimum): with the approximations of the paper only
@@ -222,7 +222,7 @@ def test_higher_modes(tmp_path):
     # mode 3: the optimum is where the higher peak parts from the curve, and a curve beside it agrees
     best = out["optimal"][3][0].optimum
     assert best.kind == "jump" and best.verified
-    beside = paper_disk.study(3, **bd.PAPER).track(best.preload, paper_disk.MODES[3].band)
+    beside = paper_disk.study(3, **bd.CIGEROGLU_2009).frequency_response(best.preload, paper_disk.MODES[3].band)
     assert beside.peak.amplitude == pytest.approx(best.amplitude, rel=2e-3)
     # the sign of the shift of mode 7 depends on the approximations
     assert [c.stuck_shift_percent for c in out["optimal"][7]] == pytest.approx([-0.6, 0.24], abs=0.05)
@@ -354,7 +354,7 @@ def test_test_rig(tmp_path):
     assert most.optimum.amplitude == pytest.approx(0.65 * rig.optimum.amplitude, rel=0.01)
     assert most.optimum.preload == pytest.approx(38.8, rel=0.01)
     # converged no steady response is expected where these optima lie
-    assert not converged.optimum.verified and converged.no_steady_below == pytest.approx(2435.0, rel=0.01)
+    assert not converged.optimum.verified and converged.lowest_steady_preload == pytest.approx(2435.0, rel=0.01)
     # where the bladed disk is locked, the rig slips
     ratio, slip = out["at_normalised_load"](rig, 100.0)
     assert ratio < 0.9 and slip > 0.02

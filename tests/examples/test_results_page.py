@@ -23,7 +23,7 @@ def test_the_page_makes_its_pictures(tmp_path, monkeypatch):
     assert shown == {path.name for path in tmp_path.glob("*.png")} and len(shown) == 6
     assert all((DOCS / "images" / name).is_file() for name in shown)
     assert abs(space["cycle"].imbalance) < 1e-9 and space["cycle"].lost > 0.5 * space["cycle"].excitation
-    plain = space["study"].with_(contact_stiffness="unit_traction")  # the same elasticity without residual modes
+    plain = space["study"].replace(contact_stiffness="unit_traction")  # the same elasticity without residual modes
     other = plain.hysteresis(plain.peak(500.0, (330.0, 362.0)))
     assert space["cycle"].stiffness == pytest.approx(other.stiffness, rel=0.1)
     assert space["cycle"].damping_ratio == pytest.approx(other.damping_ratio, rel=0.1)

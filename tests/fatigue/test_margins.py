@@ -12,7 +12,7 @@ from bdamper.fatigue import AISI_1050, MarginCurve, Margins
 from bdamper.fatigue.criteria import amplitude_and_mean
 from bdamper.fatigue.stress_cycle import _contact_axes
 from bdamper.model.stress_recovery import StressSet
-from bdamper.response.march_result import Marched
+from bdamper.response.march_result import TimeResponse
 from bdamper.util.errors import BdamperError, SettingError
 
 
@@ -52,7 +52,7 @@ def peak(study):
 
 @pytest.fixture(scope="module")
 def curve(study, peak):
-    return study.track(200.0, (285.0, 360.0))
+    return study.frequency_response(200.0, (285.0, 360.0))
 
 
 def test_margins_of_a_peak(study, peak):
@@ -69,16 +69,16 @@ def test_margins_of_a_peak(study, peak):
 
 def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     """The largest period is a fifth above the balance: so is the vibration, and the margin on it a sixth smaller."""
-    kept = Marched(1.1e-6, 1e-6, 1.2 * peak.amplitude, peak.frequency, 200.0, peak.amplitude)
-    plain, scaled = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, kept=kept)
+    kept = TimeResponse(1.1e-6, 1e-6, 1.2 * peak.amplitude, peak.frequency, 200.0, peak.amplitude)
+    plain, scaled = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, time_response=kept)
     np.testing.assert_allclose(scaled.amplitude, 1.2 * plain.amplitude)
     np.testing.assert_allclose(scaled.mean, plain.mean)
     assert scaled.least == pytest.approx(plain.least / 1.2) and "vibration scaled by 1.2" in scaled.notes[-1]
     assert not any("the amplitude in time" in note for note in scaled.notes)
-    cut = study.margin(peak, AISI_1050, kept=replace(kept, status="interrupted"))
+    cut = study.margin(peak, AISI_1050, time_response=replace(kept, status="interrupted"))
     assert "the amplitude in time is interrupted" in cut.notes
-    with pytest.raises(SettingError, match=r"^kept: expected a march at 200 N, found .* at 100 N"):
-        study.margin(peak, AISI_1050, kept=replace(kept, preload=100.0))
+    with pytest.raises(SettingError, match=r"^time_response: expected a march at 200 N, found .* at 100 N"):
+        study.margin(peak, AISI_1050, time_response=replace(kept, preload=100.0))
 
 
 def test_all_harmonics_count(study, peak):
@@ -127,30 +127,30 @@ def test_results_are_kept_in_files_and_tables(study, peak, curve, tmp_path):
 
 def test_points_beside_contact_faces_do_not_count(study):
     """However large their stress; with them alone there is no margin."""
-    study, root = study.with_(harmonics=1), study.model.stress["root"]
+    study, root = study.replace(harmonics=1), study.model.stress["root"]
     scale = np.where(root.near_contact, 1e3, 1.0)[:, None, None]
 
     def with_root(**changes):
-        return study.with_(model=replace(study.model, stress={"root": replace(root, **changes)}))
+        return study.replace(model=replace(study.model, stress={"root": replace(root, **changes)}))
 
     rows = {name: {d: scale * x for d, x in getattr(root, name).items()} for name in ("modes", "contact")}
     loud = with_root(**rows)
     own, louder = (of.margin(of.peak(200.0), AISI_1050) for of in (study, loud))
     assert louder.factor[2] < 0.1 * louder.least and louder.critical != 2
     assert louder.least == pytest.approx(own.least, rel=1e-6)
-    along = loud.margin(loud.track(200.0, (285.0, 360.0)), AISI_1050)
+    along = loud.margin(loud.frequency_response(200.0, (285.0, 360.0)), AISI_1050)
     assert (along.factor[:, 2] < along.margin).all() and (along.critical != 2).all()
     np.testing.assert_array_equal(along.margin, along.factor[:, :2].min(axis=1))
     beside = with_root(near_contact=np.ones(3, bool))
-    for result in (beside.peak(200.0), beside.track(200.0, (285.0, 300.0))):
+    for result in (beside.peak(200.0), beside.frequency_response(200.0, (285.0, 300.0))):
         with pytest.raises(SettingError, match=r"^margin: expected points away from contact faces, found none"):
             beside.margin(result, AISI_1050)
 
 
 def test_a_curve_without_any_margin_says_so(study, curve, tmp_path):
     none = replace(study.margin(curve, AISI_1050), margin=np.full(len(curve), np.nan))
-    assert "found at any" in str(none) and not any("margin" in fact.name for fact in none.facts() if fact.known)
-    assert none.bottom_line().startswith("No margin against fatigue was found at any of")
+    assert "found at any" in str(none) and not any("margin" in fact.name for fact in none._facts() if fact.known)
+    assert none._headline().startswith("No margin against fatigue was found at any of")
     for place in ("least", "greatest"):
         with pytest.raises(BdamperError, match=f"^no margin found at any of {len(curve)} values of frequency$"):
             getattr(none, place)
@@ -161,11 +161,11 @@ def test_a_curve_without_any_margin_says_so(study, curve, tmp_path):
 
 def test_what_cannot_be_asked_is_said(study, peak, curve):
     with pytest.raises(SettingError, match="expected a model with stress sets"):
-        study.with_(model=replace(study.model, stress={})).stress(peak)
+        study.replace(model=replace(study.model, stress={})).stress(peak)
     with pytest.raises(SettingError, match="stress set"):
         study.stress(peak, sets="tip")
     with pytest.raises(SettingError, match="unknowns"):
-        study.with_(harmonics=1).stress(peak)
+        study.replace(harmonics=1).stress(peak)
     with pytest.raises(SettingError, match="criterion"):
         study.margin(peak, AISI_1050, criterion="tresca")
     with pytest.raises(SettingError, match="index"):
@@ -174,22 +174,22 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
         study.margin(peak, 300e6)
     with pytest.raises(SettingError, match="at the rotor speed of this study, 300 rad/s, found one at none"):
         study.at_speed(300.0).margin(curve, AISI_1050)
-    one = study.with_(harmonics=1)
+    one = study.replace(harmonics=1)
     turning = one.at_speed(300.0).peak(200.0)
     assert one.at_speed(300.0).margin(turning, AISI_1050).speed == 300.0
     with pytest.raises(SettingError, match="at the rotor speed of this study, 310 rad/s, found one at 300 rad/s"):
         one.at_speed(310.0).margin(turning, AISI_1050)
     with pytest.raises(SettingError, match="expected one of this study, found one with friction_coefficient = "):
-        study.with_(friction_coefficient=0.2).margin(peak, AISI_1050)
+        study.replace(friction_coefficient=0.2).margin(peak, AISI_1050)
     with pytest.raises(SettingError, match="expected one of this study's model, found one of another"):
-        study.with_(model=with_stress(study.model, seed=1)).margin(peak, AISI_1050)
-    bare = one.with_(model=replace(one.model, stress={})).peak(200.0)
+        study.replace(model=with_stress(study.model, seed=1)).margin(peak, AISI_1050)
+    bare = one.replace(model=replace(one.model, stress={})).peak(200.0)
     assert one.margin(bare, AISI_1050).least == pytest.approx(one.margin(one.peak(200.0), AISI_1050).least, rel=1e-9)
 
 
 @pytest.mark.parametrize("settings", [{}, {"separation": False}, {"variable_normal_load": False}])
 def test_contact_forces_are_those_of_the_equations_in_the_axes_of_the_model(study, settings):
-    other = study.with_(**settings)
+    other = study.replace(**settings)
     system = other.problem.system(200.0)
     force = np.random.default_rng(1).standard_normal((system.n_points, 3))
     in_equations = np.einsum("pdm,pd->m", system.structure.bases[1].G.conj(), force)

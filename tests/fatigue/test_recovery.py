@@ -90,7 +90,7 @@ def full_response(fe, model, study, peak):
 def test_stuck_stress_is_that_of_the_whole_finite_element_model(fe, model, rows, stored, allowed):
     """A study with ten modes: at most 0.31 % off if the model has no more, 0.11 % if it has sixteen, 0.06 with twenty."""
     own = with_modes(model, stored) if stored < 20 else model
-    study = study_of(own, friction_law="bonded", constraints=False)
+    study = study_of(own, friction_law="bonded", constraint_planes=False)
     peak = study.peak(PRELOAD)
     true = (rows @ full_response(fe, own, study, peak)).reshape(-1, 6)
     found = study.stress(peak).coefficients[..., 1]
@@ -116,7 +116,7 @@ def test_stress_of_one_mode_by_hand_and_of_the_excitation_on_the_others(model):
 def test_a_set_without_contact_vectors_and_centrifugal_stress_says_so(model):
     study = study_of(model)
     peak = study.peak(PRELOAD)
-    bare = study.with_(model=replace(model, stress={"blade": replace(model.stress["blade"], contact={}, static=None)}))
+    bare = study.replace(model=replace(model, stress={"blade": replace(model.stress["blade"], contact={}, static=None)}))
     own, peak = peak, replace(peak, model_hash=bare.model.hash)
     notes = bare.stress(peak).notes
     assert any("contact forces" in note for note in notes) and any("centrifugal" in note for note in notes)
@@ -125,30 +125,30 @@ def test_a_set_without_contact_vectors_and_centrifugal_stress_says_so(model):
 
 def test_a_gauge_reads_the_tensor_along_its_direction(model):
     study = study_of(model)
-    curve = study.track(500.0, (300.0, 301.0))
+    curve = study.frequency_response(500.0, (300.0, 301.0))
     some = [0, len(curve) - 1]
     tensor = np.stack([study.stress(curve, i).coefficients[3] for i in some])  # (2, 6, H + 1)
     xx, yy, zz, xy, yz, xz = tensor.transpose(1, 0, 2)
     close = functools.partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9 * np.abs(tensor).max())
-    close(study.stress_at(curve, "blade 4", (1.0, 0.0, 0.0))[some], xx)
-    close(study.stress_at(curve, "blade 4", (0.0, 1.0, 1.0))[some], (yy + zz) / 2 + yz)
-    close(study.stress_at(curve, "blade 4", (1.0, -2.0, 0.0))[some], (xx + 4 * yy - 4 * xy) / 5)
+    close(study.gauge_stress(curve, "blade 4", (1.0, 0.0, 0.0))[some], xx)
+    close(study.gauge_stress(curve, "blade 4", (0.0, 1.0, 1.0))[some], (yy + zz) / 2 + yz)
+    close(study.gauge_stress(curve, "blade 4", (1.0, -2.0, 0.0))[some], (xx + 4 * yy - 4 * xy) / 5)
     near = model.stress["blade"].points[3] + 1e-6
-    close(study.stress_at(curve, near, (1.0, 0.0, 1.0))[some], (xx + zz) / 2 + xz)
+    close(study.gauge_stress(curve, near, (1.0, 0.0, 1.0))[some], (xx + zz) / 2 + xz)
     # Hooke's law along an axis, and the sum of three strains
     modulus, poisson = 2.1e11, 0.28
-    strains = [study.stress_at(curve, "blade 4", axis, (modulus, poisson))[some] * modulus for axis in np.eye(3)]
+    strains = [study.gauge_stress(curve, "blade 4", axis, (modulus, poisson))[some] * modulus for axis in np.eye(3)]
     close(strains[1], yy - poisson * (xx + zz))
     close(sum(strains), (1 - 2 * poisson) * (xx + yy + zz))
     peak = study.peak(PRELOAD)
-    close(study.stress_at(peak, "blade 4", (0, 0, 1)), study.stress(peak).coefficients[3, 2][None])
+    close(study.gauge_stress(peak, "blade 4", (0, 0, 1)), study.stress(peak).coefficients[3, 2][None])
     for given, message in [
         (("blade 0", "axial"), "gauge: expected one of"), (("blade 4", (0, 0, 0)), "direction"),
         (("blade 4", "axial", (0.0, 0.3)), "elastic: expected a modulus above 0"),
         (((1, 2), "axial"), "gauge, m: expected 3"), ((1e3 * near, "axial"), r"gauge: expected a place within .* away"),
     ]:  # fmt: skip
         with pytest.raises(bd.SettingError, match=message):
-            study.stress_at(peak, *given)
+            study.gauge_stress(peak, *given)
 
 
 def test_a_gauge_is_near_a_point_or_refused(model):
@@ -158,10 +158,10 @@ def test_a_gauge_is_near_a_point_or_refused(model):
     first = int(points[:, 2].argmax())
     outward = np.array([0.0, 0.0, largest])
     near, far = (points[first] + share * outward for share in (0.049, 0.051))
-    own = study.stress_at(peak, f"blade {first + 1}", "axial")
-    np.testing.assert_array_equal(study.stress_at(peak, near, "axial"), own)
+    own = study.gauge_stress(peak, f"blade {first + 1}", "axial")
+    np.testing.assert_array_equal(study.gauge_stress(peak, near, "axial"), own)
     with pytest.raises(bd.SettingError, match=rf"gauge: .* found 'blade {first + 1}' as the nearest"):
-        study.stress_at(peak, far, "axial")
+        study.gauge_stress(peak, far, "axial")
 
 
 def test_the_wave_the_other_way_round_is_the_conjugate(model):
@@ -184,9 +184,11 @@ def test_the_dampers_share_of_the_mean_comes_with_the_solution_and_is_counted_on
     by_rotation = 400.0**2 * model.stress["blade"].static
     np.testing.assert_allclose(fast.coefficients[..., 0] - still.coefficients[..., 0], by_rotation, rtol=1e-9)
     np.testing.assert_array_equal(fast.coefficients[..., 1:], still.coefficients[..., 1:])
-    faint = study.with_(excitation=bd.Excitation("tip", "tangential", 1e-3))
-    resting = faint.with_(bias=False)  # its mean is the static state
-    means = [s.stress(s.track(500.0, (300.0, 301.0)), 0, speed=0.0).coefficients[..., 0] for s in (faint, resting)]
+    faint = study.replace(excitation=bd.Excitation("tip", "tangential", 1e-3))
+    resting = faint.replace(bias=False)  # its mean is the static state
+    means = [
+        s.stress(s.frequency_response(500.0, (300.0, 301.0)), 0, speed=0.0).coefficients[..., 0] for s in (faint, resting)
+    ]
     np.testing.assert_allclose(*means, rtol=1e-3, atol=1e-4 * np.abs(means[0]).max())
 
 

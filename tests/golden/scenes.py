@@ -14,10 +14,10 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.mistuning import Mistuning
+from tests.mistuning.lumped import lumped_study
 from tests.models import ground_model, shroud_model, wedge_model
 from tests.plain import plain_study
 from tests.turning import turning_disk
-from tests.wheel.lumped import lumped_study
 
 Answer = tuple[dict[str, Any], dict[str, int]]
 SCENES: dict[str, Callable[[], Answer]] = {}
@@ -56,8 +56,8 @@ def scene(name: str, slow: bool = False) -> Callable[[Callable[[], Answer]], Cal
 
 
 def curve(of: Any, preload: float, frequency: tuple[float, float], **settings: Any) -> Answer:
-    """Maxima and folds of a tracking curve, with how it was found."""
-    found = of.track(preload, frequency, **settings)
+    """Maxima and folds of a response curve, with how it was found."""
+    found = of.frequency_response(preload, frequency, **settings)
     kinds = np.array(found.point_kind)
     values = {
         "status": found.status,
@@ -90,19 +90,19 @@ for preload in (800.0, 2000.0):
         lambda p=preload: curve(study("bladed 24", plain=False, harmonics=1), p, BAND)
     )
     scene(f"curve paper 9, unit tractions, H=3, {preload:g} N")(
-        lambda p=preload: curve(study("paper 9", harmonics=3, single_basis=True), p, (250.0, 400.0))
+        lambda p=preload: curve(study("paper 9", harmonics=3, fundamental_modes_only=True), p, (250.0, 400.0))
     )
 for preload in (30.0, 300.0):
     scene(f"curve wedge, H=3, {preload:g} N")(lambda p=preload: curve(study("wedge", harmonics=3), p, (900.0, 1600.0)))
     scene(f"curve wedge sampled, H=3, {preload:g} N")(
-        lambda p=preload: curve(study("wedge", harmonics=3, evaluation=bd.Sampled(128)), p, (900.0, 1600.0))
+        lambda p=preload: curve(study("wedge", harmonics=3, contact_forces=bd.AFT(128)), p, (900.0, 1600.0))
     )
 scene("curve wedge without bias, H=1, 100 N")(lambda: curve(study("wedge", bias=False), 100.0, (900.0, 1600.0)))
 scene("curve wedge, two harmonics, 100 N")(lambda: curve(study("wedge", harmonics=(1, 3)), 100.0, (900.0, 1600.0)))
 scene("curve shroud, H=3")(lambda: curve(study("shroud", harmonics=3), 0.0, (250.0, 420.0)))
 scene("curve wedge, coupled friction, H=1, 100 N")(
     lambda: curve(
-        study("wedge", friction_law="coupled", evaluation=bd.Sampled(128, interpolate=False)), 100.0, (900.0, 1600.0)
+        study("wedge", friction_law="coupled", contact_forces=bd.AFT(128, interpolate=False)), 100.0, (900.0, 1600.0)
     )
 )
 
@@ -175,16 +175,16 @@ def run_up() -> Answer:
 
 
 @scene("crossings")
-def crossings() -> Answer:
-    found = turning().crossings((400.0, 500.0), [5], damper_mass=(0.8, 1.2))
+def resonance_crossings() -> Answer:
+    found = turning().resonance_crossings((400.0, 500.0), [5], damper_mass=(0.8, 1.2))
     amplitude, speed = (found.array(name).ravel() for name in ("amplitude", "speed"))
     return {"amplitude": amplitude.tolist(), "speed": np.round(speed, 5).tolist()}, {}
 
 
 def wheel(preload: float, deviations: tuple[float, ...]) -> Answer:
     """The highest blade of a lumped wheel of six, with what holds its dampers."""
-    loaded = lumped_study(6, n_c=2, r=2).with_(excitation=bd.Excitation("tip", amplitude=100.0))
-    found = bd.Wheel(loaded, Mistuning(np.array(deviations))).peak(preload)
+    loaded = lumped_study(6, n_c=2, r=2).replace(excitation=bd.Excitation("tip", amplitude=100.0))
+    found = bd.BladedDisk(loaded, Mistuning(np.array(deviations))).peak(preload)
     return {"amplitude": found.amplitude, "blade": int(found.blade)}, {}
 
 

@@ -20,8 +20,8 @@ from bdamper.response import branches, continuation
 from bdamper.response import initial_solution as start
 from bdamper.response import response_curve as tracking
 from bdamper.response.branches import (
-    FEWEST,
-    MOST,
+    FEWEST_EVALUATIONS,
+    MOST_EVALUATIONS,
     OPERATIONS,
     Coverage,
     Piece,
@@ -65,9 +65,9 @@ def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
 
         yield update
 
-    whole = study().track(200.0, (250.0, 450.0))
+    whole = study().frequency_response(200.0, (250.0, 450.0))
     monkeypatch.setattr(tracking, "progress_bar", stop)
-    curve = study().track(200.0, (250.0, 450.0))
+    curve = study().frequency_response(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert curve.reason == "by the user"
     assert not curve.complete
@@ -98,7 +98,7 @@ class Clock:
     "work",
     [
         lambda s: s.peak(200.0, (250.0, 450.0)),
-        lambda s: s.advise(200.0, (250.0, 450.0)),
+        lambda s: s.effect_significance(200.0, (250.0, 450.0)),
         lambda s: bd.accuracy_cost(s, 200.0, (250.0, 450.0), vary={"harmonics": [1, 2]}),
     ],
     ids=["peak", "advice", "accuracy"],
@@ -114,7 +114,9 @@ def test_ctrl_c_ends_what_is_made_of_curves(monkeypatch, work, at):
 def test_ctrl_c_ends_a_comparison_with_the_curve_that_it_interrupts(monkeypatch, at):
     one = study()
     Clock(monkeypatch, at)
-    found = bd.compare({"a": one, "b": {"friction_coefficient": 0.3}}, lambda s: s.track(200.0, (250.0, 450.0)))
+    found = bd.compare(
+        {"a": one, "b": {"friction_coefficient": 0.3}}, lambda s: s.frequency_response(200.0, (250.0, 450.0))
+    )
     assert found.names == ("a",) and found.curves[0].interrupted
 
 
@@ -156,7 +158,7 @@ def test_ctrl_c_in_the_chain_of_a_start_is_not_a_stage_that_failed(monkeypatch):
     """Raising the excitation is interrupted: no other stage may be tried after it."""
     s, preload, interval = random_study(1889)
     Clock(monkeypatch, 1)
-    curve = s.track(preload, interval)
+    curve = s.frequency_response(preload, interval)
     assert curve.status == "interrupted"
     assert not any("support homotopy" in line for line in curve.start_log)
 
@@ -167,10 +169,10 @@ def test_interrupted_before_the_first_point(monkeypatch):
 
     s = study()
     monkeypatch.setattr("bdamper.response.response_curve.first_point", stop)
-    curve = s.track(200.0, (250.0, 450.0))
+    curve = s.frequency_response(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert len(curve) == 0
-    assert "interrupted" in curve.details()
+    assert "interrupted" in curve.summary()
 
 
 class Ellipse:
@@ -303,15 +305,15 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     np.testing.assert_allclose([entry[:2] for entry in left], [[a * hertz, b * hertz] for a, b, _ in expected], rtol=1e-12)
     assert ending([Piece(path, True)], 1.0, 3.5) == ("complete", path.reason, ())
 
-    whole = study().track(200.0, (250.0, 450.0))
-    assert whole.left_out == ()
-    assert "left out" not in whole.details()
-    curve = replace(whole, left_out=left)
-    told = [fact.value for fact in curve.facts() if fact.name.startswith("left out ")]
+    whole = study().frequency_response(200.0, (250.0, 450.0))
+    assert whole.missing_ranges == ()
+    assert "missing range" not in whole.summary()
+    curve = replace(whole, missing_ranges=left)
+    told = [fact.value for fact in curve._facts() if fact.name.startswith("missing ranges ")]
     assert told == [str(part) for part in left] and f"{2.9 * hertz:.6g} Hz: drifted off: told" in told
-    assert all(text in curve.details() for text in told)
+    assert all(text in curve.summary() for text in told)
     curve.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").left_out == left
+    assert bd.load(tmp_path / "curve.h5").missing_ranges == left
     labels = [text.get_text() for text in curve.plot().get_legend().get_texts()]
     assert "not followed" in labels
     assert "not followed" not in [text.get_text() for text in whole.plot().get_legend().get_texts()]
@@ -350,14 +352,14 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
 def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch):
     """Shrouds that just touch, and a damper thrown about by 16 times its preload."""
     s, preload, interval = random_study(seed, wide)
-    curve = s.track(preload, interval)
+    curve = s.frequency_response(preload, interval)
     assert curve.complete
     assert any("support homotopy: support gone" in line for line in curve.start_log)
     error, rounding = oracle_residuals(s, preload, curve)
     assert (error <= 1e-9 + rounding).all()
     homotopy, cut_off = start._homotopy, Path((), "too many points", "cut off", 0, 0)
     monkeypatch.setattr(start, "_homotopy", lambda system, *args: cut_off if system.supported else homotopy(system, *args))
-    assert not s.track(preload, interval).complete
+    assert not s.frequency_response(preload, interval).complete
 
 
 def reference_study(**settings):
@@ -368,7 +370,7 @@ def reference_study(**settings):
 @pytest.mark.parametrize(("preload", "interval"), [(25e3, (320.0, 400.0)), (5.0, (340.0, 420.0))])
 def test_no_point_runs_backward_where_there_is_no_fold(preload, interval):
     """The last point and walks at one frequency included."""
-    curve = reference_study().track(preload, interval)
+    curve = reference_study().frequency_response(preload, interval)
     assert curve.complete
     through = [b for b in np.unique(curve.branch) if np.ptp(curve.frequency[curve.branch == b]) > 79.9]
     assert len(through) == 1  # at 5 N paths outside may come back with folds of their own
@@ -378,7 +380,7 @@ def test_no_point_runs_backward_where_there_is_no_fold(preload, interval):
 
 
 def test_points_run_backward_between_two_folds():
-    curve = reference_study().track(3000.0, (282.6, 424.0))
+    curve = reference_study().frequency_response(3000.0, (282.6, 424.0))
     at = sorted(i for i, kind in enumerate(curve.point_kind) if kind == "fold")
     assert len(at) == 2
     expected = np.zeros(len(curve), bool)
@@ -399,9 +401,9 @@ def test_maximum_in_the_step_that_leaves_the_interval():
         damping_ratio=0.0017428106690244361,
     )
     preload, interval = 11.009652088200657, (200.0, 450.0)
-    curve = s.track(preload, interval)
+    curve = s.frequency_response(preload, interval)
     assert "maximum" in curve.point_kind
-    fine = s.track(preload, interval, options=ContinuationOptions(step=0.01, max_step=0.02))
+    fine = s.frequency_response(preload, interval, options=ContinuationOptions(step=0.01, max_step=0.02))
     assert curve.peak.frequency == pytest.approx(fine.peak.frequency, rel=1e-9)
     assert s.peak(preload, interval).amplitude == pytest.approx(fine.peak.amplitude, rel=1e-9)
 
@@ -413,15 +415,15 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound):
     Within the interval no sweep comes to it: it is named, and no peak.
     """
     s = reference_study()
-    whole = s.track(3000.0, (282.6, 424.0))
+    whole = s.frequency_response(3000.0, (282.6, 424.0))
     assert whole.folds[0].frequency == pytest.approx(354.340, abs=1e-3)
-    curve = s.track(3000.0, (282.6, bound))
+    curve = s.frequency_response(3000.0, (282.6, bound))
     assert curve.complete
     assert curve.frequency.max() <= bound * (1.0 + 1e-12)
     assert [top.amplitude for top in curve.separate] == pytest.approx([whole.peak.amplitude], rel=1e-9)
-    assert curve.peak_at_end and "widen the interval" in curve.bottom_line()
+    assert curve.peak_at_end and "widen the interval" in curve._headline()
     peak = s.peak(3000.0, (282.6, bound))
-    assert not peak.converged and peak.status == peak.scan and "widen the interval" in peak.bottom_line()
+    assert not peak.converged and peak.status == peak.search_status and "widen the interval" in peak._headline()
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-9)
 
 
@@ -436,14 +438,14 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound):
 def test_a_narrow_band_shows_the_resonance_that_passes_through_it(settings, preload, band, amplitude):
     """The upper branch enters and leaves at the upper end; the folds that lead to it lie far outside."""
     s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, **settings)
-    whole, narrow = s.track(preload, (233.0, 407.0)), s.track(preload, band)
+    whole, narrow = s.frequency_response(preload, (233.0, 407.0)), s.frequency_response(preload, band)
     assert band[0] < whole.peak.frequency < band[1]
     assert narrow.complete
     assert (narrow.frequency.min(), narrow.frequency.max()) == pytest.approx(band, rel=1e-12)
     (separate,) = narrow.separate
     assert separate.amplitude == pytest.approx(whole.peak.amplitude, rel=1e-8)
     assert amplitude is None or separate.amplitude == pytest.approx(amplitude, rel=1e-2)
-    assert separate.amplitude > 2.0 * narrow.peak.amplitude and "widen the interval" in narrow.bottom_line()
+    assert separate.amplitude > 2.0 * narrow.peak.amplitude and "widen the interval" in narrow._headline()
     assert "; folds looked for from 274.6 to 367.4 Hz" in narrow.reason
     assert narrow.reason.endswith("closed branches not")
 
@@ -465,10 +467,10 @@ def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
     """It might have come back into it with a higher branch."""
     monkeypatch.setattr(branches, "SIDE_POINTS", 5)
     s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
-    curve = s.track(125.0, (295.0, 320.0))
+    curve = s.frequency_response(125.0, (295.0, 320.0))
     assert curve.complete and not curve.folds
-    assert [part.why.split(":")[0] for part in curve.left_out] == ["outside the interval, too many points"]
-    assert not any(295.0 < part.low < 320.0 for part in curve.left_out)
+    assert [part.why.split(":")[0] for part in curve.missing_ranges] == ["outside the interval, too many points"]
+    assert not any(295.0 < part.low < 320.0 for part in curve.missing_ranges)
 
 
 class Unsolvable(Ellipse):
@@ -522,8 +524,8 @@ def test_gaps_are_left_when_the_budget_is_used_up():
 def test_a_curve_ends_with_what_it_has_when_its_budget_is_used_up(budget):
     """It says so, names what is left out and what to do, and takes no more than the correction it was at."""
     s = study()
-    curve = s.track(200.0, (250.0, 450.0), options=ContinuationOptions(budget=budget))
-    whole = s.track(200.0, (250.0, 450.0))
+    curve = s.frequency_response(200.0, (250.0, 450.0), options=ContinuationOptions(budget=budget))
+    whole = s.frequency_response(200.0, (250.0, 450.0))
     assert whole.complete and whole.cost.evaluations > 400
     assert curve.status == "incomplete"
     assert 0.9 * budget <= curve.cost.evaluations <= budget + 100
@@ -531,7 +533,7 @@ def test_a_curve_ends_with_what_it_has_when_its_budget_is_used_up(budget):
     assert f"the budget was {budget} evaluations" in curve.reason
     assert "did not converge" not in curve.reason  # what was not tried has not failed
     assert "study.settle" in curve.reason
-    assert "no solution found" in [part.why for part in curve.left_out]
+    assert "no solution found" in [part.why for part in curve.missing_ranges]
     first = curve.unknowns[curve.branch == 0]
     assert len(first) > 3
     np.testing.assert_array_equal(first, whole.unknowns[: len(first)])
@@ -540,11 +542,11 @@ def test_a_curve_ends_with_what_it_has_when_its_budget_is_used_up(budget):
 def test_the_budget_is_set_by_the_sizes_of_the_problem_and_stands_in_the_result():
     small, large = study(), study(harmonics=7)
     budgets = [evaluation_budget(s.problem.system(200.0)) for s in (small, large)]
-    assert FEWEST <= budgets[1] < budgets[0] <= MOST
-    assert small.track(200.0, (250.0, 260.0)).settings["continuation"]["budget"] == budgets[0]
+    assert FEWEST_EVALUATIONS <= budgets[1] < budgets[0] <= MOST_EVALUATIONS
+    assert small.frequency_response(200.0, (250.0, 260.0)).settings["continuation"]["budget"] == budgets[0]
     for s, budget in zip((small, large), budgets):
         work = float(s.problem.system(200.0).work[:3].sum())
-        assert budget in (FEWEST, MOST) or budget * work == pytest.approx(OPERATIONS, rel=1e-3)
+        assert budget in (FEWEST_EVALUATIONS, MOST_EVALUATIONS) or budget * work == pytest.approx(OPERATIONS, rel=1e-3)
 
 
 def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):

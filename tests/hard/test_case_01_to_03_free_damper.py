@@ -31,14 +31,14 @@ def test_case_01_start_at_zero_motion_without_penetration():
     r, J, _ = system.evaluate(start, 2 * np.pi * 250.0)
     assert np.linalg.svd(J[:, rigid], compute_uv=False)[-1] > 1e-6 * np.abs(J[:, rigid]).max()
     assert np.abs(r[: system.n_mean] * system.row_scale[: system.n_mean]).max() < 1e-8
-    curve = s.track(200.0, (250.0, 300.0))
+    curve = s.frequency_response(200.0, (250.0, 300.0))
     assert curve.complete
     assert "static state: converged" in curve.start_log[0]
 
 
 def test_case_02_walking_is_reported_and_one_plane_loads():
     s = study()
-    curve = s.track(200.0, (250.0, 400.0))
+    curve = s.frequency_response(200.0, (250.0, 400.0))
     assert curve.complete
     walks = [note for note in curve.notes if "drifts along TZ" in note]
     assert walks
@@ -58,20 +58,20 @@ def test_case_02_walking_is_reported_and_one_plane_loads():
 
 
 def test_case_02_without_planes_there_is_no_solution_and_it_says_so():
-    curve = study(constraints=False).track(50.0, (300.0, 310.0))
+    curve = study(constraint_planes=False).frequency_response(50.0, (300.0, 310.0))
     # it is tracked as far as it can be, to where the damper walks off along its axis
     assert curve.status == "incomplete"
     assert "no periodic solution beyond" in curve.reason
     assert "no constraint plane takes load" in curve.reason
     assert any("drifts along TZ" in note for note in curve.notes)
     assert curve.frequency.max() < 309.0
-    assert study().track(50.0, (300.0, 310.0)).complete  # with planes there is
+    assert study().frequency_response(50.0, (300.0, 310.0)).complete  # with planes there is
 
 
 @pytest.mark.parametrize("preload", [pytest.param(1.0, marks=pytest.mark.slow), 20.0])
 def test_case_03_preload_so_low_that_the_damper_nearly_flies(preload):
     s = study()
-    curve = s.track(preload, (250.0, 400.0))
+    curve = s.frequency_response(preload, (250.0, 400.0))
     assert curve.status in ("complete", "incomplete", "not found")
     assert (curve.residual <= 1e-9).all()
     assert any("excitation ramp" in line for line in curve.start_log)

@@ -118,8 +118,8 @@ def test_a_pair_of_folds_in_one_step_is_not_stepped_over(case, folds, step):
         preload, interval = 500.0, (335.0, 355.0)
     else:
         study, preload, interval = random_study(28)
-    usual = study.track(preload, interval)
-    fine = study.track(preload, interval, options=ContinuationOptions(step=step, max_step=step))
+    usual = study.frequency_response(preload, interval)
+    fine = study.frequency_response(preload, interval, options=ContinuationOptions(step=step, max_step=step))
     assert usual.complete
     assert len(fine.folds) == folds
     np.testing.assert_allclose(

@@ -23,7 +23,7 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )
     assert self_locking(study.problem) == (("damper",) if locks else ())
-    curve = study.track(200.0, (250.0, 300.0))
+    curve = study.frequency_response(200.0, (250.0, 300.0))
     assert any("not unique" in note for note in curve.notes) == locks
     if locks:
         # the same load by another history: another normal load, both in equilibrium
@@ -59,7 +59,7 @@ def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, ex
     for l, b in enumerate(study.problem.bases):
         real = abs(np.sin(l * phase)) < 1e-12
         assert (np.abs(b.G.imag).max() < 1e-12 * np.abs(b.G).max()) == real
-    assert study.track(100.0, (250.0, 300.0)).complete
+    assert study.frequency_response(100.0, (250.0, 300.0)).complete
 
 
 @pytest.mark.parametrize("still", [bd.Excitation("tip", "tangential", amplitude) for amplitude in (0.0, 1e-320)])
@@ -69,9 +69,9 @@ def test_case_15_no_excitation_has_no_response(still):
     assert study.static(200.0).converged
     interval = 250.0, 300.0
     asked = [
-        lambda: study.track(200.0, interval), lambda: study.peak(200.0), lambda: study.peak(200.0, interval),
+        lambda: study.frequency_response(200.0, interval), lambda: study.peak(200.0), lambda: study.peak(200.0, interval),
         lambda: study.optimal_curve((20.0, 200.0), n=3), lambda: study.stuck(interval, 200.0), lambda: study.free(interval),
-        lambda: study.sweep_in_time(200.0, interval), lambda: study.problem.system(200.0),
+        lambda: study.frequency_sweep(200.0, interval), lambda: study.problem.system(200.0),
     ]  # fmt: skip
     for ask in asked:
         with pytest.raises(bd.SettingError, match=r"^excitation: expected a force that works on .*, found .* N at 'tip'"):
@@ -89,7 +89,7 @@ def test_case_16_excitation_and_preload_scaled_together(factor):
         study = plain_study(
             model, engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 2.0 * scale)
         )
-        return study.track(200.0 * scale, (250.0, 400.0))
+        return study.frequency_response(200.0 * scale, (250.0, 400.0))
 
     one, other = curve(1.0), curve(factor)
     assert one.complete

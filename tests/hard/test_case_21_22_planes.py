@@ -35,7 +35,7 @@ def test_case_21_all_points_open_under_a_static_load():
     assert "no periodic solution" in text
     assert "open through the cycle" in text
     assert "TY of damper" in text or "along TY" in text
-    curve = s.track(100.0, (250.0, 300.0))
+    curve = s.frequency_response(100.0, (250.0, 300.0))
     assert curve.status == "not found"
     assert "no periodic solution" in curve.reason
     assert len(curve) == 0
@@ -52,17 +52,17 @@ def loaded_planes(s, curve):
 
 def test_case_22_planes_with_clearance_never_load_together():
     s = study(with_gap(acyclic_model(1), ("front", "back"), 2e-5), harmonics=1)
-    curve = s.track(20.0, (250.0, 400.0))
+    curve = s.frequency_response(20.0, (250.0, 400.0))
     assert curve.complete, curve.reason
     assert not loaded_planes(s, curve).all(axis=1).any()
 
 
 def test_case_22_planes_without_clearance_hold_both_ways():
     s = study(with_gap(acyclic_model(1), ("front", "back"), 0.0), harmonics=1)
-    curve = s.track(20.0, (250.0, 400.0))
+    curve = s.frequency_response(20.0, (250.0, 400.0))
     assert curve.complete, curve.reason
     assert loaded_planes(s, curve).any(axis=0).all()
     # axial mean motion stays of the size of the vibration
     k = [c.name for c in s.problem.bases[0].coordinates].index("TZ")
-    free = study(with_gap(acyclic_model(1), ("front", "back"), 1e-3), harmonics=1).track(20.0, (250.0, 400.0))
+    free = study(with_gap(acyclic_model(1), ("front", "back"), 1e-3), harmonics=1).frequency_response(20.0, (250.0, 400.0))
     assert np.abs(curve.unknowns[:, k]).max() <= np.abs(free.unknowns[:, k]).max() * 1.001

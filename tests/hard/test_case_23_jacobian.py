@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from bdamper.contact.law_codes import (
+    AFT,
     LAW_BONDED,
     LAW_CONSTANT,
     LAW_COUPLED,
     LAW_COUPLED_CONSTANT,
     LAW_NORMAL,
     LAW_SEPARABLE,
-    Sampled,
 )
 from bdamper.contact.point_parameters import PointArrays
 from bdamper.harmonic_balance.problem import stuck_springs
@@ -32,7 +32,7 @@ QUICK = 25
 BATCHES = [(0, QUICK), (QUICK, BATCH), *((first, first + BATCH) for first in range(BATCH, number_of_cases(), BATCH))]
 N_TIME = 64
 LAWS = {
-    "separable": (LAW_SEPARABLE,),
+    "uncoupled": (LAW_SEPARABLE,),
     "normal": (LAW_NORMAL,),
     "constant": (LAW_CONSTANT,),
     "coupled": (LAW_COUPLED,),
@@ -42,7 +42,7 @@ LAWS = {
     "mixed, sampled": (LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED),
 }
 """The separable law, which most use, comes up as often as the others together."""
-TURN = ("separable", *list(LAWS)[1:], *["separable"] * 6)
+TURN = ("uncoupled", *list(LAWS)[1:], *["uncoupled"] * 6)
 
 
 class State:
@@ -65,12 +65,12 @@ class State:
         load = rng.uniform(0.2, 3.0, plain.n_points) * given.kt.max(axis=1) * self.size
         coupled = np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any()
         self.coupled = bool(coupled)
-        sampled = bool(coupled or (self.name == "separable" and rng.random() < 0.2))
-        self.evaluation = Sampled(N_TIME) if sampled else "exact"
+        sampled = bool(coupled or (self.name == "uncoupled" and rng.random() < 0.2))
+        self.contact_forces = AFT(N_TIME) if sampled else "event_driven"
         self.points = PointArrays(
             given.kt, given.kn, given.mu, given.n0, given.slider, law.astype(np.intc), given.shift, load
         )
-        self.system = replace(plain.structure, points=self.points, evaluation=self.evaluation).equations
+        self.system = replace(plain.structure, points=self.points, contact_forces=self.contact_forces).equations
         # of one unit, it moves the surfaces by the vibration
         direction = rng.standard_normal(len(u))
         moved = plain.contact(direction)[0] - plain.contact(0.0 * direction)[0]
@@ -87,10 +87,10 @@ class State:
         for i in range(len(X)) if which is None else which:
             x, law = X[i], int(p.law[i])
             parts = segments(
-                x, p.kt[i], float(p.kn[i]), float(p.mu[i]), float(p.n0[i]), p.slider[i], law, self.evaluation,
+                x, p.kt[i], float(p.kn[i]), float(p.mu[i]), float(p.n0[i]), p.slider[i], law, self.contact_forces,
                 float(p.load[i]),
             )  # fmt: skip
-            if isinstance(self.evaluation, Sampled):
+            if isinstance(self.contact_forces, AFT):
                 cycle = [[(int(np.ceil(a * N_TIME / (2 * np.pi) - 1e-9)), s) for a, _, s in part] for part in parts]
                 l = np.arange(1, x.shape[1] // 2 + 1)[:, None] * theta
                 v = x[2, 0] + x[2, 1::2] @ np.cos(l) + x[2, 2::2] @ np.sin(l)

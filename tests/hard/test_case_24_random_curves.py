@@ -1,4 +1,4 @@
-"""Row 24: random models and preloads, full tracking curves.
+"""Row 24: random models and preloads, full response curves.
 
 Every curve ends with a status, no exception escapes, every point of every curve has a residual below tolerance by the
 NumPy oracle, at least 98 % of the curves are complete and the others say why.  BDAMPER_HARD=10000 runs the full number.
@@ -29,7 +29,7 @@ STATUSES = {"complete", "incomplete", "not found"}
 def check(seed, wide=False):
     """Status and reason of one case, after its points were rechecked."""
     study, preload, interval = random_study(seed, wide)
-    curve = study.track(preload, interval, options=ContinuationOptions(max_points=3000, patience=300))
+    curve = study.frequency_response(preload, interval, options=ContinuationOptions(max_points=3000, patience=300))
     assert curve.status in STATUSES, (seed, curve.status)
     assert curve.reason, seed
     if len(curve):
@@ -114,8 +114,8 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
     static = np.linalg.norm(seat @ motion.q)
     away = []
     for _ in range(6):
-        motion = ring.march(motion, omega, steps, 9).motion
-        marched = ring.march(motion, omega, steps, trace=True)
+        motion = ring.integrate(motion, omega, steps, 9).motion
+        marched = ring.integrate(motion, omega, steps, trace=True)
         motion = marched.motion
         away.append(seat @ marched.trace.mean(axis=0))
     distance = np.linalg.norm(away, axis=1)

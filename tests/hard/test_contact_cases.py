@@ -21,7 +21,7 @@ def single(A, B, phi, n0, mu=0.5, kt=1.0, kn=1.0, **kw):
     x = np.zeros((3, 3))
     x[0, 2] = A
     x[2, 1:] = B * np.sin(phi), B * np.cos(phi)
-    return evaluate(x, [kt, kt], kn, mu, n0, [0.0, 0.0], kw.get("law", SEPARABLE), kw.get("evaluation", EXACT))
+    return evaluate(x, [kt, kt], kn, mu, n0, [0.0, 0.0], kw.get("law", SEPARABLE), kw.get("contact_forces", EXACT))
 
 
 @pytest.mark.parametrize("phi", [0.3, 1.1, 2.5])
@@ -59,7 +59,7 @@ def test_case_6_one_bound_does_not_move():
     """A = r', phi = 0: lo is constant."""
     for evaluation in (EXACT, SAMPLED):
         for sign in (1.0, -1.0):
-            force, tangent, shares, _ = single(0.5, sign * 1.0, 0.0, 0.9, evaluation=evaluation)
+            force, tangent, shares, _ = single(0.5, sign * 1.0, 0.0, 0.9, contact_forces=evaluation)
             assert np.isfinite(force).all()
             assert np.isfinite(tangent).all()
             assert shares[0] + shares[1] + shares[4] == pytest.approx(1.0)
@@ -85,10 +85,10 @@ def test_case_7_a_very_short_contact(harmonics):
     assert np.abs(sampled - force).max() <= 2 * 3.0 * depth
 
 
-@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED])
-def test_case_8_grazing(evaluation):
+@pytest.mark.parametrize("contact_forces", [EXACT, SAMPLED])
+def test_case_8_grazing(contact_forces):
     for n0 in (1.0, np.nextafter(1.0, 0), np.nextafter(1.0, 2), -1.0):
-        force, tangent, _, _ = single(0.3, 1.0, 0.4, n0, evaluation=evaluation)
+        force, tangent, _, _ = single(0.3, 1.0, 0.4, n0, contact_forces=contact_forces)
         assert np.isfinite(force).all()
         assert np.isfinite(tangent).all()
 
@@ -145,9 +145,9 @@ def test_case_12_shifted_motion(harmonics):
     rng = np.random.default_rng(12)
     for _ in range(50):
         x, p = random_state(rng, harmonics)
-        force = evaluate(x, **p, law=SEPARABLE, evaluation=EXACT)[0]
+        force = evaluate(x, **p, law=SEPARABLE, contact_forces=EXACT)[0]
         delta = rng.uniform(0, 2 * np.pi)
-        shifted = evaluate(oracle.shift(x, delta), **p, law=SEPARABLE, evaluation=EXACT)[0]
+        shifted = evaluate(oracle.shift(x, delta), **p, law=SEPARABLE, contact_forces=EXACT)[0]
         np.testing.assert_allclose(shifted, oracle.shift(force, delta), rtol=0, atol=3e-13 * (1 + np.abs(force).max()))
 
 
@@ -165,15 +165,15 @@ def test_case_18_rigid_contact_converges():
     assert np.log10(error[0] / error[2]) / 4 == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED])
-def test_case_19_no_friction_and_much_friction(evaluation):
+@pytest.mark.parametrize("contact_forces", [EXACT, SAMPLED])
+def test_case_19_no_friction_and_much_friction(contact_forces):
     rng = np.random.default_rng(19)
     for _ in range(20):
         x, p = random_state(rng, 2)
-        force, tangent, _, _ = evaluate(x, **{**p, "mu": 0.0}, law=SEPARABLE, evaluation=evaluation)
+        force, tangent, _, _ = evaluate(x, **{**p, "mu": 0.0}, law=SEPARABLE, contact_forces=contact_forces)
         assert not force[:2].any()
         assert not tangent[:2].any()
-        force, tangent, _, _ = evaluate(x, **{**p, "mu": 2.0}, law=SEPARABLE, evaluation=evaluation)
+        force, tangent, _, _ = evaluate(x, **{**p, "mu": 2.0}, law=SEPARABLE, contact_forces=contact_forces)
         assert np.isfinite(force).all()
         assert np.isfinite(tangent).all()
 

@@ -20,8 +20,8 @@ def reference():
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4, damping_ratio=0.001,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
-    study = study.with_(damper_drag=DRAG * study.model.bodies["damper"].mass)
-    curve = study.track(1000.0, (346.0, 356.0))
+    study = study.replace(damper_drag=DRAG * study.model.bodies["damper"].mass)
+    curve = study.frequency_response(1000.0, (346.0, 356.0))
     assert curve.complete
     return study, curve
 
@@ -50,7 +50,7 @@ def test_growth_and_decay_in_time_are_those_of_the_exponents(reference, frequenc
     q, v = ring.state(u, omega, 0.0)
     place = next(s.start for l, s, *_ in ring.blocks if l == 0)  # the first mode of nodal diameter 0
     q[place] += 2e-7
-    response = ring.march(Motion(q, v, w), omega, steps, periods, trace=True).trace[:, place]
+    response = ring.integrate(Motion(q, v, w), omega, steps, periods, trace=True).trace[:, place]
     t = 2 * np.pi * np.arange(window * steps) / steps
     waves = np.column_stack([np.ones_like(t), np.cos(critical.imag * t), np.sin(critical.imag * t)])
     parts = response.reshape(-1, window * steps)
@@ -66,7 +66,7 @@ def test_the_sign_of_the_determinant_alone_says_something_else(preload):
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
-    curve = study.track(preload, (250.0, 400.0), stability=True)
+    curve = study.frequency_response(preload, (250.0, 400.0), stability=True)
     system, omega = study.problem.system(preload), 2.0 * np.pi * curve.frequency
     assert 0.1 < (~curve.stable).mean() < 0.9
     signs = [np.linalg.slogdet(system.evaluate(u, w)[1])[0] for u, w in zip(curve.unknowns, omega)]
@@ -91,7 +91,7 @@ def test_counts_against_plain_turns_of_the_phase():
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
     system, seen = study.problem.system(50.0), set()
-    curve = study.track(50.0, (250.0, 400.0))
+    curve = study.frequency_response(50.0, (250.0, 400.0))
     for i in range(8, len(curve) - 5, 12):
         omega = 2 * np.pi * curve.frequency[i]
         d = WaveDisturbances(system, curve.unknowns[i], omega)

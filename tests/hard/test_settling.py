@@ -44,7 +44,7 @@ def test_kind_of_response(stop, omega, repeats):
     low, high = found.lowest, found.highest
     assert low <= found.mean <= high
     assert (high > 1.02 * low) == (repeats != 1)
-    assert {1: "periodic", 2: "2-periodic", None: "irregular"}[repeats] in found.details()
+    assert {1: "periodic", 2: "2-periodic", None: "irregular"}[repeats] in found.summary()
 
 
 @pytest.mark.slow
@@ -127,19 +127,19 @@ def test_judgements_of_sequences():
 
 @pytest.fixture(scope="module")
 def study():
-    return rig({}).with_(harmonics=3)
+    return rig({}).replace(harmonics=3)
 
 
 @pytest.fixture(scope="module")
 def curve(study):
-    return study.track(50.0, (290.0, 320.0))
+    return study.frequency_response(50.0, (290.0, 320.0))
 
 
 def test_settles_on_a_stable_solution(study, curve):
     found = study.settle(curve, float(curve.frequency[3]), periods=30)
     assert found.mean == pytest.approx(curve.amplitude[3], rel=0.01)
     assert (found.preload, found.model_hash) == (50.0, study.model.hash)
-    assert "periodic" in found.bottom_line() and found.blades.shape == (15, 1)
+    assert "periodic" in found._headline() and found.blades.shape == (15, 1)
     ax = found.plot()
     assert ax.get_xlabel() == "Period of the excitation"
     ax = found.mark(found.mark(curve.plot(Figure().add_subplot())))
@@ -149,14 +149,14 @@ def test_settles_on_a_stable_solution(study, curve):
 
 def test_goes_where_there_is_no_solution(study, curve):
     assert curve.gap is None
-    broken = replace(curve, left_out=(LeftOut(301.0, 301.2, NO_SOLUTION), LeftOut(310.0, 312.0, NO_SOLUTION),
+    broken = replace(curve, missing_ranges=(LeftOut(301.0, 301.2, NO_SOLUTION), LeftOut(310.0, 312.0, NO_SOLUTION),
                                       LeftOut(290.0, 320.0, "tangle")))  # fmt: skip
     assert broken.gap == (310.0, 312.0)
     assert study.settle(broken, periods=FEWEST, steps_per_period=400).frequency == 311.0
 
 
 def test_ctrl_c_keeps_what_is_there(study, curve, monkeypatch):
-    march, called = Ring.march, []
+    march, called = Ring.integrate, []
 
     def pressed(ring, *given, **named):
         called.append(ring)
@@ -164,7 +164,7 @@ def test_ctrl_c_keeps_what_is_there(study, curve, monkeypatch):
             raise KeyboardInterrupt
         return march(ring, *given, **named)
 
-    monkeypatch.setattr(Ring, "march", pressed)
+    monkeypatch.setattr(Ring, "integrate", pressed)
     found = study.settle(curve, 300.0, periods=100, steps_per_period=400)
     assert found.status == "interrupted"
     assert len(found.harmonics) == FEWEST + 2

@@ -71,7 +71,7 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
         )  # fmt: skip
         system = study.problem.system(200.0)
         if u is None:
-            u = study.track(200.0, (300.0, 358.523)).unknowns[-1]
+            u = study.frequency_response(200.0, (300.0, 358.523)).unknowns[-1]
         guess = np.append(u, np.zeros(system.n_unknowns - len(u)))
         u = system.correct_at(guess, omega, np.ones(len(guess) + 1), 1e-10, 100, True).y[:-1]
     for _ in range(3):
@@ -80,7 +80,7 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
         inside = np.clip(system.structure.points.slider, ends[..., 0] + margin, ends[..., 1] - margin)
         points = replace(system.structure.points, slider=np.where(np.isnan(margin), system.structure.points.slider, inside))
         scale = 1.0 / system.row_scale[0], 1.0 / system.row_scale[-1]
-        system = replace(system.structure, points=points, evaluation="exact", force_scale=scale).equations
+        system = replace(system.structure, points=points, contact_forces="event_driven", force_scale=scale).equations
         found = system.correct_at(u, omega, np.ones(len(u) + 1), 1e-10, 100, True)
         assert found.status == 0
         u = found.y[:-1]
@@ -114,10 +114,10 @@ def test_a_neutral_position_has_no_sign():
     """Under a constant normal load a wedge in gross slip has mean positions that no contact determines."""
     study = plain_study(
         acyclic_model(1, n_points=4, n_blade_modes=2), engine_order=0, harmonics=5, variable_normal_load=False,
-        friction_law="coupled", evaluation=bd.Sampled(128), contact_stiffness=1e6, friction_coefficient=0.3,
+        friction_law="coupled", contact_forces=bd.AFT(128), contact_stiffness=1e6, friction_coefficient=0.3,
         damping_ratio=0.01, excitation=bd.Excitation("tip", "tangential", 100.0),
     )  # fmt: skip
-    curve, system = study.track(50.0, (280.0, 330.0)), study.problem.system(50.0)
+    curve, system = study.frequency_response(50.0, (280.0, 330.0)), study.problem.system(50.0)
     values = []
     for u, omega in zip(curve.unknowns, 2.0 * np.pi * curve.frequency):
         J = system.evaluate(u, omega)[1]
@@ -143,7 +143,7 @@ def test_stuck_sliders_are_left_out():
 
 
 def test_sampled_law_is_judged_along_the_events_of_its_motion(path):
-    exact, sampled = two_oscillators(15), two_oscillators(15, evaluation=bd.Sampled(512))
+    exact, sampled = two_oscillators(15), two_oscillators(15, contact_forces=bd.AFT(512))
     for p in [q for q in path.points if q.shares[2] > 0.5][::12]:
         a = stability_of_points(exact, p.y[None, :-1], p.y[-1:])
         b = stability_of_points(sampled, p.y[None, :-1], p.y[-1:])
@@ -155,7 +155,7 @@ def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
     """Motion along one tangential axis: the disk of the coupled law is the interval of the separable one."""
     exact = two_oscillators(15)
     points = replace(exact.structure.points, law=np.array([LAW_COUPLED], np.intc))
-    coupled = replace(exact.structure, points=points, evaluation=bd.Sampled(512)).equations
+    coupled = replace(exact.structure, points=points, contact_forces=bd.AFT(512)).equations
     folds = [i for i, p in enumerate(path.points) if p.kind == "fold"]
     between = path.points[folds[0] + 3 : folds[1] - 2]
     chosen = [between[len(between) // 2], path.points[folds[0] - 5]]
@@ -169,7 +169,7 @@ def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
         q, v = ring.state(u, omega, 0.0)
         first, size = q, 1e-3 * np.abs(q).max()
         q = q + size * np.repeat([1.0, 0.0], n)
-        q = ring.march(Motion(q, v, ring.initial_slider(u, omega, 256)), omega, 256, 30).motion.q
+        q = ring.integrate(Motion(q, v, ring.initial_slider(u, omega, 256)), omega, 256, 30).motion.q
         away = np.abs(q - first).max()
         assert away < size if stable else away > 20.0 * size
     p = max((q for q in path.points), key=lambda q: abs(exact.response(q.y[:-1])[1]))
@@ -187,7 +187,7 @@ def test_a_fully_stuck_solution_under_constant_load_is_linear():
         excitation=bd.Excitation("tip", "tangential", 1.0),
         variable_normal_load=False,
     )
-    curve = study.track(2000.0, (300.0, 300.2))
+    curve = study.frequency_response(2000.0, (300.0, 300.2))
     assert curve.shares[0, 0] == 1.0
     system, omega = study.problem.system(2000.0), 2.0 * np.pi * curve.frequency[0]
     _, _, shares = system.contact(curve.unknowns[0])
@@ -217,11 +217,11 @@ def test_coupled_law_of_a_study():
         contact_stiffness=2e6,
         friction_coefficient=0.3,
         friction_law="coupled",
-        evaluation=bd.Sampled(64),
+        contact_forces=bd.AFT(64),
         damping_ratio=0.03,
         excitation=bd.Excitation("tip", "tangential", 100.0),
     )
-    curve = study.track(50.0, (290.0, 320.0))
+    curve = study.frequency_response(50.0, (290.0, 320.0))
     assert curve.complete
     assert curve.shares[curve.peak.index, 1] > 0.02
     assert study.verify(curve, periods=5, steps_per_period=448).distance < 0.02
@@ -238,11 +238,11 @@ def test_curves_carry_stability(tmp_path):
         damping_ratio=0.02,
         excitation=bd.Excitation("tip", "tangential", 40.0),
     )
-    curve = study.track(200.0, (250.0, 450.0), stability=True)
+    curve = study.frequency_response(200.0, (250.0, 450.0), stability=True)
     assert curve.complete
     assert curve.stable.shape == (len(curve),)
     assert "all disturbances" in curve.stability_note
-    assert "unstable" in curve.details()
+    assert "unstable" in curve.summary()
     curve.save(tmp_path / "curve.h5")
     again = bd.load(tmp_path / "curve.h5")
     np.testing.assert_array_equal(again.stable, curve.stable)
@@ -257,7 +257,7 @@ def test_cyclic_structures_by_the_determinant_and_by_exponents():
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )
-    curve, system = study.track(1000.0, (320.0, 380.0), stability=True), study.problem.system(1000.0)
+    curve, system = study.frequency_response(1000.0, (320.0, 380.0), stability=True), study.problem.system(1000.0)
     solutions = zip(curve.unknowns, 2.0 * np.pi * curve.frequency)
     by_sign = np.array([np.linalg.slogdet(system.evaluate(u, omega)[1])[0] > 0.0 for u, omega in solutions])
     assert "oscillating or not" in curve.stability_note

@@ -34,7 +34,7 @@ def study(harmonics, stiffness=1e5):
 
 @pytest.fixture(scope="module")
 def curve():
-    return study(3).with_stability(study(3).track(400.0, (345.0, 350.0)))
+    return study(3).with_stability(study(3).frequency_response(400.0, (345.0, 350.0)))
 
 
 def test_at_exponent_zero_stands_the_jacobian(curve):
@@ -138,10 +138,10 @@ def test_that_disturbance_grows_in_time(curve):
     grows = np.exp(2 * np.pi / omega * max(root.real for root in near if abs(root.imag) < 4 * omega))
     ring = Ring(s, 8, 2)
     n = 256
-    motion = ring.march(ring.start(u, omega, n), omega, n, 160).motion  # what decays has decayed
+    motion = ring.integrate(ring.start(u, omega, n), omega, n, 160).motion  # what decays has decayed
     sizes = []
     for _ in range(2):
-        marched = ring.march(motion, omega, n, 60, trace=True)
+        marched = ring.integrate(motion, omega, n, 60, trace=True)
         motion, every = marched.motion, marched.trace.reshape(60, n, -1)
         away = np.abs(np.diff(every, axis=0)).max(axis=(1, 2))
         sizes.append(away[-20:].max())

@@ -18,8 +18,8 @@ def study():
 
 @pytest.mark.parametrize(("engine_order", "z"), [(5, 0.01 + 0.004j), (60, 0.02j)], ids=["forward", "backward"])
 def test_one_mode_has_the_response_of_its_closed_form(study, engine_order, z):
-    study = study.with_(engine_order=engine_order, harmonics=1)
-    still, flow = study.problem.bases[1], study.with_(aerodynamic_damping=FLOW)
+    study = study.replace(engine_order=engine_order, harmonics=1)
+    still, flow = study.problem.bases[1], study.replace(aerodynamic_damping=FLOW)
     curve = flow.free(BAND)
     w, natural = 2.0 * np.pi * curve.frequency, np.sqrt(still.omega2[0])
     q = 2e-3 / (natural**2 * (1.0 + 2.0 * z.real) - w**2 + 2j * w * natural * (still.damping_ratio[0] + z.imag))
@@ -28,7 +28,7 @@ def test_one_mode_has_the_response_of_its_closed_form(study, engine_order, z):
 
 
 def test_each_harmonic_has_that_of_its_wave_and_dampers_none(study):
-    flow = study.with_(aerodynamic_damping=FLOW)
+    flow = study.replace(aerodynamic_damping=FLOW)
     for before, after, z in zip(study.problem.bases, flow.problem.bases, (0.0, 0.01 + 0.004j, 0.003j)):
         blade = np.array([c.body == "blade" for c in before.coordinates])
         np.testing.assert_allclose(after.omega2, before.omega2 * (1.0 + 2.0 * np.real(z) * blade), rtol=1e-13)
@@ -37,7 +37,7 @@ def test_each_harmonic_has_that_of_its_wave_and_dampers_none(study):
 
 
 def test_one_number_is_that_of_the_engine_order(study):
-    one, mapped = (study.with_(aerodynamic_damping=flow).problem.bases for flow in (0.004, {5: 0.004}))
+    one, mapped = (study.replace(aerodynamic_damping=flow).problem.bases for flow in (0.004, {5: 0.004}))
     assert np.array_equal(one[1].damping, mapped[1].damping)
     assert not np.array_equal(one[1].damping, study.problem.bases[1].damping)
 
@@ -54,7 +54,7 @@ def test_influence_coefficients_are_a_discrete_transform():
 
 
 def test_it_is_kept_with_the_study(study, tmp_path):
-    flow = study.with_(aerodynamic_damping=FLOW)
+    flow = study.replace(aerodynamic_damping=FLOW)
     flow.save(tmp_path / "study.h5")
     again = bd.load(tmp_path / "study.h5")
     assert again.settings.aerodynamic_damping == flow.settings.aerodynamic_damping
@@ -72,6 +72,6 @@ def test_it_is_kept_with_the_study(study, tmp_path):
 )
 def test_refusals(study, flow, message):
     with pytest.raises(bd.SettingError, match=message):
-        _ = study.with_(aerodynamic_damping=flow).problem.bases
+        _ = study.replace(aerodynamic_damping=flow).problem.bases
     with pytest.raises(bd.SettingError, match="influence coefficient of blade 1: expected a finite number"):
         bd.influence_coefficients({1: np.inf}, 12)

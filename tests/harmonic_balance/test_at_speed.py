@@ -53,7 +53,7 @@ def test_an_imposed_displacement_of_the_faces_is_taken_up_by_springs_and_bodies(
     x = at.problem.static_basis.G.real @ state.q + state.load * at.problem.static_system.shift
     normal = np.maximum(at.problem.point_stiffness[:, 2] * (x[:, 2] - at.problem.point_gaps), 0.0)
     np.testing.assert_allclose(state.force[:, 2], normal, atol=1e-9 * normal.max())
-    still = at.with_(speed=None).static(at.preload)
+    still = at.replace(speed=None).static(at.preload)
     assert np.abs(state.force - still.force).max() > 0.1 * np.abs(still.force).max(), "it redistributes the pressure"
 
 
@@ -75,8 +75,8 @@ def test_the_contact_pattern_does_not_depend_on_speed_without_gaps(study):
 
 
 def test_force_and_preload_times_a_factor_scale_the_response(study):
-    at, factor = study.with_(rigid_modes=("TX", "TY", "RZ")).at_speed(SPEED), 1.8  # axial planes have gaps
-    more = at.with_(excitation=replace(at.excitation, amplitude=factor * at.excitation.amplitude))
+    at, factor = study.replace(rigid_modes=("TX", "TY", "RZ")).at_speed(SPEED), 1.8  # axial planes have gaps
+    more = at.replace(excitation=replace(at.excitation, amplitude=factor * at.excitation.amplitude))
     one, two = at.peak(at.preload), more.peak(factor * at.preload)
     assert two.amplitude == pytest.approx(factor * one.amplitude, rel=1e-10)
     assert two.frequency == pytest.approx(one.frequency, rel=1e-10)
@@ -122,7 +122,7 @@ def test_speeds_and_bodies_that_do_not_fit(study):
         with pytest.raises(bd.SettingError, match="rotor speed: expected a finite number > 0 rad/s"):
             study.at_speed(omega)
     with pytest.raises(bd.SettingError, match=r"speed: expected a model at 400 rad/s, as study\.at_speed"):
-        study.with_(speed=SPEED)
+        study.replace(speed=SPEED)
     assert preload_at(study.problem, SPEED) > 0.0
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.problem.test_loads import split_study, whole_study
 
 import bdamper as bd
 from bdamper.analyses.error_estimates import richer_study
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.settings import settings_of
 from bdamper.response.setting_derivatives import setting_family, setting_value
+from tests.harmonic_balance.test_loads import split_study, whole_study
 
 SHARES = {"front": 0.3, "rear": 0.7}
 
@@ -29,7 +29,7 @@ def drag_of(study, body):
 
 @pytest.mark.parametrize(("name", "value"), [("damper_modes", 2), ("damper_damping_ratio", 1e-4), ("damper_drag", 20.0)])
 def test_a_mapping_of_all_bodies_is_one_number(study, name, value):
-    one, each = study.with_(**{name: value}), study.with_(**{name: dict.fromkeys(SHARES, value)})
+    one, each = study.replace(**{name: value}), study.replace(**{name: dict.fromkeys(SHARES, value)})
     for own, other in zip(one.problem.bases, each.problem.bases, strict=True):
         np.testing.assert_array_equal(own.omega2, other.omega2)
         np.testing.assert_array_equal(own.G, other.G)
@@ -37,7 +37,7 @@ def test_a_mapping_of_all_bodies_is_one_number(study, name, value):
 
 
 def test_a_body_has_its_own_elastic_modes_and_the_others_none(study):
-    own = study.with_(damper_modes={"rear": 3})
+    own = study.replace(damper_modes={"rear": 3})
     names = [c.name for c in own.problem.bases[1].coordinates if c.body == "rear"]
     assert names[6:] == ["elastic 1", "elastic 2", "elastic 3"]
     assert sum(c.body == "front" for c in own.problem.bases[1].coordinates) == 6
@@ -48,7 +48,7 @@ def test_a_body_has_its_own_elastic_modes_and_the_others_none(study):
 @pytest.mark.parametrize("name", ["damper_damping_ratio", "damper_drag"])
 def test_damping_is_that_of_the_body_named(study, name):
     value = {"damper_damping_ratio": 1e-4, "damper_drag": 20.0}[name]
-    both, rear = study.with_(**{name: value}), study.with_(**{name: {"rear": value}})
+    both, rear = study.replace(**{name: value}), study.replace(**{name: {"rear": value}})
     np.testing.assert_array_equal(drag_of(rear, "rear"), drag_of(both, "rear"))
     np.testing.assert_array_equal(drag_of(rear, "front"), drag_of(study, "front"))
     assert drag_of(both, "front").max() > drag_of(study, "front").max()
@@ -56,7 +56,7 @@ def test_damping_is_that_of_the_body_named(study, name):
 
 def test_a_drag_in_proportion_to_mass_is_that_of_the_whole(study):
     """The same rate on both bodies: 20 N s/m in these shares are the rate of 20 N s/m on the damper in one piece."""
-    own = study.with_(damper_drag={name: 20.0 * share for name, share in SHARES.items()})
+    own = study.replace(damper_drag={name: 20.0 * share for name, share in SHARES.items()})
     np.testing.assert_allclose(drag_of(own, "front"), drag_of(own, "rear"), rtol=1e-12)
     whole = sum(study.model.bodies[name].mass for name in SHARES)
     assert drag_of(own, "rear")[0] == pytest.approx(20.0 / whole)
@@ -99,8 +99,8 @@ def test_a_heavier_body_at_a_speed_has_its_load():
 
 
 def test_sweeps_and_sensitivities_know_single_bodies(study):
-    peak = study.with_(harmonics=1).peak(300.0, (310.0, 370.0))
-    found = study.with_(harmonics=1).peak_sensitivities(
+    peak = study.replace(harmonics=1).peak(300.0, (310.0, 370.0))
+    found = study.replace(harmonics=1).peak_sensitivities(
         peak, ("damper_mass_factor", "damper_mass_factor.front", "damper_mass_factor.rear")
     )
     whole, *parts = (each.amplitude for each in found.values())
@@ -109,7 +109,7 @@ def test_sweeps_and_sensitivities_know_single_bodies(study):
 
 def test_the_mass_of_the_only_damper_has_its_load():
     """By name as for all: the sensitivity to the mass with its load, not that to the inertia alone."""
-    one = whole_study("bladed_disk")[0].with_(harmonics=1)
+    one = whole_study("bladed_disk")[0].replace(harmonics=1)
     assert vary(one.problem, {"damper_mass.damper": 1.5}).body_loads == {"damper": 1.5}
     peak = one.peak(300.0, (310.0, 370.0))
     found = one.peak_sensitivities(peak, ("damper_mass", "damper_mass.damper", "damper_mass_factor"))
@@ -119,14 +119,14 @@ def test_the_mass_of_the_only_damper_has_its_load():
 
 def test_a_body_without_load_has_mass_alone(study):
     bare = {name: replace(body, load=None) for name, body in study.model.bodies.items()}
-    own = study.with_(model=replace(study.model, bodies=bare), loads=None)
+    own = study.replace(model=replace(study.model, bodies=bare), load_per_preload=None)
     assert vary(own.problem, {"damper_mass.rear": 1.3}).body_loads is None
     with pytest.raises(bd.SettingError, match=r"damper_mass\.rear: expected a finite number > 0, found -1"):
         vary(own.problem, {"damper_mass.rear": -1.0})
 
 
 def test_settings_by_body_are_kept_with_results_and_copies(study):
-    own = study.with_(damper_modes={"rear": 2}, damper_drag={"front": 3.0})
+    own = study.replace(damper_modes={"rear": 2}, damper_drag={"front": 3.0})
     record = own.problem.record()
     kept = settings_of(record)
     assert kept["damper_modes"] == {"rear": 2} and kept["damper_drag"] == {"front": 3.0}
@@ -143,9 +143,9 @@ def test_richer_modes_are_those_that_bodies_have(study):
     short = replace(front, bases={0: fewer}, load=replace(front.load, generalised=front.load.generalised[:9]))
     model = replace(study.model, bodies=study.model.bodies | {"front": short})
     for given in ({"front": 3, "rear": 3}, {"rear": 6}):
-        richer = richer_study(study.with_(model=model, damper_modes=given, blade_modes=40).problem, "modes")
+        richer = richer_study(study.replace(model=model, damper_modes=given, blade_modes=40).problem, "modes")
         assert richer.problem.settings.damper_modes == {"front": 3, "rear": 10} and "3 and 10 elastic" in richer.text
-    whole = study.with_(model=model, damper_modes={"front": 3, "rear": 10}, blade_modes=40)
+    whole = study.replace(model=model, damper_modes={"front": 3, "rear": 10}, blade_modes=40)
     with pytest.raises(bd.BdamperError, match="the model has no more modes"):
         richer_study(whole.problem, "modes")
 
@@ -163,22 +163,23 @@ def test_richer_modes_are_those_that_bodies_have(study):
 )
 def test_wrong_bodies_and_values_are_named(study, settings, message):
     with pytest.raises(bd.SettingError, match=message):
-        study.with_(**settings)
+        study.replace(**settings)
 
 
 def test_single_loads_are_varied_by_name():
     model = bd.reference_model("shrouded_blade")
-    own = bd.Study(model, bd.Excitation("tip"), 4, harmonics=1, fixed_loads={"shroud": 50.0})
-    names = {"loads.front", "loads.rear", "fixed_loads.shroud", "fixed_loads.front"}
+    own = bd.Study(model, bd.Excitation("tip"), 4, harmonics=1, constant_loads={"shroud": 50.0})
+    names = {"load_per_preload.front", "load_per_preload.rear", "constant_loads.shroud", "constant_loads.front"}
     assert names <= set(setting_names(own.problem))
     assert {name: setting_value(own.problem, name) for name in sorted(names)} == {
-        "fixed_loads.front": 0.0, "fixed_loads.shroud": 50.0, "loads.front": 1.0, "loads.rear": 1.0,
+        "constant_loads.front": 0.0, "constant_loads.shroud": 50.0, "load_per_preload.front": 1.0,
+        "load_per_preload.rear": 1.0,
     }  # fmt: skip
-    found = vary(own.problem, {"loads.rear": 0.6, "fixed_loads.shroud": 80.0}).settings
-    assert found.loads == {"front": 1.0, "rear": 0.6} and found.fixed_loads == {"shroud": 80.0}
-    assert vary(own.problem, {"fixed_loads.shroud": 80.0}).static(0.0).normal_force["shroud"] == pytest.approx(80.0)
-    with pytest.raises(bd.SettingError, match=r"did you mean fixed_loads\.shroud"):
-        vary(own.problem, {"fixed_loads.shruod": 1.0})
-    both = {"damper_mass.rear": 2.0, "loads.rear": 0.5}
+    found = vary(own.problem, {"load_per_preload.rear": 0.6, "constant_loads.shroud": 80.0}).settings
+    assert found.load_per_preload == {"front": 1.0, "rear": 0.6} and found.constant_loads == {"shroud": 80.0}
+    assert vary(own.problem, {"constant_loads.shroud": 80.0}).static(0.0).normal_force["shroud"] == pytest.approx(80.0)
+    with pytest.raises(bd.SettingError, match=r"did you mean constant_loads\.shroud"):
+        vary(own.problem, {"constant_loads.shruod": 1.0})
+    both = {"damper_mass.rear": 2.0, "load_per_preload.rear": 0.5}
     for order in (both, dict(reversed(both.items()))):  # the load first, then the factor on it
         assert vary(own.problem, order).body_loads == {"front": 1.0, "rear": 1.0}

@@ -71,7 +71,7 @@ def test_the_history_of_a_jenkins_element_is_a_parallelogram():
         ({"variable_normal_load": False}, 2e-6),
         ({"friction_coefficient": {"left": 0.3, "right": 0.0}}, 2e-6),
         ({"friction_law": "bonded"}, 1e-12),
-        ({"friction_law": "coupled", "evaluation": bd.Sampled(256)}, 2e-3),  # of order 1/n_time with separation
+        ({"friction_law": "coupled", "contact_forces": bd.AFT(256)}, 2e-3),  # of order 1/n_time with separation
     ],
     ids=str,
 )
@@ -79,10 +79,10 @@ def test_histories_have_the_harmonics_of_the_core(settings, error):
     """Of any motion, at equal steps: those of the exact evaluation to second order in the step."""
     model = bd.reference_model("bladed_disk", 9)
     study = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
-    study = study.with_(**settings)
+    study = study.replace(**settings)
     system, static = study.problem.system(500.0), study.static(500.0)
     # small enough for points that come to rest in a disk
-    size, frequency = (0.3, 360.0) if "evaluation" in settings else (0.5, 355.0)
+    size, frequency = (0.3, 360.0) if "contact_forces" in settings else (0.5, 355.0)
     stuck = system.structure.linear.response(2.0 * np.pi * frequency, stuck_springs(study.problem, static))
     u = system.layout.pack(static.q, size * stuck)
     _, forces, share = system.contact(u)

@@ -26,8 +26,8 @@ def of_damper(basis):
 
 def test_drag_takes_the_power_of_a_force_on_the_moving_body(plain):
     drag = 40.0
-    study = plain.with_(damper_drag=drag)
-    curve = study.track(2000.0, (352.0, 354.0))
+    study = plain.replace(damper_drag=drag)
+    curve = study.frequency_response(2000.0, (352.0, 354.0))
     u, omega = curve.unknowns[0], 2 * np.pi * curve.frequency[0]
     # the energy balance holds, and without the damping of blades it is that of the force -drag v on the translation
     balance = energies(study.problem.system(2000.0), u, omega)
@@ -42,7 +42,7 @@ def test_drag_takes_the_power_of_a_force_on_the_moving_body(plain):
 
 
 def test_a_ratio_is_that_of_a_motion_on_the_closed_contacts(plain):
-    study = plain.with_(damper_damping_ratio=0.02)
+    study = plain.replace(damper_damping_ratio=0.02)
     basis = study.problem.bases[1]
     own = of_damper(basis)
     springs = study.problem.point_stiffness * study.problem.friction_points[:, None]
@@ -53,10 +53,10 @@ def test_a_ratio_is_that_of_a_motion_on_the_closed_contacts(plain):
 
 def test_a_rate_above_the_frequency_warns(plain):
     with pytest.warns(BdamperWarning, match=r"a rate of up to .* 1/s beside omega = .* rad/s"):
-        _ = plain.with_(damper_damping_ratio=0.05).problem.bases
+        _ = plain.replace(damper_damping_ratio=0.05).problem.bases
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        _ = plain.with_(damper_damping_ratio=0.0001).problem.bases
+        _ = plain.replace(damper_damping_ratio=0.0001).problem.bases
 
 
 def test_residual_modes_give_way_beside_the_contact_springs():
@@ -77,7 +77,7 @@ def test_residual_modes_give_way_beside_the_contact_springs():
 
 
 def test_all_analyses_have_the_same_damping(plain):
-    study = plain.with_(damper_damping_ratio=0.01, damper_drag=3.0)
+    study = plain.replace(damper_damping_ratio=0.01, damper_drag=3.0)
     own = of_damper(study.problem.bases[1])
     damping = study.problem.bases[1].damping[own]
     assert damping.min() > 3.0 / study.model.bodies["damper"].mass
@@ -93,7 +93,7 @@ def test_a_study_varied_has_it_as_a_new_one(plain, settings):
     """Parts of a study that are made are handed on, modes with damping not; a heavier damper is damped less by a drag."""
     assert len(plain.problem.bases) and plain.static(1000.0)
     varied, own = vary(plain, settings), of_damper(plain.problem.bases[1])
-    damping = plain.with_(**settings).problem.bases[1].damping
+    damping = plain.replace(**settings).problem.bases[1].damping
     np.testing.assert_array_equal(varied.problem.bases[1].damping, damping)
     assert (damping[own] > 0.0).all() and not plain.problem.bases[1].damping[own].any()
     heavier = vary(varied, {"damper_mass_factor": 4.0}).problem.bases[1].damping[own]
@@ -101,7 +101,7 @@ def test_a_study_varied_has_it_as_a_new_one(plain, settings):
 
 
 def test_the_jacobian_has_it(plain):
-    system = plain.with_(damper_drag=200.0).problem.system(2000.0)
+    system = plain.replace(damper_drag=200.0).problem.system(2000.0)
     u = 1e-5 * np.random.default_rng(3).standard_normal(system.n_unknowns)
     omega, step = 2200.0, 1e-9
     _, J, r_omega = system.evaluate(u, omega)
@@ -118,13 +118,13 @@ def test_the_jacobian_has_it(plain):
 
 
 def test_what_does_not_fit_is_refused_and_what_is_set_is_told(plain):
-    study = plain.with_(damper_damping_ratio=0.02)
+    study = plain.replace(damper_damping_ratio=0.02)
     assert re.search("damper damping ratio +0.02", str(study)) and study.problem.record()["damper_damping_ratio"] == 0.02
-    assert re.search("damper drag +5.0 N s/m", str(plain.with_(damper_drag=5.0))) and "drag" not in str(plain)
+    assert re.search("damper drag +5.0 N s/m", str(plain.replace(damper_drag=5.0))) and "drag" not in str(plain)
     with pytest.raises(bd.BdamperError, match="damper_drag: expected a finite number >= 0 N s/m, found -1"):
-        plain.with_(damper_drag=-1.0)
+        plain.replace(damper_drag=-1.0)
     with pytest.raises(bd.BdamperError, match=r"damper_damping_ratio: expected .* < 1, found 1"):
-        plain.with_(damper_damping_ratio=1.0)
+        plain.replace(damper_damping_ratio=1.0)
     fixed = plain_study(bd.reference_model("blade_to_ground"), bd.Excitation("tip"))
     with pytest.raises(bd.BdamperError, match="damper_drag: expected 0, since the model has no free body, found 5"):
-        fixed.with_(damper_drag=5.0)
+        fixed.replace(damper_drag=5.0)

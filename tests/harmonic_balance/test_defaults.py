@@ -33,7 +33,7 @@ def test_first_answer_has_residual_modes_and_three_harmonics(disk):
         default = study(disk)
         chosen = study(disk, contact_stiffness="residual_modes", harmonics=3, blade_modes=10)
         assert default.problem.record() == chosen.problem.record()
-        curve = default.track(2000.0, (345.0, 375.0))
+        curve = default.frequency_response(2000.0, (345.0, 375.0))
     # 40 blade modes: 0.335 mm with 24 points (docs/measured.md); unit tractions with one harmonic: 0.475 mm
     assert curve.peak.amplitude == pytest.approx(0.335e-3, rel=0.1)
     assert default.stiffness_report.count("residual_modes, N/m") == 4 and "instead" not in default.stiffness_report
@@ -51,11 +51,15 @@ def test_static_contact_area_comes_out_of_the_preload_analysis(disk):
 
 
 def test_settings_of_the_paper_by_name(disk):
-    paper = study(disk, **bd.PAPER)
-    assert paper.problem.record() == study(disk).with_(**bd.PAPER).problem.record()
+    paper = study(disk, **bd.CIGEROGLU_2009)
+    assert paper.problem.record() == study(disk).replace(**bd.CIGEROGLU_2009).problem.record()
     record = paper.problem.record()
-    assert (record["contact_stiffness"], record["harmonics"], record["single_basis"]) == ("eq4", [1], True)
-    assert paper.track(2000.0, (345.0, 375.0)).complete
+    assert (record["contact_stiffness"], record["harmonics"], record["fundamental_modes_only"]) == (
+        "cigeroglu2009",
+        [1],
+        True,
+    )
+    assert paper.frequency_response(2000.0, (345.0, 375.0)).complete
 
 
 def test_a_model_without_the_flexibility_says_what_stands_in(disk):
@@ -69,9 +73,9 @@ def test_a_model_without_the_flexibility_says_what_stands_in(disk):
     plain = study(model, contact_stiffness="unit_traction")
     assert np.array_equal(fallen.problem.point_stiffness, plain.problem.point_stiffness)
     # two harmonics do not need that nodal diameter
-    assert fallen.with_(harmonics=2).problem.stiffness_method == "residual_modes"
+    assert fallen.replace(harmonics=2).problem.stiffness_method == "residual_modes"
     with pytest.warns(BdamperWarning):
-        assert study(model, harmonics=2).with_(harmonics=3).problem.stiffness_method == "unit_traction"
+        assert study(model, harmonics=2).replace(harmonics=3).problem.stiffness_method == "unit_traction"
     with pytest.raises(bd.ModelError, match="nodal diameter 15"):
         _ = study(model, contact_stiffness="residual_modes").problem.bases
 

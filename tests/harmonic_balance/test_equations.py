@@ -5,8 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.wheel.test_symmetry import PATTERN
-from tests.wheel.test_symmetry import study as lumped_study
 
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import mode_system
@@ -15,7 +13,9 @@ from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Layout, Rows
 from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.harmonic_balance.sector import Sector, excitation_ramp, supported_by
 from bdamper.harmonic_balance.speed_family import Family, family_equations
-from bdamper.mistuning import Wheel
+from bdamper.mistuning import BladedDisk
+from tests.mistuning.test_symmetry import PATTERN
+from tests.mistuning.test_symmetry import study as lumped_study
 from tests.plain import plain_study
 
 PRELOAD, OMEGA = 200.0, 2.0 * np.pi * 300.0
@@ -41,7 +41,7 @@ def support():
 
 def family():
     study = disk()
-    stiffer = [study.with_(contact_stiffness_factor=factor).problem.system(PRELOAD) for factor in (1.2, 1.0, 0.9)]
+    stiffer = [study.replace(contact_stiffness_factor=factor).problem.system(PRELOAD) for factor in (1.2, 1.0, 0.9)]
     return family_equations(stiffer, OMEGA / 5.0 * np.array([1.1, 1.0, 0.9]), 5), OMEGA
 
 
@@ -53,7 +53,7 @@ def mode():
 
 
 def wheel():
-    return Wheel(lumped_study(), PATTERN).system(1000.0), 900.0
+    return BladedDisk(lumped_study(), PATTERN).system(1000.0), 900.0
 
 
 @pytest.fixture(params=[sector, ramp, support, family, mode, wheel], ids=lambda make: make.__name__)

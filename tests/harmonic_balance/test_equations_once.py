@@ -45,9 +45,9 @@ def test_problems_do_not_wait_for_each_other():
 def test_a_track_and_a_peak_make_one_core(study, monkeypatch):
     made, core = [], Sector.core
     monkeypatch.setattr(Sector, "core", lambda self, **over: made.append(1) or core(self, **over))
-    study.track(200.0, BAND)
+    study.frequency_response(200.0, BAND)
     assert len(made) == 1
-    study.with_(damping_ratio=0.002).peak(200.0, BAND)
+    study.replace(damping_ratio=0.002).peak(200.0, BAND)
     assert len(made) == 2
     for preload in range(1, 40):
         study.problem.sector(float(preload))
@@ -57,12 +57,12 @@ def test_a_track_and_a_peak_make_one_core(study, monkeypatch):
 
 def test_tracks_on_threads_count_for_themselves(study):
     """A budget that is enough alone is enough beside others, and each curve names its own evaluations."""
-    options, curves = bd.ContinuationOptions(budget=4 * study.track(200.0, BAND).cost.evaluations), [None] * 3
-    alone = study.track(200.0, BAND, options=options)
+    options, curves = bd.ContinuationOptions(budget=4 * study.frequency_response(200.0, BAND).cost.evaluations), [None] * 3
+    alone = study.frequency_response(200.0, BAND, options=options)
     assert alone.complete
 
     def follow(i):
-        curves[i] = study.track(200.0, BAND, options=options)
+        curves[i] = study.frequency_response(200.0, BAND, options=options)
 
     threads = [threading.Thread(target=follow, args=(i,)) for i in range(3)]
     for thread in threads:
@@ -76,5 +76,5 @@ def test_tracks_on_threads_count_for_themselves(study):
 def test_the_evaluations_of_all_parts_of_a_search_are_counted(study):
     core = study.problem.system(200.0).core
     before = core.cost.evaluations
-    curve = study.track(200.0, BAND)
+    curve = study.frequency_response(200.0, BAND)
     assert curve.cost.evaluations == core.cost.evaluations - before

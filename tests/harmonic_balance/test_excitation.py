@@ -23,8 +23,8 @@ def close(found, expected):
 
 
 def test_forces_at_several_places_add_up(study):
-    both = study.with_(excitation=TIP + PLATFORM)
-    parts = [study.with_(excitation=e, response=bd.Response("tip")) for e in (TIP, PLATFORM)]
+    both = study.replace(excitation=TIP + PLATFORM)
+    parts = [study.replace(excitation=e, response=bd.Response("tip")) for e in (TIP, PLATFORM)]
     curves = [s.free(BAND) for s in (both, *parts)]
     at = [np.isin(c.frequency, np.linspace(*BAND, 201)) for c in curves]
     whole, one, other = (c.harmonics[on][::20] for c, on in zip(curves, at))
@@ -37,7 +37,7 @@ def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
     for phase in (90.0, -10.0, 6.3):
         with pytest.raises(bd.SettingError, match=rf"excitation phase: .* np.deg2rad\(90\) is 90 degrees, found {phase}"):
             bd.Excitation("tip", phase=phase)
-    quarter = study.with_(excitation=bd.Excitation("tip", phase=np.deg2rad(90)))
+    quarter = study.replace(excitation=bd.Excitation("tip", phase=np.deg2rad(90)))
     assert quarter.excitation.force == pytest.approx(1j, abs=1e-15)
     assert "1 N at tip tangential, phase 90 degrees" in str(quarter) and "phase" not in str(study)
     assert bd.Excitation("tip", phase=-2.0 * np.pi).force == pytest.approx(1.0)
@@ -45,14 +45,14 @@ def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
 
 def test_a_sum_of_equal_forces_is_one_of_twice_the_amplitude(study):
     """Unknowns of a response with slip and separation, to rounding."""
-    sectors = [study.with_(excitation=e).problem.sector(300.0) for e in (TIP + TIP, bd.Excitation("tip", amplitude=2.0))]
+    sectors = [study.replace(excitation=e).problem.sector(300.0) for e in (TIP + TIP, bd.Excitation("tip", amplitude=2.0))]
     close(sectors[0].force, sectors[1].force)
     assert sectors[0].force_scale == pytest.approx(sectors[1].force_scale, rel=1e-12)
 
 
 def test_a_modal_force_is_that_of_its_mode_alone(study):
     """Closed form of one mode without contact, and no other mode moves."""
-    alone = study.with_(excitation=bd.Excitation("mode 2", amplitude=3e-3, phase=0.7), response=bd.Response("tip"))
+    alone = study.replace(excitation=bd.Excitation("mode 2", amplitude=3e-3, phase=0.7), response=bd.Response("tip"))
     basis = alone.problem.bases[1]
     curve = alone.free(BAND)
     omega = 2.0 * np.pi * curve.frequency
@@ -60,7 +60,7 @@ def test_a_modal_force_is_that_of_its_mode_alone(study):
     close(curve.harmonics[:, 1], q * alone.problem.location_modes("tip", 1)[0, 1])
     tip = study.problem.location_modes("tip", 1)[0].conj()
     for k in (0, 1, 9):  # a force at a location is the sum of its projections on the modes
-        modal = alone.with_(excitation=bd.Excitation(f"mode {k + 1}")).problem.modal_force(1)
+        modal = alone.replace(excitation=bd.Excitation(f"mode {k + 1}")).problem.modal_force(1)
         assert (study.problem.modal_force(1) * modal)[k] == tip[k] and np.count_nonzero(modal) == 1
 
 
@@ -68,10 +68,10 @@ def test_a_modal_force_is_that_of_its_mode_alone(study):
 def test_two_engine_orders_superpose_where_nothing_slips(study, kind):
     """Harmonic 2 of a wave of order 5 is that of order 10 alone at twice the frequency."""
     second = bd.Excitation("tip", "axial", 2.0, 0.4, engine_order=10)
-    both = study.with_(excitation=TIP + second)
-    other = study.with_(excitation=dataclasses.replace(second, engine_order=None), engine_order=10, harmonics=1)
+    both = study.replace(excitation=TIP + second)
+    other = study.replace(excitation=dataclasses.replace(second, engine_order=None), engine_order=10, harmonics=1)
     springs = {name: own.stiffness for name, own in study.problem.stiffness.items()}  # those of nodal diameter 5
-    other = other.with_(response=bd.Response("tip"), contact_stiffness=springs)
+    other = other.replace(response=bd.Response("tip"), contact_stiffness=springs)
     curve, first = getattr(both, kind)(BAND), getattr(study, kind)(BAND)
     linear, rows = other.problem.sector(1.0).linear, other.problem.response_rows[1]
     springs = None if kind == "free" else stuck_springs(other.problem, other.problem.equilibrium(1.0))
@@ -83,8 +83,8 @@ def test_two_engine_orders_superpose_where_nothing_slips(study, kind):
 
 def test_two_engine_orders_in_the_balance_of_a_bonded_contact(study):
     """One linear solution of the equations of the harmonic balance; work of both orders equals what damping takes."""
-    settings = {"friction_law": "bonded", "constraints": False}
-    both = study.with_(excitation=TIP + bd.Excitation("tip", "axial", 2.0, 0.4, engine_order=10), **settings)
+    settings = {"friction_law": "bonded", "constraint_planes": False}
+    both = study.replace(excitation=TIP + bd.Excitation("tip", "axial", 2.0, 0.4, engine_order=10), **settings)
     system, omega = both.problem.system(300.0), 2.0 * np.pi * 350.0
     r, jacobian, _ = system.evaluate(np.zeros(system.n_unknowns), omega)
     u = -np.linalg.solve(jacobian, r)
@@ -94,7 +94,7 @@ def test_two_engine_orders_in_the_balance_of_a_bonded_contact(study):
 
 
 def test_the_response_at_other_places_needs_no_other_solution(study):
-    curve, other = study.free(BAND), study.with_(response=bd.Response("platform", "radial")).free(BAND)
+    curve, other = study.free(BAND), study.replace(response=bd.Response("platform", "radial")).free(BAND)
     close(study.response_at(curve, "tip"), curve.harmonics)
     same = np.isin(curve.frequency, other.frequency)
     assert same.sum() >= 201
@@ -102,13 +102,13 @@ def test_the_response_at_other_places_needs_no_other_solution(study):
     peak = study.peak(300.0, BAND)
     assert abs(study.response_at(peak, "tip")[0, 1]) == pytest.approx(peak.amplitude, rel=1e-12)
     with pytest.raises(bd.SettingError, match="result: expected one of this study"):
-        study.with_(friction_coefficient=0.2).response_at(peak, "tip")
+        study.replace(friction_coefficient=0.2).response_at(peak, "tip")
     with pytest.raises(bd.SettingError, match="location: expected one of"):
         study.response_at(peak, "tipp")
 
 
 def test_a_study_keeps_its_forces_in_a_file(study, tmp_path):
-    both = study.with_(excitation=TIP + bd.Excitation("platform", engine_order=10, amplitude=3.0))
+    both = study.replace(excitation=TIP + bd.Excitation("platform", engine_order=10, amplitude=3.0))
     both.save(tmp_path / "study.h5")
     assert bd.load(tmp_path / "study.h5").excitation == both.excitation
 
@@ -125,6 +125,6 @@ def test_a_study_keeps_its_forces_in_a_file(study, tmp_path):
 )
 def test_refusals(study, excitation, message):
     with pytest.raises(bd.SettingError, match=message):
-        study.with_(excitation=excitation)
+        study.replace(excitation=excitation)
     with pytest.raises(bd.SettingError, match="excitation beside: expected"):
         bd.Excitation("tip", beside=("platform",))

@@ -42,10 +42,10 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
     with pytest.warns(PlausibilityWarning, match=r"frequency: .* 283\.1 Hz, found \(1700, 1850\) without one, 2 pi"):
         s.free((1700.0, 1850.0))
     with pytest.warns(PlausibilityWarning, match=r"frequency: plausible"):
-        s.track(2000.0, (1700.0, 1850.0), options=bd.ContinuationOptions(budget=20))
+        s.frequency_response(2000.0, (1700.0, 1850.0), options=bd.ContinuationOptions(budget=20))
     strong = study(excitation=bd.Excitation("tip", amplitude=1e4))
     with pytest.warns(PlausibilityWarning, match=r"preload: plausible 1e\+04 to .* the excitation .*, found 2000 N: kN"):
-        strong.track(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
+        strong.frequency_response(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
     with pytest.warns(PlausibilityWarning, match=r"preload: .* found 20 to 200 N"):
         plausible_ranges.check("Study", "preload", [20.0, 200.0], strong.problem.sizes)
 
@@ -87,14 +87,16 @@ def test_settings_of_the_manual_are_plausible():
         study("paper_disk", harmonics=1), study("turbine_blade", excitation=bd.Excitation("tip", amplitude=60.0))
         ground = study("blade_to_ground", 24)
         for load in (1.0, 50.0, 40e3):
-            ground.with_(fixed_loads={"platform": load})
-        s = study(gap={"left": 2e-5}, damper_drag=2.0, damper_damping_ratio=0.02, load_history=(1.5, 1.0), slip_offset=1e-6)
-        s.with_(aerodynamic_damping=dict.fromkeys(range(65), 1e-3), excitation=bd.Excitation("tip", amplitude=200.0))
-        shroud = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, loads={"shroud": 1.0})
-        shroud.with_(loads={"shroud": 0.5}, fixed_loads={"shroud": 2000.0})
+            ground.replace(constant_loads={"platform": load})
+        s = study(
+            gap={"left": 2e-5}, damper_drag=2.0, damper_damping_ratio=0.02, load_history=(1.5, 1.0), residual_slip_std=1e-6
+        )
+        s.replace(aerodynamic_damping=dict.fromkeys(range(65), 1e-3), excitation=bd.Excitation("tip", amplitude=200.0))
+        shroud = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, load_per_preload={"shroud": 1.0})
+        shroud.replace(load_per_preload={"shroud": 0.5}, constant_loads={"shroud": 2000.0})
         shares = dict.fromkeys(("damper_left", "damper_right"), 0.6)
-        rig = study("test_rig", 24, loads=shares, fixed_loads={"damper_left": 5e3})
-        rig.with_(contact_stiffness=2e7, damping_ratio=1e-3, friction_coefficient=0.1)
+        rig = study("test_rig", 24, load_per_preload=shares, constant_loads={"damper_left": 5e3})
+        rig.replace(contact_stiffness=2e7, damping_ratio=1e-3, friction_coefficient=0.1)
         bd.lumped(1, 0.02, 1, contacts=[bd.Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, harmonics=7)
         bd.lumped([1.0, 2.0], [0.1, 0.1], [1e6, 2e6], contacts=[bd.Contact(normal=0, kn=6e7, gap=2e-3)], forces={0: 1e3})
 
@@ -111,7 +113,7 @@ def test_engine_order_0_of_a_wheel_is_named():
 ASKED = {
     "peak": lambda s, band: s.peak(200.0, band),
     "peak of the mode": lambda s, band: s.peak(200.0, mode=1 if band[0] < 400.0 else 2),
-    "track": lambda s, band: s.track(200.0, band),
+    "frequency_response": lambda s, band: s.frequency_response(200.0, band),
     "free": lambda s, band: s.free(band),
     "optimal curve": lambda s, band: s.optimal_curve([200.0, 400.0], frequency=band, check=False),
 }

@@ -19,7 +19,7 @@ def study():
 
 def test_loads_at_rest_are_the_prescribed_ones(study):
     target = np.linspace(-5.0, 60.0, 24)
-    pressed = study.with_(fixed_loads={"platform": target})
+    pressed = study.replace(constant_loads={"platform": target})
     state = pressed.static(0.0)
     assert state.converged and np.abs(state.q).max() > 0.0
     assert state.force[:, 2] == pytest.approx(np.maximum(target, 0.0), abs=1e-7)
@@ -32,17 +32,17 @@ def test_loads_at_rest_are_the_prescribed_ones(study):
 
 def test_response_scales_with_load_and_excitation(study):
     """Only the ratio of preload and excitation matters."""
-    one = study.with_(fixed_loads={"platform": np.full(24, 20.0)}).track(0.0, (300.0, 380.0))
-    ten = study.with_(excitation=bd.Excitation("tip", amplitude=10.0), fixed_loads={"platform": np.full(24, 200.0)})
-    ten = ten.track(0.0, (300.0, 380.0))
+    one = study.replace(constant_loads={"platform": np.full(24, 20.0)}).frequency_response(0.0, (300.0, 380.0))
+    ten = study.replace(excitation=bd.Excitation("tip", amplitude=10.0), constant_loads={"platform": np.full(24, 200.0)})
+    ten = ten.frequency_response(0.0, (300.0, 380.0))
     assert one.complete and ten.complete
     assert ten.peak.amplitude == pytest.approx(10.0 * one.peak.amplitude, rel=1e-6)
     assert ten.peak.frequency == pytest.approx(one.peak.frequency, rel=1e-7)
 
 
 def test_high_load_is_the_stuck_limit(study):
-    pressed = study.with_(fixed_loads={"platform": np.full(24, 2000.0)})
-    curve, stuck = pressed.track(0.0, (340.0, 390.0)), pressed.stuck((340.0, 390.0))
+    pressed = study.replace(constant_loads={"platform": np.full(24, 2000.0)})
+    curve, stuck = pressed.frequency_response(0.0, (340.0, 390.0)), pressed.stuck((340.0, 390.0))
     assert curve.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-6)
     assert stuck.peak.frequency > 1.2 * study.free((250.0, 350.0)).peak.frequency
 
@@ -56,14 +56,14 @@ def test_high_load_is_the_stuck_limit(study):
 )  # fmt: skip
 def test_loads_are_those_of_the_assembly_under_all_settings(study, settings, tmp_path):
     """Once 30 N a point became 10 to 140 N without a word: loads were kept as gaps, which alone would still do so."""
-    pressed = study.with_(fixed_loads={"platform": np.full(24, 30.0)})
-    other = pressed.with_(**settings)
+    pressed = study.replace(constant_loads={"platform": np.full(24, 30.0)})
+    other = pressed.replace(**settings)
     assert other.static(0.0).force[:, 2] == pytest.approx(30.0, rel=1e-7)
     if settings:
-        gaps = study.with_(gap={"platform": -pressed.problem.fixed_load[1][:, 2]})
-        drifted = gaps.with_(**settings).static(0.0).force[:, 2].sum()
+        gaps = study.replace(gap={"platform": -pressed.problem.fixed_load[1][:, 2]})
+        drifted = gaps.replace(**settings).static(0.0).force[:, 2].sum()
         assert abs(drifted / (24 * 30.0) - 1.0) > 2e-3
-    total = study.with_(**settings, fixed_loads={"platform": 720.0}).static(0.0).force[:, 2]
+    total = study.replace(**settings, constant_loads={"platform": 720.0}).static(0.0).force[:, 2]
     area = study.model.interfaces["platform"].area
     assert total == pytest.approx(720.0 * area / area.sum(), rel=1e-7)
 
@@ -71,26 +71,28 @@ def test_loads_are_those_of_the_assembly_under_all_settings(study, settings, tmp
 def test_the_load_of_an_interface_may_be_the_preload(study):
     """Newtons per newton of preload: states scale, and are those under the same fixed load."""
     area = study.model.interfaces["platform"].area
-    shared = study.with_(loads={"platform": 2.0})
+    shared = study.replace(load_per_preload={"platform": 2.0})
     state = shared.static(300.0)
     assert state.force[:, 2] == pytest.approx(600.0 * area / area.sum(), rel=1e-7)
-    fixed = study.with_(fixed_loads={"platform": 600.0})
+    fixed = study.replace(constant_loads={"platform": 600.0})
     np.testing.assert_allclose(fixed.static(0.0).force, state.force, atol=1e-7 * state.force.max())
     one, other = shared.peak(300.0, (300.0, 400.0)), fixed.peak(0.0, (300.0, 400.0))
     assert one.amplitude == pytest.approx(other.amplitude, rel=1e-7)
     with pytest.raises(bd.SettingError, match="preload: expected 0, since no body of the model carries a load"):
-        fixed.track(10.0, (300.0, 400.0))
+        fixed.frequency_response(10.0, (300.0, 400.0))
 
 
 def test_a_scalar_load_is_spread_by_area(study):
     """Over points of unequal areas, as a fixed load and as the preload: ``N_i = N A_i / A``."""
     area = np.linspace(1.0, 4.0, 24) * 1e-5
     face = replace(study.model.interfaces["platform"], area=area)
-    unequal = study.with_(model=replace(study.model, interfaces={**study.model.interfaces, "platform": face}))
+    unequal = study.replace(model=replace(study.model, interfaces={**study.model.interfaces, "platform": face}))
     expected = 720.0 * area / area.sum()
-    fixed = unequal.with_(fixed_loads={"platform": 720.0}).static(0.0)
+    fixed = unequal.replace(constant_loads={"platform": 720.0}).static(0.0)
     assert fixed.force[:, 2] == pytest.approx(expected, rel=1e-7)
-    assert unequal.with_(loads={"platform": 2.4}).static(300.0).force[:, 2] == pytest.approx(expected, rel=1e-7)
+    assert unequal.replace(load_per_preload={"platform": 2.4}).static(300.0).force[:, 2] == pytest.approx(
+        expected, rel=1e-7
+    )
 
 
 def test_other_faces_are_apart_under_loads_and_touch_under_fixed_loads():
@@ -103,39 +105,42 @@ def test_other_faces_are_apart_under_loads_and_touch_under_fixed_loads():
     study = bd.lumped([1.0, 1.0], [0.01, 0.01], [1.0, 1.0], contacts=contacts, forces={1: 0.1})
     first = next(iter(study.model.interfaces))
     e = 6.0 / 4.0 + 6.0
-    alone = study.with_(loads={first: 2.0}).static(3.0)
+    alone = study.replace(load_per_preload={first: 2.0}).static(3.0)
     np.testing.assert_allclose(alone.force[:, 2], [4.0 * (e - 4.0 * e / 7.0), 2.0 * 4.0 * e / 7.0], rtol=1e-9)
-    held = study.with_(fixed_loads={first: 6.0}).static(0.0)
+    held = study.replace(constant_loads={first: 6.0}).static(0.0)
     np.testing.assert_allclose(held.force[:, 2], [6.0, 4.0], rtol=1e-9)
 
 
 def test_derivatives_under_prescribed_loads_hold_the_loads(study):
-    pressed = study.with_(fixed_loads={"platform": np.full(24, 30.0)})
+    pressed = study.replace(constant_loads={"platform": np.full(24, 30.0)})
     peak = pressed.peak(0.0, (300.0, 400.0))
     found = pressed.peak_sensitivities(peak, ["friction_coefficient"])["friction_coefficient"]
-    ends = [pressed.with_(friction_coefficient=0.4 + h).peak(0.0, (300.0, 400.0)).amplitude for h in (1e-5, -1e-5)]
+    ends = [pressed.replace(friction_coefficient=0.4 + h).peak(0.0, (300.0, 400.0)).amplitude for h in (1e-5, -1e-5)]
     assert found.amplitude == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-4)
 
 
 def test_loads_are_recorded_with_results_and_read_again(study, tmp_path):
-    pressed = study.with_(fixed_loads={"platform": np.full(24, 30.0)})
-    assert "fixed loads" in str(pressed)
-    pressed.track(0.0, (340.0, 350.0)).save(tmp_path / "curve.h5")
+    pressed = study.replace(constant_loads={"platform": np.full(24, 30.0)})
+    assert "constant loads" in str(pressed)
+    pressed.frequency_response(0.0, (340.0, 350.0)).save(tmp_path / "curve.h5")
     again = settings_of(bd.load(tmp_path / "curve.h5").settings)
-    assert study.with_(**again).static(0.0).force[:, 2] == pytest.approx(30.0, rel=1e-8)
+    assert study.replace(**again).static(0.0).force[:, 2] == pytest.approx(30.0, rel=1e-8)
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"loads": {"platfrom": 1.0}}, r"expected bodies with a load and friction interfaces .* did you mean platform"),
-        ({"loads": {"platform": 0.0}}, "loads: expected at least one above 0"),
-        ({"loads": {"platform": np.nan}}, "loads of 'platform': expected a finite number >= 0"),
-        ({"fixed_loads": {"platform": -1.0}}, "fixed_loads of 'platform': expected a finite number >= 0"),
-        ({"fixed_loads": {"platform": [1.0, 2.0]}}, "fixed_loads of 'platform': expected one or 24 finite numbers"),
-        ({"fixed_loads": {"left": 1.0}}, "expected bodies with a load and friction interfaces"),
+        (
+            {"load_per_preload": {"platfrom": 1.0}},
+            r"expected bodies with a load and friction interfaces .* did you mean platform",
+        ),
+        ({"load_per_preload": {"platform": 0.0}}, "load_per_preload: expected at least one above 0"),
+        ({"load_per_preload": {"platform": np.nan}}, "load_per_preload of 'platform': expected a finite number >= 0"),
+        ({"constant_loads": {"platform": -1.0}}, "constant_loads of 'platform': expected a finite number >= 0"),
+        ({"constant_loads": {"platform": [1.0, 2.0]}}, "constant_loads of 'platform': expected one or 24 finite numbers"),
+        ({"constant_loads": {"left": 1.0}}, "expected bodies with a load and friction interfaces"),
     ],
 )
 def test_loads_that_do_not_fit_are_named(study, settings, message):
     with pytest.raises(bd.SettingError, match=message):
-        study.with_(**settings)
+        study.replace(**settings)

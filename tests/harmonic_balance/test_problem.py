@@ -8,7 +8,7 @@ import bdamper as bd
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.settings import Settings
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from tests.plain import PLAIN, plain_study
 
 SETTINGS = {"engine_order": 5, "friction_coefficient": 0.4, **PLAIN}
@@ -28,12 +28,12 @@ def problem(model):
 def test_a_study_has_a_problem_and_settings(model, problem):
     study = plain_study(model, bd.Excitation("tip"), **SETTINGS)
     assert study.settings is study.problem.settings and study.free.__self__ is study.problem
-    ours, theirs = study.track(PRELOAD, INTERVAL), track(problem, PRELOAD, INTERVAL)
+    ours, theirs = study.frequency_response(PRELOAD, INTERVAL), frequency_response(problem, PRELOAD, INTERVAL)
     assert np.array_equal(ours.unknowns, theirs.unknowns)
 
 
 def test_other_harmonics(problem):
-    three = problem.with_(harmonics=3)
+    three = problem.replace(harmonics=3)
     assert three.harmonic_numbers == (1, 2, 3) and problem.harmonic_numbers == (1,)
     assert three.n_unknowns > problem.n_unknowns and len(three.response_rows) == 4
 
@@ -42,7 +42,7 @@ def test_other_harmonics(problem):
     "setting", [{"friction_coefficient": 0.2}, {"blade_modes": 4}, {"bias": False}, {"contact_stiffness_factor": 0.5}]
 )
 def test_other_settings_are_those_of_a_new_problem(model, problem, setting):
-    ours = problem.with_(**setting)
+    ours = problem.replace(**setting)
     theirs = Problem(Settings(model, bd.Excitation("tip"), **{**SETTINGS, **setting}))
     assert ours.record() == theirs.record() != problem.record()
     u = np.random.default_rng(2).normal(size=theirs.n_unknowns) * 1e-6
@@ -51,12 +51,12 @@ def test_other_settings_are_those_of_a_new_problem(model, problem, setting):
 
 def test_wrong_settings_are_refused_by_name(problem):
     with pytest.raises(bd.SettingError, match="friction_coefficient"):
-        problem.with_(friction_coefficient=-1.0)
+        problem.replace(friction_coefficient=-1.0)
     with pytest.raises(bd.SettingError, match="harmonics"):
-        problem.with_(harmonics=0)
+        problem.replace(harmonics=0)
     for value in (1, None):
         with pytest.raises(bd.SettingError, match=r"^Study: .* found harmonic_number; did you mean harmonics"):
-            problem.with_(harmonic_number=value)
+            problem.replace(harmonic_number=value)
 
 
 def test_settings_that_are_varied_keep_the_type(model, problem):
@@ -68,13 +68,13 @@ def test_settings_that_are_varied_keep_the_type(model, problem):
 @pytest.mark.parametrize("motions", [("TX",), ("RX", "RY", "RZ"), ("TZ", "TX")])
 def test_motions_across_the_load_carry_none(problem, motions):
     """Of a load along Y there is rounding along X, some 1e-16 of it, which is no preload."""
-    across = problem.with_(rigid_modes=motions)
+    across = problem.replace(rigid_modes=motions)
     with pytest.raises(bd.SettingError, match=r"preload: expected 0, since .* \['damper'\] along the load .*, found 100 N"):
         across.check_preload(100.0)
-    assert across.check_preload(0.0) == 0.0 and problem.with_(rigid_modes=("TX", "TY")).carries_load
+    assert across.check_preload(0.0) == 0.0 and problem.replace(rigid_modes=("TX", "TY")).carries_load
 
 
 def test_more_contact_points_than_the_model_has_are_refused(problem):
     with pytest.raises(bd.SettingError, match=r"contact_points: expected at most 9, .*, found 24"):
-        problem.with_(contact_points=24)
-    assert problem.with_(contact_points=9).coupling.n_points == problem.coupling.n_points
+        problem.replace(contact_points=24)
+    assert problem.replace(contact_points=9).coupling.n_points == problem.coupling.n_points

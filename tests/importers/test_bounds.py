@@ -8,11 +8,11 @@ import zlib
 
 import numpy as np
 import pytest
-from tests.io.test_io_files import DECK
-from tests.io.test_keywords import BULK
 
 from bdamper.importers import read_body, read_inp, read_matrix
 from bdamper.util.errors import ModelError
+from tests.importers.test_io_files import DECK
+from tests.importers.test_keywords import BULK
 
 
 @pytest.mark.parametrize("line", ["/etc/{}", "../{}", "sub/../../{}", "..\\{}", "C:\\{}", "\\\\host\\{}"])

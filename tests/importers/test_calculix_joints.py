@@ -58,7 +58,7 @@ def strips(tmp_path_factory):
 
 
 def study_of(model, place):
-    loads = {"loads": {"front": 1.0, "rear": 0.6}, "fixed_loads": {"shroud": 5.0}}
+    loads = {"load_per_preload": {"front": 1.0, "rear": 0.6}, "constant_loads": {"shroud": 5.0}}
     return bd.Study(model, bd.Excitation(place, amplitude=1.0), engine_order=D, harmonics=1, blade_modes=6, **loads)
 
 
@@ -85,7 +85,7 @@ def test_shroud_and_two_strips_have_an_optimum_over_the_load_of_the_strips(strip
     assert np.isfinite(curve.amplitude).all() and best.status == "complete"
     assert 10.0 < best.preload < 300.0, "between a shroud that does all and strips that stick"
     assert best.amplitude <= curve.amplitude.min() < 1e-2 * curve.free.amplitude
-    assert "(front 1, rear 0.6)" in curve.bottom_line()
+    assert "(front 1, rear 0.6)" in curve._headline()
     state = study.static(best.preload).normal_force
     assert state["rear_left"] + state["rear_right"] == pytest.approx(0.6 * best.preload, rel=0.03)
     assert 0.0 < state["shroud"] < 5.0, "the strips bend the platforms"
@@ -204,10 +204,14 @@ def test_friction_in_the_root_damps_a_large_motion_but_no_small_one(rooted):
     study = at_speed(rooted[0])
     stuck = study.stuck((300.0, 450.0)).peak
     with pytest.warns(bd.PlausibilityWarning, match="preload"):
-        small = study.with_(excitation=bd.Excitation("tip", amplitude=1e-3)).track(study.preload, (300.0, 450.0)).peak
+        small = (
+            study.replace(excitation=bd.Excitation("tip", amplitude=1e-3))
+            .frequency_response(study.preload, (300.0, 450.0))
+            .peak
+        )
     assert small.frequency == pytest.approx(stuck.frequency, rel=1e-3)
     assert 1e3 * small.amplitude == pytest.approx(stuck.amplitude, rel=0.01)
-    curve = study.with_(excitation=bd.Excitation("tip", amplitude=20.0)).track(study.preload, (300.0, 450.0))
+    curve = study.replace(excitation=bd.Excitation("tip", amplitude=20.0)).frequency_response(study.preload, (300.0, 450.0))
     assert curve.complete and curve.peak.frequency < 0.995 * stuck.frequency
     assert curve.peak.amplitude / 20.0 < 0.1 * stuck.amplitude
     assert rooted[1]["whole"][0] > stuck.frequency, "part of the flanks is open at rest"

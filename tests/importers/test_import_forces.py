@@ -10,8 +10,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem import SectorFE
-from bdamper.importers import build_model, load_model
+from bdamper.importers import build_model
 from bdamper.importers.array_files import number_rows
+from bdamper.model.model_file import load_model
 from bdamper.util.errors import BdamperError
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
 
@@ -45,7 +46,7 @@ def model(given, tmp_path_factory):
 
 
 def force(model, excitation, engine_order):
-    settings = {"harmonics": 1, "contact_stiffness": "unit_traction", "single_basis": True}
+    settings = {"harmonics": 1, "contact_stiffness": "unit_traction", "fundamental_modes_only": True}
     study = bd.Study(model, excitation, engine_order, response=bd.Response("at_0"), **settings)
     return study.problem.modal_force(1)[:8]  # on the modes; each excitation has residual vectors of its own behind them
 

@@ -118,4 +118,4 @@ def wheel_of(bodies, axis, radial, sense, flank):
     settings = {**SETTINGS, "axis": sense * np.array(axis, float), "radial": radial, "wheel": "BLADE"}
     tip = int(bodies[0].numbers[bodies[0].nodes[:, 1].argmax()])
     model = build_model(blade, damper, **settings, locations={"tip": tip}).model
-    return bd.Wheel(bd.Study(model, bd.Excitation("tip"), engine_order=1, friction_coefficient=0.3, harmonics=1))
+    return bd.BladedDisk(bd.Study(model, bd.Excitation("tip"), engine_order=1, friction_coefficient=0.3, harmonics=1))

@@ -21,10 +21,11 @@ from bdamper.fem.element_faces import boundary_facets, facets_on_nodes
 from bdamper.fem.geometry import Material
 from bdamper.fem.mesh import MeshDensity, damper_mesh
 from bdamper.fem.sector_matrices import SectorFE
-from bdamper.importers import ContactFaces, FEBody, build_model, load_model, read_arrays
+from bdamper.importers import ContactFaces, FEBody, build_model, read_arrays
 from bdamper.importers.contact_faces import lay_contacts
 from bdamper.importers.plausibility import check_table, wave_speed
 from bdamper.importers.prepared_body import Placement, PreparedBody
+from bdamper.model.model_file import load_model
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 from bdamper.util.warn import BdamperWarning, PlausibilityWarning
 from examples.calculix.decks import damper_sets

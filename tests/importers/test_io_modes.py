@@ -172,7 +172,7 @@ def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
     peaks = []
     for model in (modes_alone(full), bare):
         study = Study(model, Excitation("tip"), engine_order=ND, contact_stiffness="model", blade_modes=COUNT, harmonics=1)
-        curve = study.track(preload=1000.0, frequency=(250.0, 400.0))
+        curve = study.frequency_response(preload=1000.0, frequency=(250.0, 400.0))
         assert curve.complete
         peaks.append(curve.peak)
     assert peaks[0].amplitude == pytest.approx(peaks[1].amplitude, rel=1e-2)

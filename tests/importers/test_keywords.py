@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from tests.io.test_io_files import DECK
 
 from bdamper.importers import read_body, read_inp
 from bdamper.util.errors import ModelError
 from tests.ansys_files import write_cdb
+from tests.importers.test_io_files import DECK
 
 # ---- CalculiX and Abaqus ----
 

@@ -46,7 +46,7 @@ def complete_model() -> Model:
     small = wedge_model(n_points=1, n_blade_modes=1, harmonics=1, n_damper_modes=1)
     rng = np.random.default_rng(5)
     static = StaticContact(*(rng.standard_normal((1, 3)) for _ in range(3)))
-    contact = ContactStiffness(np.full((1, 3), 1e7), "eq4", np.array([[True, False, True]]))
+    contact = ContactStiffness(np.full((1, 3), 1e7), "cigeroglu2009", np.array([[True, False, True]]))
     bases, n_forces = small.bodies["blade"].bases, len(small.bodies["blade"].bases[0].flexibility)
     stress = StressSet(
         name="root",

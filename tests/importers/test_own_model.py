@@ -114,7 +114,7 @@ def test_the_optimum_lies_between_free_and_stuck_and_its_margin_is_larger(study,
 
 def test_the_crossing_is_at_the_frequency_of_its_engine_order(study, folder):
     """Under the centrifugal force of that speed the damper of 69 g sticks for 1 N at the tip, where its faces touch."""
-    found = study.crossings((1350.0, 1650.0), [D])
+    found = study.resonance_crossings((1350.0, 1650.0), [D])
     (value,) = found.values
     assert value["frequency"] == pytest.approx(D * value["speed"] / (2.0 * np.pi), rel=1e-9)
     assert theirs(folder, "free")[0] < value["frequency"] < theirs(folder, "bonded")[0]
@@ -130,6 +130,6 @@ def test_a_mistuned_wheel_is_worse_than_the_tuned_one(own, folder, built, capsys
     shown = capsys.readouterr().out
     for words in ("Import report", "least", "Margin against fatigue", "rpm"):
         assert words in shown
-    wheel = wheel.with_(mistuning=0.02 * np.random.default_rng(0).standard_normal(36))  # one that is found in 17 s
+    wheel = wheel.replace(mistuning=0.02 * np.random.default_rng(0).standard_normal(36))  # one that is found in 17 s
     factor = wheel.peak(preload).amplitude / wheel.tuned_peak(preload).amplitude
     assert 1.0 < factor < 0.5 * (1.0 + np.sqrt(study.model.n_blades))

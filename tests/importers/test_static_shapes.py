@@ -13,7 +13,8 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem import LocalSizes
-from bdamper.importers import build_model, load_model, over_speed, save_model
+from bdamper.importers import build_model, over_speed
+from bdamper.model.model_file import load_model, save_model
 from bdamper.response.resonance_interval import resonance_interval
 from tests.annulus import Annulus, small_sector, wheel_matrices
 from tests.fe_bodies import FIRST_NUMBER, blade_and_damper, contacts

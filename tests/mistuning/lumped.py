@@ -53,9 +53,9 @@ def lumped_local(model, n_blades, n_c=2, r=1, n_att=0, seed=1, coupling=0.05, ze
     )
 
 
-def lumped_study(n_blades=6, engine_order=1, harmonics=1, n_points=4, constraints=True, **options):
+def lumped_study(n_blades=6, engine_order=1, harmonics=1, n_points=4, constraint_planes=True, **options):
     """A study whose model carries a lumped local basis."""
-    own = ("friction_coefficient", "bias", "evaluation", "friction_law")
+    own = ("friction_coefficient", "bias", "contact_forces", "friction_law")
     settings = {k: options.pop(k) for k in list(options) if k in own}
     model = wedge_model(0, n_blades=n_blades, engine_order=engine_order, n_points=n_points, n_damper_modes=0)
     local = lumped_local(model, n_blades, **options)
@@ -64,7 +64,7 @@ def lumped_study(n_blades=6, engine_order=1, harmonics=1, n_points=4, constraint
     model = replace(model, bodies={**model.bodies, "blade": replace(blade, bases=bases, local=local)})
     return bd.Study(
         model, bd.Excitation("tip", amplitude=1.0), engine_order, harmonics=harmonics, contact_stiffness=2e6,
-        constraints=constraints, blade_modes=local.n, **settings,
+        constraint_planes=constraint_planes, blade_modes=local.n, **settings,
     )  # fmt: skip
 
 

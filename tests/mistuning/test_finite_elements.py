@@ -12,17 +12,17 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper import fe
+from bdamper import fem
 from bdamper.fem import LocalSizes
 from bdamper.mistuning import DamperVariation, Mistuning
-from bdamper.mistuning.wheel import Wheel
+from bdamper.mistuning.wheel import BladedDisk
 from bdamper.response.continuation_options import ContinuationOptions
 from bdamper.util.cost import CostMeter
 from tests.annulus import Annulus, small_sector, small_wheel
 from tests.following import find_start
-from tests.wheel.lumped import size, solution
-from tests.wheel.lumped import wave as wave_of
-from tests.wheel.test_symmetry import assert_same, turned
+from tests.mistuning.lumped import size, solution
+from tests.mistuning.lumped import wave as wave_of
+from tests.mistuning.test_symmetry import assert_same, turned
 
 PRELOAD, ZETA = 100.0, 2e-3
 
@@ -42,7 +42,7 @@ def wheel_of(n_blades, harmonics, engine_order=1):
         small_wheel(annulus(n_blades).fe), bd.Excitation("tip", amplitude=amplitude, phase=0.4), engine_order,
         friction_coefficient=friction, harmonics=harmonics, blade_modes=20, contact_stiffness=3e7, damping_ratio=ZETA,
     )  # fmt: skip
-    return Wheel(study, Mistuning(0.02 * np.random.default_rng(2).normal(size=n_blades)))
+    return BladedDisk(study, Mistuning(0.02 * np.random.default_rng(2).normal(size=n_blades)))
 
 
 def slip_and_separation(wheel, system, X):
@@ -159,7 +159,7 @@ def test_a_mistuned_wheel_solves_the_equations_of_the_annulus(n_blades):
 
 @pytest.mark.slow
 def test_a_tuned_wheel_has_the_wave_of_its_study():
-    wheel = wheel_of(8, 3).with_(mistuning=None)
+    wheel = wheel_of(8, 3).replace(mistuning=None)
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * AT[8][2]
     y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter())
@@ -173,11 +173,11 @@ def test_directions_of_a_wheel_of_finite_elements():
     forward = wheel_of(5, 1)
     pattern, backward = forward.mistuning, wheel_of(5, 1, engine_order=4)
     found, system = solved(forward, frequency)
-    other, _ = solved(forward.with_(mistuning=np.roll(pattern.deviation, 1, axis=0)), frequency)
+    other, _ = solved(forward.replace(mistuning=np.roll(pattern.deviation, 1, axis=0)), frequency)
     assert_same(other, turned(found), 1e-7)
     height = np.abs(system.structure.responses(system.structure.flat(found))[:, 1])
     for mistuning, places in ((pattern.deviation[-np.arange(5)], -np.arange(5)), (pattern, np.arange(5))):
-        back, system = solved(backward.with_(mistuning=mistuning), frequency)
+        back, system = solved(backward.replace(mistuning=mistuning), frequency)
         ratio = np.abs(system.structure.responses(system.structure.flat(back))[:, 1])[places] / height
         assert np.abs(ratio - 1.0).max() > 1e-3
 
@@ -185,10 +185,10 @@ def test_directions_of_a_wheel_of_finite_elements():
 @pytest.mark.slow
 def test_a_disk_of_six_blades_whose_dampers_differ():
     """What is built passes the checks of a model, and the state of its dampers is proportional to the load."""
-    model = fe.bladed_disk(points=4, engine_order=2, fe=fe.SectorFE(fe.Geometry(n_blades=6)), wheel=LocalSizes())
+    model = fem.bladed_disk(points=4, engine_order=2, fe=fem.SectorFE(fem.Geometry(n_blades=6)), wheel=LocalSizes())
     study = bd.Study(model, bd.Excitation("tip"), 2, friction_coefficient=0.4, harmonics=1)
-    dampers = DamperVariation.drawn(6, mass=0.05, friction_coefficient=0.1, missing=[3], seed=1)
-    wheel = Wheel(study, dampers=dampers)
+    dampers = DamperVariation.random(6, mass=0.05, friction_coefficient=0.1, missing=[3], seed=1)
+    wheel = BladedDisk(study, dampers=dampers)
     one, ten = wheel.state(1000.0), wheel.state(1e4)
     np.testing.assert_allclose(ten.force, 10.0 * one.force, atol=1e-7 * np.abs(ten.force).max())
     assert one.force[[2, 4]].any(axis=(1, 2)).all() and not one.force[3].any()

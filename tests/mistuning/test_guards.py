@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import DamperVariation, Wheel
+from bdamper.mistuning import BladedDisk, DamperVariation
 from bdamper.mistuning.frequency_band import band
 from bdamper.response.continuation_options import ContinuationOptions
 from bdamper.util.errors import SettingError
-from tests.wheel.lumped import lumped_study
-from tests.wheel.test_symmetry import PATTERN, study
+from tests.mistuning.lumped import lumped_study
+from tests.mistuning.test_symmetry import PATTERN, study
 
 PRELOAD = 300.0
 
 
 def test_the_band_reaches_as_far_as_the_blades_deviate():
-    tuned = Wheel(study())
+    tuned = BladedDisk(study())
     low, high, width = band(tuned, 2000.0)
     one = np.asarray(PATTERN.deviation).ravel()
     for deviations in (one, 3.0 * np.abs(one), -2.0 * np.abs(one)):
         least, most = deviations.mean() - deviations.std(), deviations.mean() + deviations.std()
-        found = band(tuned.with_(mistuning=deviations), 2000.0)
+        found = band(tuned.replace(mistuning=deviations), 2000.0)
         expected = (low + 2.0 * width) * (1.0 + least) - 2.0 * width, (high - 2.0 * width) * (1.0 + most) + 2.0 * width
         np.testing.assert_allclose(found, (*expected, width), rtol=1e-9)
     assert least < -0.01 and deviations.std() > 0.01
@@ -31,9 +31,9 @@ def test_a_gap_of_the_dampers_is_one_of_the_study():
     tuned = lumped_study(6, 1, n_c=2, r=2)
     faces = tuned.problem.coupling.model.interfaces
     one, none = np.ones(6), np.zeros(6)
-    plain = Wheel(tuned).system(PRELOAD).structure.points
-    apart = Wheel(tuned.with_(gap={name: face.gap + 2e-7 for name, face in faces.items()}))
-    varied = Wheel(tuned, dampers=DamperVariation(one, one, one, 2e-7 * one, none > 0.0))
+    plain = BladedDisk(tuned).system(PRELOAD).structure.points
+    apart = BladedDisk(tuned.replace(gap={name: face.gap + 2e-7 for name, face in faces.items()}))
+    varied = BladedDisk(tuned, dampers=DamperVariation(one, one, one, 2e-7 * one, none > 0.0))
     system, expected = varied.system(PRELOAD), apart.system(PRELOAD)
     np.testing.assert_allclose(system.structure.points.n0, expected.structure.points.n0, rtol=1e-12)
     assert (system.structure.points.n0 < plain.n0).all()
@@ -43,10 +43,10 @@ def test_a_gap_of_the_dampers_is_one_of_the_study():
 
 def test_a_curve_has_its_folds_and_no_solution_far_from_the_one_before():
     """Of six blades at 300 N; beyond a fold the frequency turns."""
-    curve = Wheel(study(), 0.3 * PATTERN.deviation).track(
+    curve = BladedDisk(study(), 0.3 * PATTERN.deviation).frequency_response(
         PRELOAD, (150.0, 600.0), options=ContinuationOptions(locate=False, max_points=260, budget=3000)
     )  # fmt: skip
-    assert curve.status == "incomplete" and curve.left_out and np.count_nonzero(np.diff(curve.backward)) > 4
+    assert curve.status == "incomplete" and curve.missing_ranges and np.count_nonzero(np.diff(curve.backward)) > 4
     for number in np.unique(curve.branch):
         on = np.flatnonzero(curve.branch == number)
         x = curve.blades[on, :, 1]
@@ -56,7 +56,7 @@ def test_a_curve_has_its_folds_and_no_solution_far_from_the_one_before():
 
 def test_nothing_excites_a_wheel():
     still = lumped_study(3, 1)
-    wheel = Wheel(still.with_(excitation=bd.Excitation("tip", amplitude=0.0)))
-    for ask in (lambda: wheel.peak(PRELOAD), lambda: wheel.track(PRELOAD, (150.0, 200.0))):
+    wheel = BladedDisk(still.replace(excitation=bd.Excitation("tip", amplitude=0.0)))
+    for ask in (lambda: wheel.peak(PRELOAD), lambda: wheel.frequency_response(PRELOAD, (150.0, 200.0))):
         with pytest.raises(SettingError, match=r"^excitation: expected a .*force .*, found 0 N at 'tip'"):
             ask()

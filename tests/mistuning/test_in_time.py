@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import DamperVariation, Mistuning, Wheel
+from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning
 from bdamper.response.continuation import follow
 from bdamper.response.continuation_options import ContinuationOptions
-from tests.wheel.lumped import lumped_study, solution
-from tests.wheel.test_search import SIX
-from tests.wheel.test_symmetry import study as six_blades
+from tests.mistuning.lumped import lumped_study, solution
+from tests.mistuning.test_search import SIX
+from tests.mistuning.test_symmetry import study as six_blades
 
 N, H, PRELOAD, STEPS = 8, 7, 300.0, 600
 """Blades, harmonics, preload (N) and steps of time in a period."""
@@ -93,9 +93,11 @@ class March:
 def test_a_marched_ring_has_the_amplitudes_of_the_wheel(seed):
     """Undamped dampers rattle more, and seven harmonics are up to 1.9 % off; here it is 0.5 %."""
     study = lumped_study(N, 2, harmonics=H, n_c=2, r=2, zeta=1e-2)
-    study = study.with_(excitation=bd.Excitation("tip", amplitude=100.0), contact_stiffness=3e5, damper_damping_ratio=0.05)
-    dampers = DamperVariation.drawn(N, friction_coefficient=0.2, seed=seed) if seed == 3 else None
-    wheel = Wheel(study, Mistuning.drawn(N, 0.05, seed=seed), dampers)
+    study = study.replace(
+        excitation=bd.Excitation("tip", amplitude=100.0), contact_stiffness=3e5, damper_damping_ratio=0.05
+    )
+    dampers = DamperVariation.random(N, friction_coefficient=0.2, seed=seed) if seed == 3 else None
+    wheel = BladedDisk(study, Mistuning.random(N, 0.05, seed=seed), dampers)
     system, omega = wheel.system(PRELOAD), 2.0 * np.pi * 190.0
     found = solution(system, omega, tolerance=1e-10)
     assert found.status == 0
@@ -112,7 +114,7 @@ def test_a_marched_ring_has_the_amplitudes_of_the_wheel(seed):
 @pytest.mark.slow
 def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_from_higher_ones():
     """Both lie on the branch from the low end; in time the first is off by a tenth, since it has one harmonic."""
-    wheel = Wheel(six_blades(), SIX)
+    wheel = BladedDisk(six_blades(), SIX)
     system, low = wheel.system(PRELOAD), 2.0 * np.pi * 150.0
     options = ContinuationOptions(locate=False, max_points=240)
     points = follow(system, solution(system, low).y, (low, 4.0 * low), options=options).points
@@ -127,7 +129,7 @@ def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_fr
         marched = np.abs(March(system, omega).run(X, 120) @ wheel.response_row)
         blade = int(marched[0].argmax())
         at = replace(peak, unknowns=X, frequency=omega / (2.0 * np.pi), amplitude=float(height[i]), blade=blade)
-        kept.append(wheel.kept(at))
+        kept.append(wheel.time_response(at))
         assert kept[-1].blades[-40:].mean() == pytest.approx(marched[-40:].mean(), rel=0.05)
         assert (marched[-1].max() > 0.85 * height[i]) == (i == places[0])
     first, later = kept

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import DamperVariation, Mistuning, Wheel, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
 from bdamper.mistuning.steady_amplitude import OneStructure
 from bdamper.time_domain.march import March
 from tests.marches import fails_after
-from tests.wheel.lumped import lumped_study, size, solution
-from tests.wheel.test_symmetry import N, solved, study
+from tests.mistuning.lumped import lumped_study, size, solution
+from tests.mistuning.test_symmetry import N, solved, study
 
 OMEGA = 2.0 * np.pi * 190.0
 DAMPERS = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
@@ -20,7 +20,7 @@ DAMPERS = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
 @pytest.mark.parametrize(("deviation", "tolerance"), [(0.0, 1e-9), (0.03, 3e-4)])
 def test_the_one_structure_has_the_solutions_of_the_wheel(deviation, tolerance):
     """To rounding where blades are equal; where they differ the damping that couples modes is left out."""
-    X, system = solved(Wheel(study(harmonics=2), Mistuning.drawn(N, deviation, seed=1), DAMPERS), OMEGA)
+    X, system = solved(BladedDisk(study(harmonics=2), Mistuning.random(N, deviation, seed=1), DAMPERS), OMEGA)
     u = system.structure.flat(X)
     for blade in (0, 4):
         one = OneStructure(system, blade)
@@ -31,7 +31,7 @@ def test_the_one_structure_has_the_solutions_of_the_wheel(deviation, tolerance):
 
 
 def test_amplitudes_of_all_blades_are_those_of_the_response():
-    X, system = solved(Wheel(study(), Mistuning.drawn(N, 0.03, seed=1), DAMPERS), OMEGA)
+    X, system = solved(BladedDisk(study(), Mistuning.random(N, 0.03, seed=1), DAMPERS), OMEGA)
     u, found = system.structure.flat(X), []
     for blade in (2, 4):
         one = OneStructure(system, blade)
@@ -46,9 +46,9 @@ def test_amplitudes_of_all_blades_are_those_of_the_response():
 
 def test_a_blade_keeps_a_peak_without_folds():
     """Long steps will do to see that it stays: one harmonic is a tenth too high."""
-    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
-    kept = wheel.kept(peak, steps_per_period=32)
+    kept = wheel.time_response(peak, steps_per_period=32)
     assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
     assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
     assert f"blade      {peak.blade}" in str(kept) and "vibrate alike" not in str(kept)
@@ -57,31 +57,31 @@ def test_a_blade_keeps_a_peak_without_folds():
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     """A peak said to be of half its preload falls to what the wheel has under this one, within what a harmonic is off; and
     a march that fails."""
-    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
-    fallen = wheel.kept(replace(peak, preload=1000.0), steps_per_period=32)
+    fallen = wheel.time_response(replace(peak, preload=1000.0), steps_per_period=32)
     assert fallen.status.startswith(f"not found: blade {peak.blade} comes to ") and np.isnan(fallen.mean)
     system = wheel.system(1000.0)
     balance = np.abs(system.structure.responses(solution(system, 2.0 * np.pi * peak.frequency).y[:-1])[:, 1])
     assert balance[peak.blade] < 0.85 * peak.amplitude
     np.testing.assert_allclose(fallen.blades.mean(axis=0), balance, atol=0.15 * balance.max())
-    assert "fall " not in fallen.details() and "diameters" not in fallen.details()
+    assert "fall " not in fallen.summary() and "diameters" not in fallen.summary()
     bars = fallen.plot().patches
     assert [b.get_height() for b in bars] == list(fallen.blades.mean(axis=0))
     fails_after(monkeypatch, 3)
-    failed = wheel.kept(peak, steps_per_period=32)
+    failed = wheel.time_response(peak, steps_per_period=32)
     assert failed.status.startswith("not found: the march fails near ") and np.isnan(failed.highest)
     assert np.isnan(failed.blades).all() and failed.blades.shape == (1, N) and failed.plot().patches
 
 
 def test_what_cannot_be_marched_is_refused():
-    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0))
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
     with pytest.raises(bd.SettingError, match="peak of this wheel"):
-        wheel.with_(mistuning=None).kept(peak)
+        wheel.replace(mistuning=None).time_response(peak)
     lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))
     with pytest.raises(bd.SettingError, match="a peak that was found, found 'not found'"):
-        wheel.kept(lost)
-    many = Wheel(lumped_study(14, 1, n_c=2, r=2))
+        wheel.time_response(lost)
+    many = BladedDisk(lumped_study(14, 1, n_c=2, r=2))
     with pytest.raises(bd.SettingError, match=r"at most 13 blades.*found 14"):
-        many.kept(peak)
+        many.time_response(peak)

@@ -48,21 +48,21 @@ def test_measured_frequencies(tmp_path):
 
 
 def test_draws_are_reproducible_and_scale():
-    one, again = (Mistuning.drawn(24, 0.03, seed=(7, 2)) for _ in range(2))
+    one, again = (Mistuning.random(24, 0.03, seed=(7, 2)) for _ in range(2))
     assert np.array_equal(one.deviation, again.deviation) and one.seed == (7, 2)
-    assert np.allclose(Mistuning.drawn(24, 0.01, seed=(7, 2)).deviation, one.deviation / 3.0)
-    assert not np.array_equal(one.deviation, Mistuning.drawn(24, 0.03, seed=(7, 3)).deviation)
-    many = Mistuning.drawn(100_000, 0.03, "uniform")
+    assert np.allclose(Mistuning.random(24, 0.01, seed=(7, 2)).deviation, one.deviation / 3.0)
+    assert not np.array_equal(one.deviation, Mistuning.random(24, 0.03, seed=(7, 3)).deviation)
+    many = Mistuning.random(100_000, 0.03, "uniform")
     assert np.isclose(many.deviation.std(), 0.03, rtol=5e-3) and np.abs(many.deviation).max() <= 0.03 * np.sqrt(3.0)
     assert abs(one.without_mean().deviation.mean()) < 1e-17
     pattern = Mistuning([[0.01, 0.02], [0.03, -0.02], [0.02, 0.0]])
-    taken = Mistuning.drawn(50, 0.05, pattern, seed=1)
+    taken = Mistuning.random(50, 0.05, pattern, seed=1)
     rows = pattern.without_mean().deviation / pattern.without_mean().deviation.std() * 0.05
     assert all(any(np.allclose(row, r) for r in rows) for row in taken.deviation)
 
 
 def test_dampers():
-    one = DamperVariation.drawn(1000, mass=0.1, gap=1e-6, missing=[3], seed=4)
+    one = DamperVariation.random(1000, mass=0.1, gap=1e-6, missing=[3], seed=4)
     assert np.isclose(one.mass.std(), 0.1, rtol=0.1) and np.all(one.friction_coefficient == 1.0)
     assert one.missing.sum() == 1 and one.missing[3] and np.isclose(one.gap.mean(), 1e-6, rtol=0.1)
     with pytest.raises(bd.SettingError, match="missing: expected a whole number from 0 to 4, found 5"):
@@ -79,7 +79,7 @@ def test_what_is_no_deviation_is_refused(bad):
 
 def test_files(tmp_path):
     by_mode = Mistuning(np.linspace(-0.02, 0.03, 18).reshape(6, 3), "a file", (1, 2))
-    for one in (Mistuning.drawn(6, 0.02, seed=(1, 2)), by_mode, DamperVariation.drawn(6, mass=0.1, missing=[0], seed=3)):
+    for one in (Mistuning.random(6, 0.02, seed=(1, 2)), by_mode, DamperVariation.random(6, mass=0.1, missing=[0], seed=3)):
         one.save(tmp_path / "one.h5")
         again = bd.load(tmp_path / "one.h5")
         assert str(again) == str(one) and getattr(again, "seed", None) == getattr(one, "seed", None)

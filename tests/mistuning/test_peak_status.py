@@ -5,15 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bdamper.mistuning import Wheel, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, WheelPeakOptions
 from bdamper.mistuning.frequency_band import band as band_of
 from bdamper.mistuning.peak_search import Search
-from tests.wheel.test_symmetry import PATTERN, study
+from tests.mistuning.test_symmetry import PATTERN, study
 
 
 @pytest.mark.parametrize("hidden", [(433.0, 447.0), (470.0, 600.0)])
 def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, hidden):
-    wheel = Wheel(study(), mistuning=PATTERN)
+    wheel = BladedDisk(study(), mistuning=PATTERN)
     band, options = (425.0, 480.0), WheelPeakOptions(least=12, most=12, climbs=1)
     whole = wheel.peak(2000.0, band, options=options)
     assert whole.converged and whole.reason == "1 peaks from 12 of 12 points", whole.reason
@@ -41,7 +41,7 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
 
 
 def test_peaks_beyond_the_band_do_not_count():
-    wheel = Wheel(study(), mistuning=PATTERN)
+    wheel = BladedDisk(study(), mistuning=PATTERN)
     top = wheel.peak(2000.0, (170.0, 215.0), options=WheelPeakOptions(least=12, most=12, climbs=1))
     assert top.status == "not found" and np.isnan(top.amplitude) and top.blade == -1 and np.isnan(top.error)
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import Mistuning, Wheel, WheelPeakOptions, audit_wheels, mistuned_sample
+from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions, audit_wheels, mistuned_sample
 from bdamper.util.cost import Cost
-from tests.wheel.lumped import lumped_study
+from tests.mistuning.lumped import lumped_study
 
 MISSED = 3
 """A wheel of which the search of the stand-in below misses the highest peak by 5 %."""
@@ -25,7 +25,7 @@ MISSED = 3
 @pytest.fixture(scope="module")
 def study():
     study = lumped_study(4, 1, harmonics=1, n_c=1, r=1, friction_coefficient=0.3)
-    return study.with_(excitation=bd.Excitation("tip", amplitude=100.0))
+    return study.replace(excitation=bd.Excitation("tip", amplitude=100.0))
 
 
 @pytest.fixture
@@ -48,8 +48,8 @@ def quick(monkeypatch):
             cost=Cost(processor=1.0),
         )  # fmt: skip
 
-    monkeypatch.setattr(Wheel, "peak", peak)
-    monkeypatch.setattr(Wheel, "tuned_peak", lambda _, preload: SimpleNamespace(amplitude=1e-3, frequency=200.0))
+    monkeypatch.setattr(BladedDisk, "peak", peak)
+    monkeypatch.setattr(BladedDisk, "tuned_peak", lambda _, preload: SimpleNamespace(amplitude=1e-3, frequency=200.0))
 
 
 def sample(study, wheels=8, **options):
@@ -101,21 +101,21 @@ def test_the_audit_finds_what_the_search_has_missed(study, quick):
     assert np.isclose(found.share.value, 1 / 7)
     assert 0.0036 < found.share.low < 0.0037 and 0.57 < found.share.high < 0.58
     assert "14.3 % of the wheels" in str(found).replace("\n", " ") and found.covered.sum() == 42
-    assert "0 beyond their error" in found.bottom_line() and "search: 48" in str(found)
-    assert found.bottom_line().endswith(" %): 3.")
+    assert "0 beyond their error" in found._headline() and "search: 48" in str(found)
+    assert found._headline().endswith(" %): 3.")
     rows = {name: column.values for name, column in found.columns().items()}
     assert rows["missed"].sum() == 6 and rows["run"][rows["wheel"] == 5][0].startswith("failed: not found")
 
 
 def test_a_failed_search_decides_nothing(study, quick, monkeypatch):
-    peak = Wheel.peak
+    peak = BladedDisk.peak
 
     def failed(wheel, *arguments, **options):
         if wheel.mistuning.seed == (0, 2):
             raise bd.BdamperError("no solution")
         return peak(wheel, *arguments, **options)
 
-    monkeypatch.setattr(Wheel, "peak", failed)
+    monkeypatch.setattr(BladedDisk, "peak", failed)
     whole = sample(study, audit=1.0)
     found = whole.audit()
     assert set(found.wheel[found.missed]) == {3} and set(found.wheel[found.undecided]) == {2, 5}
@@ -151,8 +151,8 @@ def test_files_and_tables(study, quick, tmp_path):
 
 
 def test_killed_at_random_moments_and_resumed(study, quick, tmp_path, monkeypatch):
-    peak = Wheel.peak
-    monkeypatch.setattr(Wheel, "peak", lambda *given, **options: time.sleep(0.002) or peak(*given, **options))
+    peak = BladedDisk.peak
+    monkeypatch.setattr(BladedDisk, "peak", lambda *given, **options: time.sleep(0.002) or peak(*given, **options))
     begin = time.monotonic()
     quiet = sample(study, resume=tmp_path / "quiet.jsonl")
     span = time.monotonic() - begin
@@ -184,7 +184,7 @@ def test_killed_at_random_moments_and_resumed(study, quick, tmp_path, monkeypatc
 
 
 def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
-    peak, count = Wheel.peak, []
+    peak, count = BladedDisk.peak, []
 
     def stopped(*args, **options):
         count.append(1)
@@ -192,11 +192,11 @@ def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
             raise KeyboardInterrupt
         return peak(*args, **options)
 
-    monkeypatch.setattr(Wheel, "peak", stopped)
+    monkeypatch.setattr(BladedDisk, "peak", stopped)
     found = sample(study)
     assert found.status.count("complete") == 20 and not found.complete
     assert np.isfinite(found.amplitude).sum() == 20 and set(found.curve_status) == {"not asked"}
-    assert "interrupted: 28 of 48 parts were not run" in found.details()
+    assert "interrupted: 28 of 48 parts were not run" in found.summary()
 
 
 @pytest.mark.parametrize(
@@ -212,8 +212,8 @@ def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
     ],
 )
 def test_what_does_not_fit_is_refused_before_any_work(study, options, message, monkeypatch):
-    monkeypatch.setattr(Wheel, "peak", None)
-    monkeypatch.setattr(Wheel, "tuned_peak", None)
+    monkeypatch.setattr(BladedDisk, "peak", None)
+    monkeypatch.setattr(BladedDisk, "tuned_peak", None)
     with pytest.raises(bd.SettingError, match=message):
         sample(study, **options)
 
@@ -233,7 +233,7 @@ def test_percentiles_of_the_stored_wheels_carry_the_errors_of_their_peaks():
         assert (low < moved).all() and (moved < high).all()
     np.testing.assert_allclose(moved, [2.082, 2.098, 2.355], atol=1e-3)
     np.testing.assert_allclose(value, [1.722, 1.912, 2.148], atol=1e-3)
-    assert "(2.06 to 2.39)" in found.bottom_line()
+    assert "(2.06 to 2.39)" in found._headline()
     ends = found.percentile(50.0, "frequency")[::2]
     assert np.isin(ends, found.frequency).all(), "frequencies do not have the error of the amplitude"
     axes = found.plot_tail(preload=1000.0)

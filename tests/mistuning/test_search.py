@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import Mistuning, Wheel, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions
 from bdamper.mistuning.frequency_band import band
 from bdamper.mistuning.peak import MISSED, _status
 from bdamper.mistuning.peak_search import TOLERANCE, Climbed, Search, uphill
 from bdamper.mistuning.wheel_equations import of_blade
 from bdamper.util.formatting import amount
-from tests.wheel.lumped import lumped_study, size, solution
-from tests.wheel.test_symmetry import PATTERN, N, study
+from tests.mistuning.lumped import lumped_study, size, solution
+from tests.mistuning.test_symmetry import PATTERN, N, study
 
 FEW = WheelPeakOptions(least=12, most=12, climbs=2)
 SIX = np.array([0.001, -0.001, 0.0, 0.0, 0.002, 0.0])
@@ -22,7 +22,7 @@ SIX = np.array([0.001, -0.001, 0.0, 0.0, 0.002, 0.0])
 
 
 def test_a_held_peak_solves_the_equations_with_its_springs():
-    wheel = Wheel(study(), PATTERN)
+    wheel = BladedDisk(study(), PATTERN)
     top = wheel.peak(300.0, options=FEW)
     assert top.status == "held" and top.found and not top.converged and top.springs > 0.0 and top.error >= 0.06
     system = wheel.system(300.0)
@@ -32,10 +32,10 @@ def test_a_held_peak_solves_the_equations_with_its_springs():
 
 
 def test_held_peaks_have_facts_and_pictures():
-    wheel = Wheel(study(), PATTERN)
+    wheel = BladedDisk(study(), PATTERN)
     top = wheel.peak(300.0, options=FEW)
-    assert {"error", "amplification", "springs"} <= {fact.name for fact in top.facts()}
-    assert f"  {amount(top.amplitude, 'm', 6)}\n" in top.details()
+    assert {"error", "amplification", "springs"} <= {fact.name for fact in top._facts()}
+    assert f"  {amount(top.amplitude, 'm', 6)}\n" in top.summary()
     top.plot()
     over = wheel.optimal_curve([300.0, 2000.0], options=FEW)
     held, error = over.array("springs") > 0.0, over.array("error")
@@ -47,7 +47,7 @@ def test_held_peaks_have_facts_and_pictures():
 
 @pytest.mark.parametrize(("seed", "preload"), [(9, 300.0), (6, 1000.0), (1, 2000.0)])
 def test_the_peak_is_that_of_its_highest_blade(seed, preload):
-    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=seed))
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=seed))
     top = wheel.peak(preload)
     system = wheel.system(preload).structure.held(top.springs)
     heights = np.abs(top.response[:, 1])
@@ -64,27 +64,27 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
 
 def test_the_peak_of_a_wheel_with_many_folds_is_its_first_maximum():
     """It is the one that a blade keeps (test_in_time); no search may put one further along the curve in its place."""
-    top = Wheel(study(), SIX).peak(300.0)
+    top = BladedDisk(study(), SIX).peak(300.0)
     assert top.status == "complete"
     assert top.amplitude == pytest.approx(2.248e-3, rel=1e-3) and top.frequency == pytest.approx(235.35, abs=0.01)
 
 
 def test_a_tuned_wheel_is_not_amplified_however_coarse_the_sweep():
-    top = Wheel(study()).peak(300.0, options=WheelPeakOptions(least=3, most=3))
+    top = BladedDisk(study()).peak(300.0, options=WheelPeakOptions(least=3, most=3))
     assert top.amplification == pytest.approx(1.0, abs=1e-4)
 
 
 def test_a_sweep_without_peaks_is_tried_with_weaker_springs():
     """With springs of a tenth this tuned wheel has none, and none of its blades may be higher than its sector."""
-    lumped = lumped_study(N, 1, harmonics=1, n_c=2, r=2, seed=2).with_(excitation=bd.Excitation("tip", amplitude=100.0))
-    top = Wheel(lumped).peak(300.0)
+    lumped = lumped_study(N, 1, harmonics=1, n_c=2, r=2, seed=2).replace(excitation=bd.Excitation("tip", amplitude=100.0))
+    top = BladedDisk(lumped).peak(300.0)
     assert top.status == "complete" and top.amplification == pytest.approx(1.0, abs=1e-6)
     assert top.climbs[:, 3].max() < 0.1
 
 
 def test_a_band_without_peaks_is_widened_upward():
     """Dampers held vibrate 13 Hz above the waves of the tuned peak, whose branch comes down from folds up there."""
-    wheel = Wheel(study(engine_order=2))
+    wheel = BladedDisk(study(engine_order=2))
     assert band(wheel, 300.0)[1] == pytest.approx(282.2, abs=0.1)
     top = wheel.peak(300.0, options=FEW)
     assert top.amplification == pytest.approx(1.0, abs=1e-6) and top.interval[1] == pytest.approx(1.5 * top.frequency)
@@ -94,7 +94,7 @@ def test_a_band_without_peaks_is_widened_upward():
 @pytest.mark.slow
 def test_a_wheel_lower_than_the_tuned_one_is_a_lower_bound():
     """Blades apart from their dampers reach a hundred millimetres; the search has what dampers held by springs have."""
-    wheel = Wheel(study(engine_order=2))
+    wheel = BladedDisk(study(engine_order=2))
     top = wheel.peak(100.0)
     assert top.amplification < 0.1 and top.status == "incomplete"
     assert "the tuned wheel has 118 mm at 199.6" in top.reason
@@ -104,8 +104,8 @@ def test_a_wheel_lower_than_the_tuned_one_is_a_lower_bound():
 
 def test_shapes_that_do_not_serve_are_left_out(monkeypatch):
     """Random attachments, whose flexibility twelve shapes do not have: the reduced wheel's peak is a quarter as high."""
-    lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).with_(excitation=bd.Excitation("tip", amplitude=100.0))
-    wheel = Wheel(lumped, Mistuning.drawn(N, 0.03, seed=(0, 1)))
+    lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).replace(excitation=bd.Excitation("tip", amplitude=100.0))
+    wheel = BladedDisk(lumped, Mistuning.random(N, 0.03, seed=(0, 1)))
     few = WheelPeakOptions(climbs=4)
     asked = wheel.peak(1000.0, options=few)
     monkeypatch.setattr("bdamper.mistuning.peak.SHAPES", 100)  # no blade is reduced
@@ -117,7 +117,7 @@ def test_shapes_that_do_not_serve_are_left_out(monkeypatch):
 @pytest.mark.parametrize(("climbs", "error"), [(2, MISSED), (100, 0.0)])
 def test_a_peak_may_be_missed_where_not_all_maxima_are_climbed(climbs, error):
     options = replace(FEW, climbs=climbs)
-    assert Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(500.0, options=options).error == error
+    assert BladedDisk(study(), Mistuning.random(N, 0.03, seed=0)).peak(500.0, options=options).error == error
 
 
 def test_a_peak_of_the_reduced_wheel_alone_is_held():
@@ -175,7 +175,7 @@ def test_peaks_that_become_one_are_followed_once(monkeypatch):
 def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
     seen, own = [], Search.freed
     monkeypatch.setattr(Search, "freed", lambda self, peaks: seen.extend(own(self, peaks)) or seen)
-    top = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(500.0, options=FEW)
+    top = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0)).peak(500.0, options=FEW)
     highest = max(seen, key=lambda peak: peak.height)
     assert top.converged and top.error == MISSED
     assert highest.heights[0] > 1.1 * top.amplitude  # springs of a tenth
@@ -192,16 +192,16 @@ def test_a_peak_carries_the_error_of_a_rival_that_could_not_be_freed(monkeypatch
         return [free, replace(free, springs=(0.1,), heights=(0.99 * free.height,), last=True)]
 
     monkeypatch.setattr(Search, "freed", freed)
-    top = Wheel(study(), PATTERN).peak(2000.0, options=FEW)
+    top = BladedDisk(study(), PATTERN).peak(2000.0, options=FEW)
     assert top.status == "complete" and abs(top.error - (0.99 * 1.2 - 1.0)) < 1e-4
 
 
 def test_a_climb_that_never_arrives_is_no_peak(monkeypatch):
     monkeypatch.setattr("bdamper.mistuning.peak_search.uphill", lambda *arguments: None)
-    top = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(2000.0, options=FEW)
+    top = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0)).peak(2000.0, options=FEW)
     assert top.status == "not found" and np.isnan(top.amplitude)
 
 
 def test_a_peak_that_is_never_a_solution_is_none(monkeypatch):
     monkeypatch.setattr(Search, "settled", lambda self, peak, y=None: None)
-    assert Wheel(study(), PATTERN).peak(2000.0, options=FEW).status == "not found"
+    assert BladedDisk(study(), PATTERN).peak(2000.0, options=FEW).status == "not found"

@@ -8,16 +8,16 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.sector import Sector
-from bdamper.mistuning import DamperVariation, Mistuning, Wheel
+from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning
 from bdamper.model.kinematics import HarmonicBasis
-from tests.wheel.lumped import lumped_study, size, solution
+from tests.mistuning.lumped import lumped_study, size, solution
 
 PRELOAD, N = 300.0, 6
 PATTERN = Mistuning(0.03 * np.random.default_rng(4).normal(size=N))
 
 
 def study(engine_order=1, harmonics=1, **options):
-    return lumped_study(N, engine_order, harmonics=harmonics, n_c=2, r=2, **options).with_(
+    return lumped_study(N, engine_order, harmonics=harmonics, n_c=2, r=2, **options).replace(
         excitation=bd.Excitation("tip", amplitude=100.0)
     )
 
@@ -57,9 +57,9 @@ def assert_same(found, expected, tolerance):
 
 def test_a_pattern_turned_by_one_blade_turns_the_answer():
     dampers = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
-    base = Wheel(study(harmonics=2), mistuning=PATTERN, dampers=dampers)
+    base = BladedDisk(study(harmonics=2), mistuning=PATTERN, dampers=dampers)
     X, _ = solved(base)
-    other, _ = solved(base.with_(mistuning=np.roll(PATTERN.deviation, 1), dampers=taken(dampers, np.arange(N) - 1)))
+    other, _ = solved(base.replace(mistuning=np.roll(PATTERN.deviation, 1), dampers=taken(dampers, np.arange(N) - 1)))
     assert_same(other, turned(X), 1e-12)
 
 
@@ -121,47 +121,47 @@ def symmetric_study(engine_order, harmonics):
     bases = {d: local.nodal_diameter(d) for d in range(N // 2 + 1)}
     load = replace(damper.load, displacement=np.zeros_like(damper.load.displacement))
     bodies = {"blade": replace(blade, bases=bases, local=local), "damper": replace(damper, load=load)}
-    return base.with_(model=replace(model, bodies={**model.bodies, **bodies}))
+    return base.replace(model=replace(model, bodies={**model.bodies, **bodies}))
 
 
 def test_a_mirrored_wheel_with_the_reversed_order_has_the_mirrored_answer():
     """Where the sector has a mirror plane; the reversed order alone has another answer."""
     dampers = DamperVariation.of(N, mass=1.0 + 0.05 * np.arange(N), missing=[3])
-    forward, backward = (Wheel(symmetric_study(e, 2), PATTERN, dampers) for e in (1, N - 1))
+    forward, backward = (BladedDisk(symmetric_study(e, 2), PATTERN, dampers) for e in (1, N - 1))
     mirror, s = Mirror(forward.study.model), forward.structure
     X, system = solved(forward)
     expected = mirror.answer(X, s)
     mirrored_pattern = PATTERN.deviation[-np.arange(N)]
-    mirrored, _ = solved(backward.with_(mistuning=mirrored_pattern, dampers=taken(dampers, -np.arange(N) - 1)))
+    mirrored, _ = solved(backward.replace(mistuning=mirrored_pattern, dampers=taken(dampers, -np.arange(N) - 1)))
     assert_same(mirrored, expected, 1e-12)
     reverse, other = solved(backward)
     assert np.abs(heights(other, reverse) / heights(system, X) - 1.0).max() > 1e-2
     for pattern, shift in ((PATTERN, 1), (mirrored_pattern, 0)):
         others = taken(dampers, -np.arange(N) - shift)
-        system = backward.with_(mistuning=pattern, dampers=others).system(PRELOAD)
+        system = backward.replace(mistuning=pattern, dampers=others).system(PRELOAD)
         y = np.append(system.structure.flat(expected), 2.0 * np.pi * 190.0)
         assert size(system, system.residual(y)) > 1e-3, "a neighbour's place"
 
 
 def test_the_reversed_order_differs_on_the_same_pattern():
-    forward, _ = solved(Wheel(study(1), mistuning=PATTERN))
-    backward, _ = solved(Wheel(study(N - 1), mistuning=PATTERN))
+    forward, _ = solved(BladedDisk(study(1), mistuning=PATTERN))
+    backward, _ = solved(BladedDisk(study(N - 1), mistuning=PATTERN))
     a, b = (np.linalg.norm(X[:, 1:], axis=(1, 2)).max() for X in (forward, backward))
     assert abs(a / b - 1.0) > 1e-3
 
 
 def test_dampers_of_another_mass_keep_it_on_other_blades():
     heavy, light = DamperVariation.of(N, mass=1.2), DamperVariation.of(N, mass=0.9)
-    wheel = Wheel(study(), dampers=heavy)
+    wheel = BladedDisk(study(), dampers=heavy)
     one = wheel.structure.damper_mass / 1.2
     changes = ({"mistuning": PATTERN}, 1.2), ({"dampers": light}, 0.9), ({"dampers": None}, 1.0)
-    for other, factor in ((wheel.with_(**change), factor) for change, factor in changes):
+    for other, factor in ((wheel.replace(**change), factor) for change, factor in changes):
         np.testing.assert_allclose(other.structure.damper_mass, factor * one, rtol=1e-14)
 
 
 @pytest.mark.parametrize("harmonics", [1, 3])
 def test_the_work_of_the_excitation_is_what_damping_and_friction_take(harmonics):
-    wheel = Wheel(study(harmonics=harmonics), mistuning=PATTERN)
+    wheel = BladedDisk(study(harmonics=harmonics), mistuning=PATTERN)
     X, system = solved(wheel)
     omega = 2.0 * np.pi * 190.0
     l = np.repeat(np.arange(harmonics + 1), 2)[1:, None]
@@ -179,11 +179,11 @@ def test_the_work_of_the_excitation_is_what_damping_and_friction_take(harmonics)
 
 
 def test_the_tuned_wheel_tracks_the_curve_of_the_study():
-    wheel = Wheel(study(harmonics=2))
-    curve = wheel.track(2000.0, (150.0, 215.0))
+    wheel = BladedDisk(study(harmonics=2))
+    curve = wheel.frequency_response(2000.0, (150.0, 215.0))
     assert curve.complete, curve.reason
     tuned = wheel.tuned()
-    whole = tuned.track(2000.0, (150.0, 215.0))
+    whole = tuned.frequency_response(2000.0, (150.0, 215.0))
     system = tuned.problem.system(2000.0)
     assert np.ptp(np.abs(curve.blades[..., 1]), axis=1).max() < 1e-7 * curve.amplitude.max()
     near = np.abs(curve.frequency[:, None] - whole.frequency).argmin(axis=1)
@@ -197,11 +197,11 @@ def test_the_tuned_wheel_tracks_the_curve_of_the_study():
 
 @pytest.mark.slow
 def test_peak_and_curve_agree_and_results_come_back_from_their_files(tmp_path):
-    wheel = Wheel(study(), mistuning=PATTERN)
+    wheel = BladedDisk(study(), mistuning=PATTERN)
     top = wheel.peak(2000.0)
-    curve = wheel.track(2000.0, (float(top.sweep_frequency[0]), float(top.sweep_frequency[-1])))
+    curve = wheel.frequency_response(2000.0, (float(top.sweep_frequency[0]), float(top.sweep_frequency[-1])))
     assert top.converged and curve.complete
-    assert f", blade {top.blade}." in curve.bottom_line()
+    assert f", blade {top.blade}." in curve._headline()
     assert abs(curve.peak.amplitude / top.amplitude - 1.0) < 2e-3
     assert top.amplification == top.amplitude / top.tuned_amplitude
     best = wheel.optimal_curve([2000.0])
@@ -214,18 +214,18 @@ def test_peak_and_curve_agree_and_results_come_back_from_their_files(tmp_path):
 
 def test_bad_input_is_refused_at_once():
     with pytest.raises(bd.SettingError, match="mistuning: expected deviations of 6 blades, found 5"):
-        Wheel(study(), mistuning=np.zeros(5))
+        BladedDisk(study(), mistuning=np.zeros(5))
     with pytest.raises(bd.SettingError, match="separation"):
-        Wheel(study().with_(separation=False))
+        BladedDisk(study().replace(separation=False))
     bare = study().model
     blade = replace(bare.bodies["blade"], local=None)
     with pytest.raises(bd.ModelError, match="local basis"):
-        Wheel(study().with_(model=replace(bare, bodies={**bare.bodies, "blade": blade})))
+        BladedDisk(study().replace(model=replace(bare, bodies={**bare.bodies, "blade": blade})))
 
 
 def test_the_whole_annulus_as_one_system_has_the_same_solution():
     """All sectors in one real modal basis of the mistuned annulus, by the equations of a study of one sector."""
-    wheel = Wheel(study(harmonics=3, zeta=0.0), mistuning=PATTERN)
+    wheel = BladedDisk(study(harmonics=3, zeta=0.0), mistuning=PATTERN)
     X, system = solved(wheel, tolerance=1e-11)
     s, omega = wheel.structure, 2.0 * np.pi * 190.0
     n, ns, nd, r = s.n, s.n_sector, s.n_damper, s.local.n_interface
@@ -258,7 +258,7 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
 
     forces = system.structure.array(system.structure.force)
     force = np.concatenate([modal(forces[:, c]) for c in range(7)])
-    whole = Sector([basis] * 4, system.structure.points, force, [np.zeros(N * ns)] * 4, "exact").equations
+    whole = Sector([basis] * 4, system.structure.points, force, [np.zeros(N * ns)] * 4, "event_driven").equations
     u = np.concatenate([coordinates(X[:, c]) for c in range(7)])
     residual = whole.evaluate(u, omega)[0]
     assert np.abs(residual).max() < 1e-9 * np.abs(force).max()
@@ -270,10 +270,10 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
 
 def test_a_curve_passes_where_dampers_come_free_along_the_axis():
     """At 397.9 Hz the mean axial force of the fully slipping dampers vanishes, and they move on; only vibration counts."""
-    base = lumped_study(8, 1, harmonics=1, n_c=2, r=2).with_(excitation=bd.Excitation("tip", amplitude=40.0))
-    wheel = Wheel(base)
-    curve = wheel.track(PRELOAD, (390.0, 405.0))
+    base = lumped_study(8, 1, harmonics=1, n_c=2, r=2).replace(excitation=bd.Excitation("tip", amplitude=40.0))
+    wheel = BladedDisk(base)
+    curve = wheel.frequency_response(PRELOAD, (390.0, 405.0))
     assert curve.complete, curve.reason
-    tuned = wheel.tuned().track(PRELOAD, (390.0, 405.0))
+    tuned = wheel.tuned().frequency_response(PRELOAD, (390.0, 405.0))
     assert any("drifts" in note for note in tuned.notes)
     assert curve.amplitude[-1] == pytest.approx(tuned.amplitude[-1], rel=1e-6)

@@ -10,35 +10,37 @@ from bdamper.harmonic_balance.closing_conditions import Fixed
 from bdamper.mistuning import DamperVariation, Mistuning
 from bdamper.mistuning.loaded_wheel import wheel_system
 from bdamper.mistuning.reduced_wheel import family_shapes, reduced_state
-from bdamper.mistuning.wheel import Wheel
+from bdamper.mistuning.wheel import BladedDisk
 from bdamper.mistuning.wheel_equations import of_blade
 from bdamper.response.continuation_options import ContinuationOptions
 from bdamper.util.cost import CostMeter
 from tests.following import find_start
-from tests.wheel.lumped import lumped_study, size, solution
-from tests.wheel.lumped import wave as wave_of
-from tests.wheel.test_symmetry import PATTERN, study
+from tests.mistuning.lumped import lumped_study, size, solution
+from tests.mistuning.lumped import wave as wave_of
+from tests.mistuning.test_symmetry import PATTERN, study
 
 PRELOAD = 300.0
 
 
 def wheel(n_blades=6, harmonics=2, amplitude=100.0, **options):
     study = lumped_study(n_blades, 1, harmonics=harmonics, n_c=2, r=2, **options)
-    return Wheel(study.with_(excitation=bd.Excitation("tip", amplitude=amplitude)))
+    return BladedDisk(study.replace(excitation=bd.Excitation("tip", amplitude=amplitude)))
 
 
 @pytest.mark.parametrize(
     ("n_blades", "harmonics", "options"), [(3, 1, {}), (4, 2, {"n_att": 2}), (7, (1, 3), {"bias": False})]
 )
-@pytest.mark.parametrize("kept", [1, 8])
-def test_bordered_equations_of_a_wheel_are_those_of_dense_algebra(n_blades, harmonics, options, kept):
+@pytest.mark.parametrize("n_kept", [1, 8])
+def test_bordered_equations_of_a_wheel_are_those_of_dense_algebra(n_blades, harmonics, options, n_kept):
     """With more or less of the disk's coupling left to iterations; orders and missing dampers of all kinds."""
     rng = np.random.default_rng(3)
-    w = wheel(n_blades, harmonics, **options).with_(mistuning=0.03 * rng.normal(size=n_blades))
+    w = wheel(n_blades, harmonics, **options).replace(mistuning=0.03 * rng.normal(size=n_blades))
     far = 0.01 * np.cos(4.0 * np.pi * np.arange(n_blades) / n_blades)[:, None, None] * np.eye(2)
-    w = Wheel(w.study, w.mistuning, _structure=replace(w.structure, disk_mass=w.structure.disk_mass + far, n_kept=kept))
-    for dampers in (None, DamperVariation.drawn(n_blades, mass=0.1, missing=[1], seed=1)):
-        system = w.with_(dampers=dampers).system(PRELOAD).structure.held(1e-3)
+    w = BladedDisk(
+        w.study, w.mistuning, _structure=replace(w.structure, disk_mass=w.structure.disk_mass + far, n_kept=n_kept)
+    )
+    for dampers in (None, DamperVariation.random(n_blades, mass=0.1, missing=[1], seed=1)):
+        system = w.replace(dampers=dampers).system(PRELOAD).structure.held(1e-3)
         u = system.structure.at_rest + 1e-6 * rng.normal(size=system.n_unknowns)
         y, row = np.append(u, 2.0 * np.pi * 180.0), rng.normal(size=len(u) + 1)
         scale = system.structure.units_about(y, 10.0)
@@ -67,7 +69,7 @@ def test_springs_pull_the_mean_of_dampers_to_their_place_at_rest():
 
 def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
     """Near a peak Newton's method with whole steps fails, and so it does with those that reduce the residual."""
-    system = Wheel(study(), PATTERN).system(PRELOAD).structure.held(0.1)
+    system = BladedDisk(study(), PATTERN).system(PRELOAD).structure.held(0.1)
     found = dict.fromkeys((0, 1, 2), 0)
     for f in np.linspace(200.0, 500.0, 16):
         y = np.append(system.structure.at_rest, 2.0 * np.pi * f)
@@ -79,7 +81,7 @@ def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
 
 def test_steps_that_lead_to_and_fro_end_early_where_a_rough_point_is_enough():
     """With dampers free there is no solution near that at rest at some frequencies, and one at others."""
-    system = Wheel(study(), PATTERN).system(300.0)
+    system = BladedDisk(study(), PATTERN).system(300.0)
     for f, found in ((240.0, True), (400.0, True), (300.0, False), (320.0, False), (340.0, False)):
         y = np.append(system.structure.at_rest, 2.0 * np.pi * f)
         scale = system.structure.units_about(y, 1.0)
@@ -128,7 +130,7 @@ def test_the_static_state_of_dampers_that_are_alike_is_that_of_the_study():
     w = wheel(5, 1)
     ones = np.ones(5)
     alike = DamperVariation(ones, ones, ones, 0.0 * ones, np.zeros(5, bool))
-    system, other = w.system(PRELOAD), w.with_(dampers=alike).system(PRELOAD)
+    system, other = w.system(PRELOAD), w.replace(dampers=alike).system(PRELOAD)
     assert np.abs(other.structure.at_rest - system.structure.at_rest).max() < 1e-8 * np.abs(system.structure.at_rest).max()
     slip = np.abs(system.structure.points.slider - other.structure.points.slider)
     assert slip.max() < 1e-8 * np.abs(system.structure.points.slider).max()
@@ -139,7 +141,7 @@ def test_a_missing_damper_leaves_its_place_empty():
     gone = np.arange(6) == 2
     mass, mu, stiffness, gap = rng.random((4, 6))
     dampers = DamperVariation(1.0 + 0.2 * mass, 1.0 + 0.1 * mu, 1.0 - 0.2 * stiffness, 1e-7 * gap, gone)
-    w = wheel(6, 1).with_(dampers=dampers, mistuning=0.01 * rng.normal(size=6))
+    w = wheel(6, 1).replace(dampers=dampers, mistuning=0.01 * rng.normal(size=6))
     system = w.system(PRELOAD)
     found = solution(system, 2.0 * np.pi * 190.0)
     assert found.status == 0
@@ -162,8 +164,8 @@ def hard_disk():
 
 def test_dampers_of_the_hard_disk_that_differ_are_in_equilibrium():
     """From contacts that just touch Newton's method does not arrive there, however small the load."""
-    dampers = DamperVariation.drawn(65, mass=0.05, friction_coefficient=0.1, seed=1)
-    w = Wheel(hard_disk(), dampers=dampers)
+    dampers = DamperVariation.random(65, mass=0.05, friction_coefficient=0.1, seed=1)
+    w = BladedDisk(hard_disk(), dampers=dampers)
     state, n = w.state(2000.0), w.structure.n
     balance = state.force.reshape(65, -1) @ w.structure.rows[..., n:].reshape(-1, state.load.shape[1] - n)
     np.testing.assert_allclose(balance, state.load[:, n:], atol=1e-8 * np.abs(state.load[:, n:]).max())
@@ -175,7 +177,7 @@ def test_dampers_of_the_hard_disk_that_differ_are_in_equilibrium():
 def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
     """Residuals of the reduced wheel are those of the whole one on its shapes; with fewer shapes they are as well."""
     rng = np.random.default_rng(6)
-    w = wheel(5, 1).with_(mistuning=0.03 * rng.normal(size=5))
+    w = wheel(5, 1).replace(mistuning=0.03 * rng.normal(size=5))
     whole, state, n = w.system(PRELOAD), w.state(PRELOAD), w.structure.n
     for m in (n, n - 1):
         shapes = rng.normal(size=(n, m))
@@ -196,12 +198,12 @@ def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
         np.testing.assert_allclose(system.structure.responses(system.structure.flat(b))[:, 1], moved, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("harmonics", "kept"), [(1, 1), (3, 8)])
-def test_the_elimination_keeps_what_contacts_bend_most_where_there_are_harmonics(harmonics, kept):
+@pytest.mark.parametrize(("harmonics", "n_kept"), [(1, 1), (3, 8)])
+def test_the_elimination_keeps_what_contacts_bend_most_where_there_are_harmonics(harmonics, n_kept):
     """The last shapes of a blade are the most important ones: without them the stuck frequency is further off."""
     s = wheel(6, harmonics, n_att=14).structure
     shapes = family_shapes(s, 2.0 * np.pi * 200.0)
-    assert s.reduced(shapes).n_kept == kept
+    assert s.reduced(shapes).n_kept == n_kept
 
     def stuck(s):
         return s.wave(1, s.tuned.point_stiffness)[0][0]
@@ -213,7 +215,7 @@ def test_the_elimination_keeps_what_contacts_bend_most_where_there_are_harmonics
 @pytest.mark.slow
 def test_the_search_finds_the_peak_that_one_with_few_climbs_missed():
     """Of the shipped disk: 0.7195 mm with free dampers, third among those held; the reduced wheel is less than 1 % off."""
-    wheel = Wheel(hard_disk(), Mistuning.drawn(65, 0.02, seed=(0, 1)))
+    wheel = BladedDisk(hard_disk(), Mistuning.random(65, 0.02, seed=(0, 1)))
     top = wheel.peak(2000.0)
     assert (top.status, top.blade) == ("complete", 17) and top.residual < 1e-9
     assert top.amplitude == pytest.approx(0.719539e-3, rel=1e-4) and top.frequency == pytest.approx(350.24, abs=0.05)

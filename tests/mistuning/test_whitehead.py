@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import Mistuning, Wheel, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions
 from bdamper.mistuning.structure import Structure
 from bdamper.model.local_basis import LocalBasis
 from tests.models import wedge_model
@@ -38,7 +38,9 @@ def study(n_blades, order, disk, zeta, m=0.95):
     blade = model.bodies["blade"]
     bases = {d: local.nodal_diameter(d) for d in range(waves)}
     model = replace(model, bodies={**model.bodies, "blade": replace(blade, bases=bases, local=local)})
-    return bd.Study(model, bd.Excitation("tip"), order, harmonics=1, contact_stiffness=1e5, constraints=True, blade_modes=2)
+    return bd.Study(
+        model, bd.Excitation("tip"), order, harmonics=1, contact_stiffness=1e5, constraint_planes=True, blade_modes=2
+    )
 
 
 def amplification(structure, order, deviations):
@@ -94,7 +96,7 @@ def test_the_worst_pattern_reaches_the_bound(n_blades):
     zeta, bound = 1e-5, (1.0 + np.sqrt(n_blades)) / 2.0
     disk = np.zeros(n_blades // 2 + 1)
     disk[0] = 1e4
-    one = Wheel(study(n_blades, 0, disk, zeta, m=0.3))
+    one = BladedDisk(study(n_blades, 0, disk, zeta, m=0.3))
     soft, stiff = (np.sqrt(one.structure.local.modes(d)[0][0]) for d in (1, 0))
 
     def pattern(factor):
@@ -107,5 +109,5 @@ def test_the_worst_pattern_reaches_the_bound(n_blades):
     assert 0.99 * bound < found.max() < bound
     k = int(np.argmax(found))
     near = at[k] * (1.0 - 20.0 * zeta), at[k] * (1.0 + 25.0 * zeta)
-    peak = one.with_(mistuning=pattern(factors[k])).peak(300.0, near, options=WheelPeakOptions(least=20, climbs=1))
+    peak = one.replace(mistuning=pattern(factors[k])).peak(300.0, near, options=WheelPeakOptions(least=20, climbs=1))
     assert peak.blade == 0 and 0.99 * bound < peak.amplification < bound

@@ -641,7 +641,7 @@ OPTIONAL: list[Case] = [
     (
         "source",
         lambda: contact(WEDGE, "left", source="guess"),
-        "left/@source: expected one of ['eq4', 'unit_traction', 'residual_modes', 'user'], found 'guess'",
+        "left/@source: expected one of ['cigeroglu2009', 'unit_traction', 'residual_modes', 'user'], found 'guess'",
     ),
     (
         "fallback kind",

@@ -46,5 +46,5 @@ def test_modes_alone_with_a_stiffness_of_the_user():
         assert any("static receptances of the blade (no matrices)" in line for line in made.missing)
         excitation = bd.Excitation("tip", direction="tangential", amplitude=1000.0)
         study = bd.Study(made.model, excitation, friction_coefficient=0.3, harmonics=1, contact_stiffness=given)
-        curve = study.track(0.0, (7000.0, 9000.0))
+        curve = study.frequency_response(0.0, (7000.0, 9000.0))
         assert curve.status == "complete" and curve.peak.kind == "peak"

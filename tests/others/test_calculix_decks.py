@@ -80,7 +80,7 @@ def test_faces_that_do_not_match_to_a_tracking_curve(runs):
     for force in (1e-3, 0.2):
         excitation = bd.Excitation("tip", direction="axial", amplitude=force)
         study = bd.Study(made.model, excitation, engine_order=2, friction_coefficient=0.3, harmonics=1)
-        curve = study.track(0.0, (0.5 * second, 1.5 * second))
+        curve = study.frequency_response(0.0, (0.5 * second, 1.5 * second))
         assert curve.status == "complete"
         peaks[force] = curve.peak
     assert peaks[0.2].kind == "peak" and second < peaks[0.2].frequency < 1.1 * second  # it slips

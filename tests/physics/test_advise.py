@@ -19,17 +19,17 @@ def disk():
 
 def compared(study, advice):
     """Curves with all effects of the reference and with those called for, computed anew."""
-    both = {"all": study.with_effects(advice.reference), "called for": study.with_effects(advice.called_for)}
-    return bd.compare(both, lambda s: s.track(advice.preload, advice.interval))
+    both = {"all": study.with_effects(advice.reference), "called for": study.with_effects(advice.significant)}
+    return bd.compare(both, lambda s: s.frequency_response(advice.preload, advice.interval))
 
 
 def test_at_high_preload_one_harmonic_is_enough(disk):
-    advice = disk.advise(50e3, INTERVAL, against=Effects.of(disk))
-    assert {"harmonics beyond 1", "bias", "constraints"} <= set(advice.left_out)
-    assert advice["rotation Z"].called_for
+    advice = disk.effect_significance(50e3, INTERVAL, against=Effects.of(disk))
+    assert {"harmonics beyond 1", "bias", "constraint_planes"} <= set(advice.left_out)
+    assert advice["rotation Z"].significant
     both = compared(disk, advice)
     assert abs(both.change("called for")) <= advice.tolerance
-    assert disk.with_effects(advice.called_for).settings.harmonics == 1
+    assert disk.with_effects(advice.significant).settings.harmonics == 1
     whole, lean = both.curves
     assert abs(lean.peak.frequency / whole.peak.frequency - 1.0) <= advice.tolerance
     assert advice.work < 0.2 and lean.cost.evaluations < 1.5 * whole.cost.evaluations
@@ -39,12 +39,12 @@ def test_at_high_preload_one_harmonic_is_enough(disk):
 def test_at_low_preload_a_study_without_rotation_and_further_harmonics_is_told_so(disk):
     """The paper's Fig. 14: without rotation the amplitude is underestimated and the frequency shift overestimated."""
     cheap = disk.with_effects(Effects(harmonics=1, rotation=()))
-    advice = cheap.advise(500.0, INTERVAL, against=Effects.of(disk), tolerance=0.05)
+    advice = cheap.effect_significance(500.0, INTERVAL, against=Effects.of(disk), tolerance=0.05)
     assert {"rotation Z", "harmonics beyond 1"} <= {e.name for e in advice.effects if e.verdict == "switch on"}
     turn = advice["rotation Z"]
     assert turn.amplitude_change < -0.2 and turn.frequency_change > 0.05
     assert abs(turn.amplitude_change) > abs(advice["harmonics beyond 1"].amplitude_change) > 0.1
-    assert advice["separation"].called_for and advice["separation"].amplitude_change > 0.2
+    assert advice["separation"].significant and advice["separation"].amplitude_change > 0.2
     assert abs(compared(disk, advice).change("called for")) <= advice.tolerance
 
 

@@ -9,11 +9,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from tests.wheel.lumped import lumped_study
 
 import bdamper as bd
 from bdamper.contact.static_state import StaticSystem, static_state
-from bdamper.mistuning import DamperVariation, Wheel
+from bdamper.mistuning import BladedDisk, DamperVariation
+from tests.mistuning.lumped import lumped_study
 from tests.physics.test_static_wedge import wedge
 
 AT_REST = 1e-11
@@ -28,10 +28,10 @@ def one_point(gap, mu=2.0, constant=0.0):
     )  # fmt: skip
 
 
-def through(system, loads, **options):
+def through(system, load_per_preload, **options):
     """The last of the states under loads that follow each other."""
     state = None
-    for load in loads:
+    for load in load_per_preload:
         state = static_state(system, load, start=state, **options)
         assert state.converged, state.note
     return state
@@ -98,9 +98,9 @@ class Rates:
         return np.column_stack([self.T, np.maximum(self.level, 0.0)])
 
 
-def exact(system, loads, size):
+def exact(system, load_per_preload, size):
     rates = Rates(system)
-    return [rates.to(load, size) for load in loads][-1]
+    return [rates.to(load, size) for load in load_per_preload][-1]
 
 
 @pytest.mark.parametrize("steps", [1, 8, 80, 800])
@@ -131,11 +131,13 @@ def test_opening_and_closing_again(steps):
 
 def test_a_study_of_masses_with_a_gap():
     contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=1.2, gap=0.9)
-    study = bd.lumped([1.0, 1.0], [0.01, 0.01], [1.0, 1.0], contacts=[contact], forces={0: 0.1}, loads={0: 1.0, 1: 1.0})
+    study = bd.lumped(
+        [1.0, 1.0], [0.01, 0.01], [1.0, 1.0], contacts=[contact], forces={0: 0.1}, load_per_preload={0: 1.0, 1: 1.0}
+    )
     np.testing.assert_allclose(study.static(1.0).force, [[0.05, 0.0, 0.05]], atol=1e-12)
 
 
-def drawn(seed):
+def random(seed):
     rng = np.random.default_rng(seed)
     G = rng.standard_normal((2, 3, 3))
     G[:, 1] = 0.0
@@ -147,28 +149,28 @@ def drawn(seed):
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("loads", [(3.0,), (3.0, -2.0), (3.0, -2.0, 3.0), (3.0, 1.0, 2.5)])
-def test_drawn_systems_against_rates(seed, loads):
-    system = drawn(seed)
-    expected = exact(system, loads, 1.0)
+@pytest.mark.parametrize("load_per_preload", [(3.0,), (3.0, -2.0), (3.0, -2.0, 3.0), (3.0, 1.0, 2.5)])
+def test_drawn_systems_against_rates(seed, load_per_preload):
+    system = random(seed)
+    expected = exact(system, load_per_preload, 1.0)
     for steps in (1, 8, 80):
-        found = through(system, loads, steps=steps).force[:, ::2]
+        found = through(system, load_per_preload, steps=steps).force[:, ::2]
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.4])
-@pytest.mark.parametrize("loads", [(1000.0,), (1000.0, 100.0), (1000.0, 100.0, 1000.0)])
+@pytest.mark.parametrize("load_per_preload", [(1000.0,), (1000.0, 100.0), (1000.0, 100.0, 1000.0)])
 @pytest.mark.parametrize("gap", [0.0, 2e-5])
-def test_a_wedge_with_a_gap_at_one_face(gap, mu, loads):
+def test_a_wedge_with_a_gap_at_one_face(gap, mu, load_per_preload):
     """Held by weak springs until the second face closes; on unloading it sticks first and slips back later."""
     system = wedge(0.7, 0.9, mu, kt=1e7, kn=1e7)
     G = system.G.copy()
     G[:, 1] = 0.0
     kt = system.kt * [1.0, 0.0]
     system = replace(system, G=G, kt=kt, stiffness=np.full(2, 1e6), n0=np.array([0.0, -1e7 * gap]))
-    expected = exact(system, loads, 1000.0)
+    expected = exact(system, load_per_preload, 1000.0)
     for steps in (1, 8, 80):
-        found = through(system, loads, steps=steps).force[:, ::2]
+        found = through(system, load_per_preload, steps=steps).force[:, ::2]
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * 1000.0)
 
 
@@ -179,12 +181,12 @@ def test_a_loose_wedge_lands_in_the_same_way_with_any_number_of_steps():
     """
     study = lumped_study(6, 1, n_c=2, r=2)
     gap = {name: face.gap + 2e-7 for name, face in study.problem.coupling.model.interfaces.items()}
-    apart = study.with_(gap=gap)
+    apart = study.replace(gap=gap)
     system = apart.problem.static_system
     found = [static_state(system, 300.0, steps=steps).q for steps in (1, 8, 80, 800)]
     for q in found[1:]:
         np.testing.assert_allclose(q, found[0], rtol=0.0, atol=1e-6 * np.abs(found[0]).max())
     ones = np.ones(6)
-    whole = Wheel(study, dampers=DamperVariation(ones, ones, ones, 2e-7 * ones, ones < 0.0)).system(300.0)
-    expected = Wheel(apart).system(300.0).structure.at_rest
+    whole = BladedDisk(study, dampers=DamperVariation(ones, ones, ones, 2e-7 * ones, ones < 0.0)).system(300.0)
+    expected = BladedDisk(apart).system(300.0).structure.at_rest
     np.testing.assert_allclose(whole.structure.at_rest, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())

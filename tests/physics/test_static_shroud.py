@@ -11,7 +11,7 @@ DAMPER, SHROUD = (0.0, 1.0, 10.0, 100.0, 1000.0, 5000.0, 20000.0), (30.0, 200.0,
 def shrouded(load, **settings):
     return bd.Study(
         bd.reference_model("shrouded_blade"), bd.Excitation("tip", amplitude=1.0), engine_order=4,
-        friction_coefficient=settings.pop("mu", 0.3), fixed_loads={"shroud": load}, **settings,
+        friction_coefficient=settings.pop("mu", 0.3), constant_loads={"shroud": load}, **settings,
     )  # fmt: skip
 
 
@@ -42,7 +42,7 @@ def test_every_load_of_the_dampers_has_a_state(load, method, mu):
 @pytest.mark.parametrize("preload", [1.0, 1000.0])
 def test_a_small_load_next_to_a_large_one(preload):
     """Residuals are relative to all loads: without the 2,000 N of the shroud rounding exceeds the tolerance at 1 N."""
-    check(shrouded(2000.0, mu=0.5, loads={"front": 1.0, "rear": 0.6}), preload, 2000.0)
+    check(shrouded(2000.0, mu=0.5, load_per_preload={"front": 1.0, "rear": 0.6}), preload, 2000.0)
 
 
 def test_the_default_interval_comes_from_the_asked_preload(monkeypatch):
@@ -63,8 +63,9 @@ def test_a_loose_damper_takes_a_finite_number_of_steps():
     """The rear damper has no load, so it moves in jumps; shortening steps to follow them took more than 1,500."""
     model = pytest.importorskip("tools.shrouded").shrouded().model
     study = bd.Study(
-        model, bd.Excitation("tip", "tangential"), engine_order=4, friction_coefficient=0.1, loads={"front": 1.0},
-        fixed_loads={"shroud": 200.0}, contact_stiffness="residual_modes",
+        model, bd.Excitation("tip", "tangential"), engine_order=4, friction_coefficient=0.1,
+        load_per_preload={"front": 1.0},
+        constant_loads={"shroud": 200.0}, contact_stiffness="residual_modes",
     )  # fmt: skip
     check(study, 100.0, 200.0)
     assert study.static(100.0).steps < 1000

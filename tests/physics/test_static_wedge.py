@@ -159,7 +159,7 @@ def test_a_frictionless_damper_on_elastic_blades_is_statically_determinate(alpha
         engine_order=2,
         friction_coefficient=0.0,
         contact_stiffness="model",
-        constraints=False,
+        constraint_planes=False,
     )
     state = study.static(LOAD)
     assert state.converged, state.note

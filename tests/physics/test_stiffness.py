@@ -18,7 +18,7 @@ def study(method, **settings):
         engine_order=2,
         friction_coefficient=0.3,
         contact_stiffness=method,
-        constraints=False,
+        constraint_planes=False,
         **settings,
     )
 
@@ -80,7 +80,7 @@ class TestPaperEquations:
         np.testing.assert_array_equal(contact.stiffness[contact.fallback], 7.0)
         keep = ~contact.fallback
         np.testing.assert_allclose(contact.stiffness[keep], (force / np.where(keep, displacement, 1.0))[keep])
-        assert contact.source == "eq4"
+        assert contact.source == "cigeroglu2009"
 
     def test_a_diagonal_flexibility_is_found_again(self):
         """(R F)_i/F_i is the diagonal, whatever the forces."""
@@ -97,7 +97,7 @@ class TestPaperEquations:
             plain_study(
                 wedge_model(4), bd.Excitation("tip"), 2, blade_modes=5, contact_stiffness=m, friction_coefficient=0.3
             ).problem
-            for m in ("eq4", "unit_traction")
+            for m in ("cigeroglu2009", "unit_traction")
         )
         coupling = by_force.coupling
         force, left_out = paper_contact(coupling, np.full(coupling.n_points, 0.3))

@@ -70,11 +70,11 @@ class TestLinearLimits:
         modal = 3.0 * row.conj() / (root**2 - fine**2 + 2j * basis.damping_ratio * root * fine)
         assert curve.peak.amplitude == pytest.approx(np.abs(modal @ row).max(), rel=1e-6)
 
-    @pytest.mark.parametrize("constraints", [True, False])
-    def test_stuck_is_the_system_with_springs(self, constraints):
+    @pytest.mark.parametrize("constraint_planes", [True, False])
+    def test_stuck_is_the_system_with_springs(self, constraint_planes):
         """Direct solution with the modes of the file; the axial stops have a gap and stay open."""
         model = wedge_model(n_points=4)
-        study = wedge_study(model=model, constraints=constraints, damper_modes=2)
+        study = wedge_study(model=model, constraint_planes=constraint_planes, damper_modes=2)
         curve = study.stuck((300.0, 900.0), preload=100.0)
         G = relative_motion(model, 2, ["left", "right"])
         springs = np.concatenate([model.contact[name].stiffness for name in ("left", "right")])
@@ -91,10 +91,10 @@ class TestLinearLimits:
         assert (curve.residual < 1e-9).all()
 
     def test_tracking_approaches_the_stuck_curve_under_high_preload(self):
-        study = wedge_study(constraints=False)
+        study = wedge_study(constraint_planes=False)
         frequency = study.stuck((300.0, 900.0)).peak.frequency
         band = (0.97 * frequency, 1.03 * frequency)
-        stuck, tracked = study.stuck(band), study.track(1e7, band)
+        stuck, tracked = study.stuck(band), study.frequency_response(1e7, band)
         assert tracked.complete
         assert (tracked.shares[:, 0] == 1.0).all()
         assert tracked.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-8)
@@ -106,7 +106,7 @@ class TestIndependentCheck:
 
     @staticmethod
     def check(study, preload, band, count=5):
-        curve = study.track(preload, band)
+        curve = study.frequency_response(preload, band)
         assert curve.complete, curve.reason
         system = study.problem.system(preload)
         arrays = dict(system.structure.arrays)
@@ -145,9 +145,9 @@ class TestScaling:
     @pytest.mark.parametrize("factor", [1e-6, 3.0, 1e6])
     def test_excitation_and_preload_together(self, factor):
         """Without gaps the response is homogeneous: the same curve, point by point."""
-        study = wedge_study(constraints=False, excitation=bd.Excitation("tip", amplitude=20.0))
-        scaled = study.with_(excitation=bd.Excitation("tip", amplitude=20.0 * factor))
-        a, b = study.track(60.0, BAND), scaled.track(60.0 * factor, BAND)
+        study = wedge_study(constraint_planes=False, excitation=bd.Excitation("tip", amplitude=20.0))
+        scaled = study.replace(excitation=bd.Excitation("tip", amplitude=20.0 * factor))
+        a, b = study.frequency_response(60.0, BAND), scaled.frequency_response(60.0 * factor, BAND)
         assert a.complete
         assert b.complete
         assert a.shares[:, 1].max() > 0.05
@@ -162,7 +162,7 @@ class TestScaling:
     def test_phase_of_the_excitation_shifts_time(self):
         shift = 1.234
         study = wedge_study(harmonics=3, excitation=bd.Excitation("tip", amplitude=40.0))
-        late = study.with_(excitation=bd.Excitation("tip", amplitude=40.0, phase=shift))
+        late = study.replace(excitation=bd.Excitation("tip", amplitude=40.0, phase=shift))
         omega = 2 * np.pi * 340.0
         y, _ = find_start(study.problem, 60.0, omega, OPTIONS, CostMeter())
         z, _ = find_start(late.problem, 60.0, omega, OPTIONS, CostMeter())
@@ -188,7 +188,7 @@ class TestBases:
         assert [b.nodal_diameter for b in study.problem.bases] == [0, 2, 4, 6]
 
     def test_single_basis_uses_that_of_the_fundamental(self):
-        study = wedge_study(harmonics=3, single_basis=True)
+        study = wedge_study(harmonics=3, fundamental_modes_only=True)
         own = wedge_study(harmonics=3)
         blade = study.model.bodies["blade"].bases[2]
         assert [b.nodal_diameter for b in study.problem.bases] == [2, 2, 2, 2]
@@ -202,19 +202,19 @@ class TestBases:
             np.testing.assert_allclose(G, phase * stored, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(study.problem.bases[1].G, own.problem.bases[1].G)
         assert not np.allclose(study.problem.bases[2].G, own.problem.bases[2].G)
-        assert study.track(1e6, (300.0, 310.0)).settings["single_basis"] is True
+        assert study.frequency_response(1e6, (300.0, 310.0)).settings["fundamental_modes_only"] is True
 
     def test_a_missing_nodal_diameter_is_named(self):
         model = wedge_model(harmonics=1)
-        with pytest.raises(SettingError, match=r"needs nodal diameter 4.*single_basis=True"):
+        with pytest.raises(SettingError, match=r"needs nodal diameter 4.*fundamental_modes_only=True"):
             wedge_study(model=model, harmonics=2)
-        wedge_study(model=model, harmonics=2, single_basis=True)
+        wedge_study(model=model, harmonics=2, fundamental_modes_only=True)
 
 
 class TestSpecialPreloads:
     def test_without_friction_the_contact_is_linear_while_it_is_closed(self):
-        study = wedge_study(friction_coefficient=0.0, constraints=False)
-        curve = study.track(1e5, BAND)
+        study = wedge_study(friction_coefficient=0.0, constraint_planes=False)
+        curve = study.frequency_response(1e5, BAND)
         assert curve.complete
         stuck = study.stuck(BAND)  # springs in the normal direction only
         expected = np.interp(curve.frequency, stuck.frequency, stuck.amplitude)
@@ -229,20 +229,20 @@ class TestSpecialPreloads:
 
     def test_without_a_preload_the_damper_leaves_its_seat(self):
         study = wedge_study(harmonics=2)
-        curve, free = study.track(0.0, BAND), study.free(BAND)
+        curve, free = study.frequency_response(0.0, BAND), study.free(BAND)
         assert curve.complete and curve.residual.max() <= 1e-9 and (curve.shares == [0.0, 0.0, 1.0]).all()
         np.testing.assert_array_equal(curve.harmonics[:, 1], free.harmonics[:, 1])
         system = study.problem.system(0.0)
         for u, f in zip(curve.unknowns[::20], curve.frequency[::20]):
             assert np.abs(system.evaluate(u, 2 * np.pi * f)[0] * system.row_scale).max() <= 1e-9
         assert any("study.free" in note for note in curve.notes)
-        held = study.with_(bias=False).track(0.0, BAND)  # a mean that is held stays in contact
+        held = study.replace(bias=False).frequency_response(0.0, BAND)  # a mean that is held stays in contact
         assert not any("study.free" in note for note in held.notes)
 
     def test_no_preload_is_never_an_unconverged_curve(self):
         for model, harmonics in ((wedge_model(n_points=4), 1), (ground_model(n_points=2), 1), (shroud_model(), 2)):
             study = wedge_study(model=model, harmonics=harmonics)
-            curve = study.track(0.0, (300.0, 320.0))
+            curve = study.frequency_response(0.0, (300.0, 320.0))
             assert curve.status in ("complete", "incomplete", "not found")
             assert np.isfinite(curve.harmonics).all()
             assert (curve.residual <= 1e-9).all()
@@ -305,7 +305,7 @@ def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     curve = getattr(s, kind)((270.0, 380.0))
     assert (curve.residual < 1e-8).all()
     assert "unbounded at" in curve.reason
-    assert "no damping" in curve.details()
+    assert "no damping" in curve.summary()
     pole = float(curve.reason.split("unbounded at ")[1].split()[0])
     system = s.problem.system(0.0 if kind == "free" else 1.0)
     springs = None if kind == "free" else stuck_springs(s.problem, s.static(1.0))

@@ -15,7 +15,7 @@ def study():
 
 
 def height(study, harmonics, preload):
-    return study.with_(harmonics=harmonics).peak(preload).amplitude
+    return study.replace(harmonics=harmonics).peak(preload).amplitude
 
 
 def test_what_the_model_knows(study):
@@ -41,7 +41,7 @@ def test_limits_and_peaks_at_the_optimum(study):
 @pytest.mark.slow
 def test_motion_in_time_is_lower(study):
     """Not a success: with the default number of patterns of the contacts' flexibility it settles 6 to 9 % below."""
-    seen = study.verify(study.track(OPTIMUM, (655.0, 668.0)), steps_per_period=512)
+    seen = study.verify(study.frequency_response(OPTIMUM, (655.0, 668.0)), steps_per_period=512)
     assert seen.blades.shape[1] == 12
     assert 0.91 < seen.mean / seen.balance < 0.94
 

@@ -74,12 +74,12 @@ def test_a_question_is_answered_coarsely_then_in_full_and_kept():
     quick, full, in_time = until_done(queue)
     assert not quick.full and full.full and full.marched is None and in_time.curve is full.curve
     assert in_time.marched.balance == pytest.approx(full.curve.peak.amplitude)
-    np.testing.assert_equal(in_time.marched.mean, full.study.march(full.curve).mean)
+    np.testing.assert_equal(in_time.marched.mean, full.study.time_response(full.curve).mean)
     given = vary(study, {"damping_ratio": 0.02})
     band = answers.band(asked())
-    np.testing.assert_array_equal(full.curve.amplitude, given.track(0.0, band).amplitude)
+    np.testing.assert_array_equal(full.curve.amplitude, given.frequency_response(0.0, band).amplitude)
     np.testing.assert_array_equal(
-        quick.curve.amplitude, given.with_(harmonics=1).track(0.0, band, options=MOVING).amplitude
+        quick.curve.amplitude, given.replace(harmonics=1).frequency_response(0.0, band, options=MOVING).amplitude
     )
     assert [limit.kind for limit in full.limits] == ["free", "stuck"]
     assert full.point == full.curve.peak.index and full.loops.amplitude == full.curve.peak.amplitude
@@ -96,7 +96,7 @@ def loaded():
     """Two masses of 0.16 and 0.28 Hz, and a third one that a static load presses against the first."""
     contact = bd.Contact((2, 0), normal=2, kt=0.2, kn=1.0, mu=0.5)
     k = [[2.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, 0.1]]
-    ways = {"contacts": [contact], "forces": {0: 0.3}, "loads": {2: 1.0}, "harmonics": 2}
+    ways = {"contacts": [contact], "forces": {0: 0.3}, "load_per_preload": {2: 1.0}, "harmonics": 2}
     return bd.lumped([1.0, 1.0, 0.1], [0.02, 0.02, 0.02], k, **ways)
 
 
@@ -113,14 +113,14 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
     for question in (first, *others):
         given = vary(study, dict(question.settings))
         for harmonics in (1, None):
-            kind = given.with_(harmonics=1) if harmonics else given
-            own = peak_interval(study.with_(harmonics=1).problem, None, 1.0, question.mode)
-            band = peak_interval(given.with_(harmonics=1).problem, None, 1.0, question.mode)
+            kind = given.replace(harmonics=1) if harmonics else given
+            own = peak_interval(study.replace(harmonics=1).problem, None, 1.0, question.mode)
+            band = peak_interval(given.replace(harmonics=1).problem, None, 1.0, question.mode)
             curve, best = answers.curve(question, harmonics), answers.optimal(question)
             assert curve.full == (harmonics is None) and best.full and curve.question is best.question is question
             ends = float(curve.curve.frequency[0]), float(curve.curve.frequency[-1])
             assert ends == pytest.approx(own if harmonics else band, rel=5e-3), "what follows the hand has axes that stay"
-            expected = kind.track(question.preload, ends, options=MOVING if harmonics else None)
+            expected = kind.frequency_response(question.preload, ends, options=MOVING if harmonics else None)
             np.testing.assert_array_equal(curve.curve.amplitude, expected.amplitude)
             touching = contact_status(kind, expected.unknowns[curve.point], question.preload)
             np.testing.assert_array_equal(curve.contacts.share, touching.share)
@@ -129,7 +129,7 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
             least = given.optimal_curve(question.preloads, 3, frequency=searched, mode=question.mode, check=False)
             np.testing.assert_array_equal(best.optimal.preload, least.preload)
             np.testing.assert_array_equal(best.optimal.amplitude, least.amplitude)
-        one = given.with_(harmonics=1)
+        one = given.replace(harmonics=1)
         for found, limit in zip(curve.limits, (one.free(ends), one.stuck(ends, question.preload)), strict=True):
             np.testing.assert_array_equal(found.amplitude, limit.amplitude)
         shown.append((curve.curve.peak.amplitude, *best.optimal.amplitude, len(curve.curve)))
@@ -157,7 +157,7 @@ def test_all_of_a_question_comes_in_four_steps_and_once():
 def test_another_engine_order_has_bases_of_its_own():
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2)
     answers, asked_for = Answers(study, print), (("engine_order", 10),)
-    found, given = answers.varied(Question(asked_for, 0.0, None), 1), study.with_(engine_order=10, harmonics=1)
+    found, given = answers.varied(Question(asked_for, 0.0, None), 1), study.replace(engine_order=10, harmonics=1)
     assert found.settings.engine_order == 10 and found.settings.harmonic_numbers == (1,)
     np.testing.assert_array_equal(found.problem.bases[1].omega2, given.problem.bases[1].omega2)
     answers.ask(None)
@@ -183,16 +183,16 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkey
     """All work but the first step, which is finished and shown, so that a view follows the hand."""
     queue, begun, go = SimpleQueue(), Event(), Event()
     answers, calls = Answers(small(), queue.put), []
-    track = bd.Study.track
+    frequency_response = bd.Study.frequency_response
 
     def slow(study, *given, **keywords):
         calls.append(study.settings.harmonic_numbers[-1])
         if study.settings.harmonic_numbers[-1] == harmonics and study.settings.damping_ratio == 0.05:
             begun.set()
             go.wait(SHORT)
-        return track(study, *given, **keywords)
+        return frequency_response(study, *given, **keywords)
 
-    monkeypatch.setattr(bd.Study, "track", slow)
+    monkeypatch.setattr(bd.Study, "frequency_response", slow)
     answers.ask(asked(damping_ratio=0.05))
     assert begun.wait(SHORT)
     for ratio in (0.1, 0.2, 0.3):
@@ -205,11 +205,11 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkey
     answers.ask(None)
 
 
-@pytest.mark.parametrize("analysis", ["track", "optimal_curve"])
+@pytest.mark.parametrize("analysis", ["frequency_response", "optimal_curve"])
 def test_a_part_of_a_result_is_never_kept_as_the_whole(monkeypatch, analysis):
     whole = getattr(bd.Study, analysis)
     answers, question = Answers(loaded(), print, preloads=3), Question((), 1.0, (0.5, 2.0))
-    ask = answers.curve if analysis == "track" else answers.optimal
+    ask = answers.curve if analysis == "frequency_response" else answers.optimal
 
     def part(*given, **more):
         found = whole(*given, **more)
@@ -230,7 +230,7 @@ def test_a_part_of_a_result_is_never_kept_as_the_whole(monkeypatch, analysis):
 def pressed():
     """Two masses with a contact that a preload closes."""
     contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
-    ways = {"contacts": [contact], "forces": {0: 0.1}, "loads": {1: 1.0}, "harmonics": 1}
+    ways = {"contacts": [contact], "forces": {0: 0.1}, "load_per_preload": {1: 1.0}, "harmonics": 1}
     return bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
 
 
@@ -242,7 +242,7 @@ def test_what_is_kept_is_of_the_question_that_is_asked(harmonics):
     one, band = answers.curve(first, harmonics), answers.band(first)
     other = answers.curve(replace(first, preload=3.0), harmonics)
     assert (one.curve.preload, other.curve.preload) == (1.0, 3.0)
-    expected = study.track(3.0, band, options=MOVING if harmonics else None)
+    expected = study.frequency_response(3.0, band, options=MOVING if harmonics else None)
     np.testing.assert_array_equal(other.curve.amplitude, expected.amplitude)
     if harmonics is None:
         np.testing.assert_array_equal(other.limits[1].amplitude, study.stuck(band, 3.0).amplitude)
@@ -261,17 +261,17 @@ def test_what_is_kept_is_of_the_question_that_is_asked(harmonics):
 @pytest.mark.parametrize("harmonics", [1, 3])
 def test_the_end_of_the_thread_ends_all_its_work(monkeypatch, harmonics):
     """The first step, too, which a newer question does not end."""
-    begun, track = Event(), bd.Study.track
+    begun, frequency_response = Event(), bd.Study.frequency_response
 
     def endless(study, *given, **keywords):
         if study.settings.harmonic_numbers[-1] != harmonics:
-            return track(study, *given, **keywords)
+            return frequency_response(study, *given, **keywords)
         begun.set()
         while True:
             end_if_asked()
             time.sleep(0.01)
 
-    monkeypatch.setattr(bd.Study, "track", endless)
+    monkeypatch.setattr(bd.Study, "frequency_response", endless)
     before = set(threading.enumerate())
     answers = Answers(small(), lambda _: None)
     (own,) = set(threading.enumerate()) - before
@@ -301,7 +301,7 @@ def test_a_newer_question_ends_an_optimal_curve_in_its_threads(monkeypatch):
 
     monkeypatch.setattr(optimal_curve, "at_preload", asked_again)
     answers.ask(Question((), 1.0, (0.5, 5.0)))
-    for _ in range(2):  # the tracking curve, coarse and in full
+    for _ in range(2):  # the response curve, coarse and in full
         assert queue.get(timeout=SHORT).optimal is None
     until(lambda: ended)
     answers.ask(None)
@@ -446,12 +446,12 @@ def test_a_request_without_a_window_computes_nothing_and_a_window_computes_once(
     for _ in range(3):
         assert get()[0] == 200
     time.sleep(0.5)
-    assert len(explorer.pages) == 3 and not any(page.answers.kept for page in explorer.pages)
+    assert len(explorer.pages) == 3 and not any(page.answers.time_response for page in explorer.pages)
     found, page = SimpleQueue(), explorer.pages[-1]
     page.answers.deliver = found.put
     seen(page)
     assert until_done(found)[0].curve.preload == page.value("preload")
-    assert not any(page.answers.kept for page in explorer.pages[:-1])
+    assert not any(page.answers.time_response for page in explorer.pages[:-1])
 
 
 @pytest.mark.slow
@@ -466,7 +466,7 @@ def test_the_work_of_a_session_ends_with_it(served, monkeypatch):
             end_if_asked()
             time.sleep(0.01)
 
-    monkeypatch.setattr(bd.Study, "track", endless)
+    monkeypatch.setattr(bd.Study, "frequency_response", endless)
     window = client.pull_session(url=f"http://localhost:{port}/{path}")
     page = explorer.pages[-1]
     seen(page)
@@ -594,16 +594,19 @@ def test_every_load_has_a_slider(monkeypatch):
     """Those beside the preload: shares of the other bodies, and what does not change with it."""
     document = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]").Document()
     monkeypatch.setattr("bdamper.plot.explorer_page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
-    loads = {"loads": {"front": 1.0, "rear": 0.6}, "fixed_loads": {"shroud": 500.0}}
+    loads = {"load_per_preload": {"front": 1.0, "rear": 0.6}, "constant_loads": {"shroud": 500.0}}
     study = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, harmonics=1, **loads)
     page = Page(document, study, "study")
-    assert [name for name in page.numbers if "loads" in name] == ["loads.rear", "fixed_loads.shroud"]
+    assert [name for name in page.numbers if "load_per_preload" in name] == [
+        "load_per_preload.rear",
+        "constant_loads.shroud",
+    ]
     assert page.question().settings == ()
-    page.sliders["fixed_loads.shroud"].value = np.log10(250.0)
-    page.numbers["loads.rear"].value = 0.9
-    assert dict(page.question().settings) == {"loads.rear": 0.9, "fixed_loads.shroud": 250.0}
+    page.sliders["constant_loads.shroud"].value = np.log10(250.0)
+    page.numbers["load_per_preload.rear"].value = 0.9
+    assert dict(page.question().settings) == {"load_per_preload.rear": 0.9, "constant_loads.shroud": 250.0}
     given = vary(study, dict(page.question().settings)).settings
-    assert given.loads == {"front": 1.0, "rear": 0.9} and given.fixed_loads == {"shroud": 250.0}
+    assert given.loads == {"front": 1.0, "rear": 0.9} and given.constant_loads == {"shroud": 250.0}
 
 
 def test_a_structure_without_friction_faces_has_no_tiles(monkeypatch):
@@ -656,7 +659,7 @@ def test_the_page_shows_what_the_study_gives(browser, explorer, study):
     window.shown("optimal")
     varied = vary(study, {"friction_coefficient": 0.4})
     band = Answers(study, print).band(asked(200.0))
-    curve = varied.track(199.5, band)
+    curve = varied.frequency_response(199.5, band)
     drawn = np.array([np.nan if v is None else v for v in window.data("curve")]).reshape(2, -1)
     drawn = drawn[:, np.isfinite(drawn[0])]
     np.testing.assert_allclose(drawn, [curve.frequency, 1e6 * curve.amplitude], rtol=1e-12)
@@ -765,7 +768,7 @@ def test_the_amplitude_in_time_stands_beside_the_peak(browser, explorer, study):
         with suppress(AssertionError):
             window.wait("return !get('busy').visible")
             break
-    found = page.answers.march(page.question()).marched
+    found = page.answers.time_response(page.question()).marched
     assert found.status.startswith("complete") and f"In time {found.text}" in window.text()
     assert window.data("time") == pytest.approx([found.frequency, 1e6 * found.mean])
     assert window.run("return [...get('range data').get_column('y')]") == pytest.approx(
@@ -791,7 +794,7 @@ def test_two_hundred_moves_leave_no_error(browser, explorer):
     window.settle()
     page = explorer.pages[-1]
     until(lambda: page.shown["curve"].question == page.question())
-    assert len(page.answers.kept) <= page.answers.most
+    assert len(page.answers.time_response) <= page.answers.most
     assert "<b>Peak" in window.text() and "No answer" not in window.text()
     window.move("harmonics", 9)
     window.move("order", "59")

@@ -16,7 +16,7 @@ PICTURES = {
     "Hysteresis": ("plot", "plot_history", "plot_energy"),
     "Model": ("plot", "plot_mode"),
     "MistunedSample": ("plot", "plot_tail"),
-    "Marched": ("plot", "mark"),
+    "TimeResponse": ("plot", "mark"),
     "WheelPeak": ("plot", "plot_wheel"),
 }
 """Types with more pictures than ``plot``."""

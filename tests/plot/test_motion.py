@@ -28,7 +28,7 @@ def solved():
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip"),
     )
-    curve = study.track(500.0, (330.0, 360.0))
+    curve = study.frequency_response(500.0, (330.0, 360.0))
     return study, curve
 
 
@@ -68,8 +68,8 @@ def test_units_of_rigid_motion(solved):
 
 def test_missing_rigid_modes_do_not_move(solved):
     study, _ = solved
-    part = study.with_(rigid_modes=("TX", "TY", "TZ"))
-    curve = part.track(500.0, (350.0, 380.0))
+    part = study.replace(rigid_modes=("TX", "TY", "TZ"))
+    curve = part.frequency_response(500.0, (350.0, 380.0))
     motion = rigid_motion(part, curve.unknowns[curve.peak.index])
     assert np.all(motion.vibratory[0, 3:] == 0.0) and np.all(motion.amplitude[:2] > 0.0)
 
@@ -99,15 +99,15 @@ def test_status_agrees_with_the_curve_and_with_itself(solved):
     [
         {"separation": False},
         {"variable_normal_load": False},
-        {"friction_law": "coupled", "evaluation": bd.Sampled(64)},
+        {"friction_law": "coupled", "contact_forces": bd.AFT(64)},
         {"friction_law": "bonded"},
         {"friction_coefficient": {"left": 0.3, "right": 0.0}},
     ],
     ids=str,
 )
 def test_status_under_every_law(solved, settings):
-    study = solved[0].with_(**settings)
-    curve = study.track(500.0, (350.0, 380.0))
+    study = solved[0].replace(**settings)
+    curve = study.frequency_response(500.0, (350.0, 380.0))
     i = curve.peak.index
     _, _, core = (a[: study.problem.coupling.n_points] for a in study.problem.system(500.0).contact(curve.unknowns[i]))
     status = contact_status(study, curve.unknowns[i], 500.0)
@@ -163,21 +163,21 @@ def test_surfaces_without_mode_shapes_are_refused_or_named(solved, tmp_path):
     study, curve = solved
     u = curve.unknowns[curve.peak.index]
     mesh = study.model.meshes["blade"]
-    bare = study.with_(model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
+    bare = study.replace(model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
     for call in (lambda: surface_motion(bare, u), lambda: export_response(bare, u, tmp_path)):
         with pytest.raises(bd.SettingError, match="mode shapes of nodal diameter 5 on the mesh of 'blade', found none"):
             call()
     for call in (lambda: bare.model.plot_mode(1), lambda: export_modes(bare.model, tmp_path / "x.vtu")):
         with pytest.raises(bd.SettingError, match="expected a model with mode shapes on the mesh of a body"):
             call()
-    few = bare.with_(model=replace(study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}))
+    few = bare.replace(model=replace(study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}))
     with pytest.warns(bd.PlausibilityWarning, match="at most 1 % of the motion in modes without shapes on the mesh, found"):
         surface_motion(few, u)
 
 
 def test_a_line_drawing_has_each_sector_at_its_phase(solved):
     """Stuck contacts: the blade of the next sector moves with the damper at its face, and not with the opposite phase."""
-    study = solved[0].with_(contact_stiffness_factor=100.0)
+    study = solved[0].replace(contact_stiffness_factor=100.0)
     stuck = study.stuck((330.0, 450.0), 500.0)
     drawing = line_drawing(study, stuck.unknowns[stuck.peak.index])
     model, face = study.model, study.model.interfaces["right"]
@@ -206,4 +206,4 @@ def test_a_line_drawing_paints_the_farthest_face_first(solved):
     assert pytest.approx(np.eye(3), abs=2e-3) == VIEW @ VIEW.T
     assert len(drawing.body) == len(drawing.quads) and drawing.quads.max() < len(drawing.points)
     with pytest.raises(bd.SettingError, match="the surface of a body"):
-        line_drawing(study.with_(model=replace(model, meshes={})), curve.unknowns[0])
+        line_drawing(study.replace(model=replace(model, meshes={})), curve.unknowns[0])

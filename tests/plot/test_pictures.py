@@ -15,7 +15,7 @@ from PIL import Image
 
 import bdamper as bd
 from bdamper.analyses.accuracy_cost import AccuracyCost, Run
-from bdamper.analyses.effect_selection import Advice, EffectAdvice
+from bdamper.analyses.effect_selection import EffectRow, EffectSignificance
 from bdamper.harmonic_balance.effects import Effects
 from bdamper.importers import BuiltModel, Measurement
 from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_import_report, plot_surfaces, save_figure
@@ -89,13 +89,13 @@ def test_bad_requests_are_named():
 
 class TestCurves:
     def test_highest_at_the_end_has_an_open_marker_and_a_legend(self, study):
-        ax = study.track(2000.0, (360.0, 380.0)).plot()
+        ax = study.frequency_response(2000.0, (360.0, 380.0)).plot()
         assert "highest point that was followed" in legend_texts(ax)
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert top.get_markerfacecolor() == "w"
 
     def test_a_peak_has_a_filled_one(self, study):
-        ax = study.track(2000.0, (330.0, 365.0)).plot()
+        ax = study.frequency_response(2000.0, (330.0, 365.0)).plot()
         assert "highest point that was followed" not in legend_texts(ax)
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert not isinstance(top.get_markerfacecolor(), str)
@@ -120,7 +120,7 @@ class TestOptimalCurves:
         assert any(text.get_text().startswith("least at the end of the range 3 kN,") for text in ax.texts)
 
     def test_flat(self, study):
-        curve = study.with_(friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL, check=False)
+        curve = study.replace(friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL, check=False)
         ax, _ = curve.plot()
         assert "flat: no optimum" in legend_texts(ax)
         assert not any("N" in text for text in legend_texts(ax))
@@ -128,11 +128,11 @@ class TestOptimalCurves:
 
 def test_advice_legend_shows_what_is_drawn():
     effects = tuple(
-        EffectAdvice(name, True, change, 0.5 * change, 0.0, "computed", 0.5, called_for)
-        for name, change, called_for in (("harmonics beyond 1", 0.5, True), ("damper modes beyond 0", 0.001, False))
+        EffectRow(name, True, change, 0.5 * change, 0.0, "computed", 0.5, significant)
+        for name, change, significant in (("harmonics beyond 1", 0.5, True), ("damper modes beyond 0", 0.001, False))
     )
     sets = Effects(harmonics=5), Effects(harmonics=5)
-    ax = Advice(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0).plot()
+    ax = EffectSignificance(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
     said = ["black names: needed", "grey: all together\nmay be left out"]
     assert list(patches) == ["amplitude", "frequency", "tolerance, 1 %", *said]
@@ -293,7 +293,7 @@ class TestStyle:
         assert {"100", "200", "500"} <= {t.get_text() for t in ax.get_xticklabels()}
 
     def test_legends_lie_beside_what_is_drawn(self, study):
-        curves = [study.track(load, (330.0, 365.0)) for load in (500.0, 2000.0)]
+        curves = [study.frequency_response(load, (330.0, 365.0)) for load in (500.0, 2000.0)]
         ax = plot_curves([study.free(INTERVAL), *curves])
         ax.figure.draw_without_rendering()
         assert not ax.get_legend().get_window_extent().overlaps(ax.bbox)
@@ -303,7 +303,7 @@ class TestStyle:
         assert lower.get_ylabel() == "Equivalent damping ratio (%)"
 
     def test_many_preloads_have_a_colour_bar(self, study):
-        ax = plot_curves([study.track(load, (345.0, 360.0)) for load in (1e3, 2e3, 3e3, 4e3, 6e3, 8e3)])
+        ax = plot_curves([study.frequency_response(load, (345.0, 360.0)) for load in (1e3, 2e3, 3e3, 4e3, 6e3, 8e3)])
         assert len(ax.figure.axes) == 2 and ax.figure.axes[1].get_ylabel() == "Preload (kN)"
         assert not any("N" in text for text in ([] if ax.get_legend() is None else legend_texts(ax)))
 

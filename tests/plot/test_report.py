@@ -9,7 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.fit import Fitted
 from bdamper.plot.report import lights
-from bdamper.response.march_result import Marched
+from bdamper.response.march_result import TimeResponse
 
 
 class Page(HTMLParser):
@@ -52,7 +52,7 @@ def test_one_file_without_links(study, curve, tmp_path):
     page = Page(content.decode())
     assert page.open == [] and len(page.sources) == 4
     assert all(source.startswith("data:image/") for source in page.sources) and "http" not in page.said
-    assert curve.bottom_line() in page.said and curve.model_hash in page.said and str(curve.made_with) in page.said
+    assert curve._headline() in page.said and curve.model_hash in page.said and str(curve.made_with) in page.said
     for text in ("friction coefficient", "What is not modelled", "bd.load_study", "harmonics"):
         assert text in page.said
 
@@ -84,10 +84,10 @@ def test_an_optimum_at_the_end_of_the_range_is_red(study, curve):
 @pytest.mark.parametrize(("ratio", "colour"), [(0.97, "green"), (0.9, "amber"), (1.1, "amber"), (0.7, "red"), (1.3, "red")])
 def test_balance_against_time(curve, ratio, colour):
     high = curve.optimum.amplitude
-    kept = Marched(ratio * high, ratio * high, ratio * high, 660.0, curve.optimum.preload, high)
-    assert colours(replace(curve, kept=(kept,)), "Harmonic balance against time") == colour
+    kept = TimeResponse(ratio * high, ratio * high, ratio * high, 660.0, curve.optimum.preload, high)
+    assert colours(replace(curve, time_response=(kept,)), "Harmonic balance against time") == colour
     unknown = replace(kept, status="incomplete: stopped")
-    assert colours(replace(curve, kept=(unknown,)), "Harmonic balance against time") == "red"
+    assert colours(replace(curve, time_response=(unknown,)), "Harmonic balance against time") == "red"
     assert colours(curve, "Harmonic balance against time") == "white"
 
 
@@ -117,7 +117,7 @@ def test_what_is_open_is_red(curve):
 
 def test_mistakes(study, curve, tmp_path):
     with pytest.raises(bd.SettingError, match="one of this study"):
-        curve.report(tmp_path / "review.html", study.with_(friction_coefficient=0.5))
+        curve.report(tmp_path / "review.html", study.replace(friction_coefficient=0.5))
     with pytest.raises(bd.BdamperError, match="folder that exists"):
         curve.report(tmp_path / "none" / "review.html")
     with pytest.raises(bd.BdamperError, match="with an optimum"):

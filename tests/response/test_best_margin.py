@@ -14,7 +14,7 @@ from bdamper import study as study_room
 from bdamper.analyses import optimal_margin
 from bdamper.fatigue import AISI_1050
 from bdamper.fatigue.margin import LeastMargin
-from bdamper.response.march_result import Marched
+from bdamper.response.march_result import TimeResponse
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount
 from tests.fatigue.test_margins import with_stress
@@ -39,7 +39,7 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
     assert study.margin(fresh, AISI_1050).least == pytest.approx(margins.best_margin, rel=1e-6)
     asked = LeastMargin(AISI_1050)(study.problem, fresh.y[:-1], fresh.y[-1], margins.best_value)
     assert asked == pytest.approx(margins.best_margin, rel=1e-6)
-    assert margins.bottom_line() in curve.details()
+    assert margins._headline() in curve.summary()
     curve.save(tmp_path / "curve.h5")
     assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
 
@@ -47,21 +47,21 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
 def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     """The largest period is a fifth above the balance at one preload, and not known at another."""
     p, top = curve.optimum.preload, curve.optimum.amplitude
-    known = Marched(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
-    others = Marched(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
-    found = study.best_margin(replace(curve, kept=(known, *others)), AISI_1050)
+    known = TimeResponse(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
+    others = TimeResponse(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
+    found = study.best_margin(replace(curve, time_response=(known, *others)), AISI_1050)
     (one,) = found.in_time
     assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
     said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: the highest blade reaches"
-    assert said in found.bottom_line() and said in replace(curve, margins=(found,)).details()
+    assert said in found._headline() and said in replace(curve, margins=(found,)).summary()
     assert "of the highest blade in time" in found.plot().get_legend_handles_labels()[1]
     plt.close("all")
     found.save(tmp_path / "margins.h5")
     assert bd.load(tmp_path / "margins.h5").in_time[0].least == one.least
     assert curve.margins[0].in_time == ()
-    assert found.margin[found.least] > 1.0 and "exceeded" not in found.bottom_line()
+    assert found.margin[found.least] > 1.0 and "exceeded" not in found._headline()
     weak = replace(found, in_time=(replace(one, factor=0.9 / one.least * one.factor),))
-    assert weak.bottom_line().endswith("Below 1 the limit is exceeded.")
+    assert weak._headline().endswith("Below 1 the limit is exceeded.")
 
 
 def test_the_margin_is_asked_for_after_the_march(study, curve, monkeypatch):
@@ -70,10 +70,14 @@ def test_the_margin_is_asked_for_after_the_march(study, curve, monkeypatch):
     asked = SimpleNamespace(best_status="complete")
     monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: asked)
     for status, margins in (("complete", 1), ("interrupted", 0)):
-        kept = Marched(*(np.nan,) * 4, 90.0, 1e-6, status=status)
-        monkeypatch.setattr(study_room.marched, "with_kept", lambda s, c, *_, kept=kept, **__: replace(c, kept=(kept,)))
+        kept = TimeResponse(*(np.nan,) * 4, 90.0, 1e-6, status=status)
+        monkeypatch.setattr(
+            study_room.optimum_in_time,
+            "with_time_response",
+            lambda s, c, *_, time_response=kept, **__: replace(c, time_response=(time_response,)),
+        )
         found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
-        assert found.kept == (kept,) and found.margins == (asked,) * margins
+        assert found.time_response == (kept,) and found.margins == (asked,) * margins
 
 
 def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch):
@@ -106,12 +110,12 @@ def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve
 def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
     """Whether its least margin counts as that of the peak is a matter of the tolerance."""
     agrees = study.best_margin(curve, AISI_1050)
-    along = study.margin(study.track(agrees.best_value, tuple(curve.settings["frequency"])), AISI_1050)
+    along = study.margin(study.frequency_response(agrees.best_value, tuple(curve.settings["frequency"])), AISI_1050)
     least, share = float(along.margin[along.least]), 1.0 - along.margin[along.least] / agrees.best_margin
     monkeypatch.setattr(optimal_margin, "AGREES", share + 1e-6)
     assert study.best_margin(curve, AISI_1050).best_status.startswith("complete: ")
     monkeypatch.setattr(optimal_margin, "AGREES", share - 1e-6)
-    where = f"on the tracking curve there the margin is {least:.4g} at {along.frequency[along.least]:.6g} Hz"
+    where = f"on the response curve there the margin is {least:.4g} at {along.frequency[along.least]:.6g} Hz"
     assert study.best_margin(curve, AISI_1050).best_status.endswith(where)
 
 
@@ -120,7 +124,7 @@ def test_a_margin_needs_a_material_and_stress(study):
         study.optimal_curve((40.0, 400.0), 6, quantity="margin")
     with pytest.raises(SettingError, match="quantity"):
         study.optimal_curve((40.0, 400.0), 6, quantity="life", material=AISI_1050)
-    bare = study.with_(model=replace(study.model, stress={}))
+    bare = study.replace(model=replace(study.model, stress={}))
     with pytest.raises(SettingError, match="stress sets"):
         bare.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
 

@@ -151,7 +151,7 @@ def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluation
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
-    curve = study.track(preload, (250.0, 400.0))
+    curve = study.frequency_response(preload, (250.0, 400.0))
     assert curve.complete
     assert abs(len(curve) - points) <= 3
     assert 0.9 * most_evaluations <= curve.cost.evaluations <= 1.02 * most_evaluations

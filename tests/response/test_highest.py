@@ -27,7 +27,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def curve(study):
-    return study.track(1000.0, INTERVAL, options=coarse_options())
+    return study.frequency_response(1000.0, INTERVAL, options=coarse_options())
 
 
 def test_tops_are_found_on_each_branch_and_plateaus_count_once():
@@ -39,7 +39,7 @@ def test_tops_are_found_on_each_branch_and_plateaus_count_once():
 
 def test_a_coarse_curve_is_refined_to_what_a_fine_one_has(study, curve):
     found = highest_of_curve(study.problem.system(1000.0), curve)
-    fine = study.track(1000.0, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)).peak
+    fine = study.frequency_response(1000.0, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)).peak
     assert found.kind == "peak" and found.exact and not found.peak.corner
     assert found.peak.amplitude == pytest.approx(fine.amplitude, rel=1e-9)
     assert found.peak.frequency == pytest.approx(fine.frequency, rel=1e-7)
@@ -58,7 +58,7 @@ def test_a_closed_branch_is_named_and_never_counted(study, curve):
     found = highest_of_curve(system, apart)
     assert found.peak.amplitude <= 1.01 * curve.amplitude[~around].max() < 0.99 * curve.peak.amplitude
     assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached[0].index == top
-    assert f"detached: {amount(curve.peak.amplitude, 'm', 6)} at" in apart.details()
+    assert f"detached: {amount(curve.peak.amplitude, 'm', 6)} at" in apart.summary()
     with pytest.raises(bd.BdamperError, match="connected"):
         highest_of_curve(system, replace(parted, closed=(0, 1, 2)))
     assert replace(curve, closed=(0,)).peak.index == top  # nothing else is there
@@ -66,40 +66,40 @@ def test_a_closed_branch_is_named_and_never_counted(study, curve):
 
 def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(study):
     peak = study.peak(1000.0, (250.0, 270.0))
-    curve = study.track(1000.0, (250.0, 270.0))
-    assert curve.peak_at_end and peak.corner and peak.scan == f"incomplete: {AT_END}"
+    curve = study.frequency_response(1000.0, (250.0, 270.0))
+    assert curve.peak_at_end and peak.corner and peak.search_status == f"incomplete: {AT_END}"
     assert peak.frequency == pytest.approx(270.0, rel=1e-12)
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
     assert not peak.converged and peak.status == f"incomplete: {AT_END}"
-    assert peak.bottom_line().startswith("No peak: incomplete: highest at an end") and "Resonance" not in str(peak)
-    assert "amplitude" not in [fact.name for fact in peak.facts()]
+    assert peak._headline().startswith("No peak: incomplete: highest at an end") and "Resonance" not in str(peak)
+    assert "amplitude" not in [fact.name for fact in peak._facts()]
     with pytest.raises(bd.SettingError, match="expected a converged peak, found status 'incomplete: highest at an end"):
         study.peak_sensitivities(peak, ["preload"])
     with pytest.raises(bd.SettingError, match="incomplete"):
         study.hysteresis(peak)
     swept = bd.sweep(study, {"preload": [1000.0]}, bd.PeakTask(frequency=(250.0, 270.0)))
-    assert np.isnan(swept.array("amplitude")).all() and AT_END in swept.warnings[0] and "270" not in swept.bottom_line()
+    assert np.isnan(swept.array("amplitude")).all() and AT_END in swept.warnings[0] and "270" not in swept._headline()
     compared = bd.compare(
-        {"as it is": study, "smooth": {"friction_coefficient": 0.2}}, lambda s: s.track(1000.0, (250.0, 270.0))
+        {"as it is": study, "smooth": {"friction_coefficient": 0.2}}, lambda s: s.frequency_response(1000.0, (250.0, 270.0))
     )
-    assert compared.bottom_line().startswith("No peak of 'as it is' to compare with: complete, no peak: highest ")
-    assert all("no peak: highest" in line for line in compared.details().splitlines()[-2:])
+    assert compared._headline().startswith("No peak of 'as it is' to compare with: complete, no peak: highest ")
+    assert all("no peak: highest" in line for line in compared.summary().splitlines()[-2:])
 
 
 def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
     """The flank of the next mode at the end of the interval is no resonance of the mode, whose peak is 3.5 µm."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
     low, high = resonance_interval(study.problem, 1.0)[0], 1610.0
-    peak, curve = study.peak(30e3, (low, high)), study.track(30e3, (low, high))
+    peak, curve = study.peak(30e3, (low, high)), study.frequency_response(30e3, (low, high))
     assert curve.peak_at_end and curve.peak.amplitude > 1.5 * peak.amplitude
     assert not peak.corner and low < peak.frequency < 0.9 * high
-    inner = study.track(30e3, (low, peak.frequency * 1.02)).peak
+    inner = study.frequency_response(30e3, (low, peak.frequency * 1.02)).peak
     assert peak.amplitude == pytest.approx(inner.amplitude, rel=1e-8)
     told = f"higher at an end of the interval: {height(curve.peak.amplitude, high, 4)}"
-    assert peak.scan == f"complete: {told}" and told in peak.details()
+    assert peak.search_status == f"complete: {told}" and told in peak.summary()
     result = study.optimal_curve((10.0, 30e3), 3, frequency=(low, high), check=False)
     assert result.amplitude[-1] == pytest.approx(peak.amplitude, rel=1e-9) and result.complete
-    assert result.status[-1] == peak.scan and any(told in text for text in result.warnings)
+    assert result.status[-1] == peak.search_status and any(told in text for text in result.warnings)
 
 
 def test_a_preload_without_a_maximum_has_no_value(study):
@@ -111,16 +111,16 @@ def test_a_preload_without_a_maximum_has_no_value(study):
 
 def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
     module, asked = sys.modules["bdamper.response.highest_peak"], []
-    inner = module.track
+    inner = module.frequency_response
 
     def coarse_is_lost(*args, options):
         asked.append(options.tolerance)
         found = inner(*args, options=options)
         return replace(found, status="incomplete") if options.tolerance > 1e-8 else found
 
-    monkeypatch.setattr(module, "track", coarse_is_lost)
+    monkeypatch.setattr(module, "frequency_response", coarse_is_lost)
     peak = study.peak(1000.0, INTERVAL)
-    assert asked == [coarse_options().tolerance, bd.ContinuationOptions().tolerance] and peak.scan == "complete"
+    assert asked == [coarse_options().tolerance, bd.ContinuationOptions().tolerance] and peak.search_status == "complete"
 
 
 @pytest.mark.parametrize(("least", "budget", "curves"), [("coarse", None, 2), ("close", None, 2), ("", 1, 1)])
@@ -128,15 +128,15 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     """The higher one counts, whichever has half the height; not where a given budget is used up."""
     module, asked = sys.modules["bdamper.response.highest_peak"], []
     folds = LeftOut(290.0, 300.0, "many folds: 400 points of folds")
-    whole = module.track(study.problem, 1000.0, INTERVAL)
+    whole = module.frequency_response(study.problem, 1000.0, INTERVAL)
 
     def given_up(*args, options):
         asked.append("coarse" if options.tolerance > 1e-8 else "close")
         if asked[-1] == least:
-            return replace(whole, harmonics=0.5 * whole.harmonics, left_out=(folds,))
-        return replace(whole, left_out=(folds,) if asked[-1] == "coarse" else ())
+            return replace(whole, harmonics=0.5 * whole.harmonics, missing_ranges=(folds,))
+        return replace(whole, missing_ranges=(folds,) if asked[-1] == "coarse" else ())
 
-    monkeypatch.setattr(module, "track", given_up)
+    monkeypatch.setattr(module, "frequency_response", given_up)
     monkeypatch.setattr(module, "highest_of_curve", lambda system, curve, options: highest(curve))
     found = module.found_at(study.problem, 1000.0, INTERVAL, budget=budget)
     assert len(asked) == curves and found.top.peak.amplitude == whole.amplitude.max()
@@ -148,9 +148,9 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     """Nor is a preload above it recommended that has no value; a status is said once."""
     preloads = [30.0, 100.0, 300.0]
     whole = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
-    assert whole.optimum.verified and "Recommended" in whole.bottom_line()
+    assert whole.optimum.verified and "Recommended" in whole._headline()
     amplitude = np.where(whole.preload > whole.optimum.preload, np.nan, whole.amplitude)
-    assert "Recommended" not in replace(whole, amplitude=amplitude).bottom_line()
+    assert "Recommended" not in replace(whole, amplitude=amplitude)._headline()
     optimal = sys.modules["bdamper.response.optimal_curve"]
     with monkeypatch.context() as context:
         plain = optimal.at_preload
@@ -158,7 +158,7 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
         context.setattr(optimal, "at_preload", ended)
         beyond = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.status
-    assert "Recommended" not in beyond.bottom_line()
+    assert "Recommended" not in beyond._headline()
     monkeypatch.setattr(optimal, "given_up", lambda curve: "a branch was given up")
     again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     assert not again.optimum.verified and "a branch was given up, where its peak could be higher" in again.optimum.status
@@ -176,11 +176,12 @@ def highest(curve):
 def test_where_rounding_keeps_newton_from_the_tolerance_the_peak_is_that_of_the_curve():
     """Once "higher at a maximum without a smooth peak": the residual stays at 3e-10, three times the tolerance."""
     study = bd.Study(
-        bd.reference_model("paper_disk"), bd.Excitation("tip"), 5, contact_stiffness="residual_modes", single_basis=True,
+        bd.reference_model("paper_disk"), bd.Excitation("tip"), 5, contact_stiffness="residual_modes",
+        fundamental_modes_only=True,
         harmonics=5, friction_coefficient=0.6,
     )  # fmt: skip
-    peak, curve = study.peak(950.0), study.track(950.0, (290.0, 330.0))
-    assert peak.scan == "complete" and curve.complete
+    peak, curve = study.peak(950.0), study.frequency_response(950.0, (290.0, 330.0))
+    assert peak.search_status == "complete" and curve.complete
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
     assert peak.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)
 
@@ -191,8 +192,10 @@ def test_among_folds_a_search_does_not_leave_the_curve():
     study = bd.Study(
         bd.reference_model("bladed_disk", 24), bd.Excitation("tip", "tangential"), 10, harmonics=2, friction_coefficient=0.6
     )  # fmt: skip
-    peak, curve = study.peak(65.6), study.track(65.6, (231.1673, 412.9133))
-    assert peak.scan == "complete" or peak.scan.startswith("complete: a branch was given up among many folds from")
+    peak, curve = study.peak(65.6), study.frequency_response(65.6, (231.1673, 412.9133))
+    assert peak.search_status == "complete" or peak.search_status.startswith(
+        "complete: a branch was given up among many folds from"
+    )
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-7)
 
 
@@ -225,7 +228,7 @@ def test_a_drift_at_an_end_of_the_interval_is_no_resonance(study, curve):
     )  # fmt: skip
     found = highest_of_curve(system, drifts)
     assert found.kind == "end" and found.peak.frequency == pytest.approx(curve.frequency[top], rel=1e-6)
-    assert drifts.peak_at_end and "is not a peak" in drifts.bottom_line()
+    assert drifts.peak_at_end and "is not a peak" in drifts._headline()
     inside = replace(curve, point_kind=("regular",) * len(curve))
     assert curve.frequency.min() < inside.peak.frequency < curve.frequency.max() and not inside.peak_at_end
 
@@ -260,13 +263,13 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
     tops = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])) + 1
     assert len(tops) == 2
     peak = study.peak(0.0, (0.12, 0.4))
-    assert peak.status == peak.scan == "complete" and peak.amplitude == pytest.approx(x.max(), rel=1e-6)
+    assert peak.status == peak.search_status == "complete" and peak.amplitude == pytest.approx(x.max(), rel=1e-6)
     module, options = sys.modules["bdamper.response.highest_peak"], bd.ContinuationOptions(budget=60)
     for name in ("coarse_options", "ContinuationOptions"):
         monkeypatch.setattr(module, name, lambda: options)
     part = study.peak(0.0, (0.12, 0.4))
-    assert part.status == part.scan and part.status.startswith("incomplete: ") and part.amplitude < 0.9 * x.max()
-    assert "There may be a higher one, the curve ended as: incomplete: " in part.bottom_line()
-    known = replace(peak, status=part.status, scan=part.scan)  # it remains a solution of the equations
-    assert known.converged and "Resonance of" in known.bottom_line()
+    assert part.status == part.search_status and part.status.startswith("incomplete: ") and part.amplitude < 0.9 * x.max()
+    assert "There may be a higher one, the curve ended as: incomplete: " in part._headline()
+    known = replace(peak, status=part.status, search_status=part.search_status)  # it remains a solution of the equations
+    assert known.converged and "Resonance of" in known._headline()
     assert np.isfinite(study.peak_sensitivities(known, ["friction_coefficient"])["friction_coefficient"].amplitude)

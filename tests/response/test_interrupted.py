@@ -77,7 +77,7 @@ def test_goes_on_from_any_curve_with_the_same_result(whole, tmp_path):
         kept.append(len(path.read_text().splitlines()) - 1)
         if not curve.interrupted:
             break
-        assert Fact("optimum status", "interrupted: by the user") in curve.facts()
+        assert Fact("optimum status", "interrupted: by the user") in curve._facts()
     assert kept[:2] == [3, 6] and kept[-1] == len(whole.curves)
     same(curve, whole)
     executor = Here()
@@ -113,7 +113,7 @@ def test_what_is_kept_is_what_was_found():
     there = at_preload(study.problem, 300.0, (250.0, 400.0))
     again = AtPreload.of(json.loads(as_line(there.record())))
     assert (again.value, again.slope, again.status) == (there.value, there.slope, there.status)
-    for name in ("frequency", "amplitude", "shares", "branch", "point_kind", "left_out", "settings"):
+    for name in ("frequency", "amplitude", "shares", "branch", "point_kind", "missing_ranges", "settings"):
         assert np.array_equal(getattr(again.curve, name), getattr(there.curve, name)), name
     assert np.array_equal(again.top.peak.y, there.top.peak.y) and again.top.kind == there.top.kind
     assert json.loads(as_line(again.record())) == json.loads(as_line(there.record()))
@@ -131,7 +131,7 @@ def test_a_file_of_another_search_is_refused(tmp_path):
     study = new_study()
     optimal_curve(study.problem, **asked, resume=path)
     for other, changes, what in (
-        (study.with_(friction_coefficient=0.4), {}, "study"),
+        (study.replace(friction_coefficient=0.4), {}, "study"),
         (study, {"n": 3}, "preload"),
         (study, {"frequency": (250.0, 390.0)}, "frequency"),
         (study, {"options": bd.PeakOptions(max_trials=30)}, "options"),

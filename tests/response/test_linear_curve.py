@@ -60,7 +60,7 @@ def test_a_shroud_with_a_load_or_a_gap_is_as_it_is_at_rest(shroud):
 def test_points_of_a_loaded_interface_keep_their_rule_and_shares_are_those_of_the_springs():
     """Half of the points are pressed: the others have a gap, no springs, and count as open."""
     study = plain_study(bd.reference_model("blade_to_ground"), bd.Excitation("tip"), friction_coefficient=0.4)
-    study = study.with_(fixed_loads={"platform": np.repeat([30.0, -30.0], 12)})
+    study = study.replace(constant_loads={"platform": np.repeat([30.0, -30.0], 12)})
     closed = study.static(0.0).force[:, 2] > 0.0
     assert 0 < closed.sum() < 24
     assert study.stuck((250.0, 500.0)).shares[0] == pytest.approx([closed.mean(), 0.0, 1.0 - closed.mean()])

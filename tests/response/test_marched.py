@@ -9,7 +9,6 @@ import pytest
 import bdamper as bd
 from bdamper.response.optimal_curve import BUDGET
 from bdamper.time_domain import optimum_in_time
-from bdamper.util.warn import BdamperWarning
 
 
 def wedge(harmonics=1, mass=0.1):
@@ -21,7 +20,7 @@ def wedge(harmonics=1, mass=0.1):
         bd.Contact({1: c, 2: c}, {1: -c, 2: c}, **stiffness),
     ]
     return bd.lumped([1.0, mass, mass], [2e-3 * np.sqrt(k), 0.0, 0.0], [k, 0.0, 0.0], contacts=faces, forces={0: 1.0},
-                     loads={2: 1.0}, harmonics=harmonics)  # fmt: skip
+                     load_per_preload={2: 1.0}, harmonics=harmonics)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -32,21 +31,23 @@ def found():
 
 def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     study, curve = found
-    out = study.with_kept(study.with_kept(curve, [90.0]), [60.0])
-    assert [k.preload for k in out.kept] == [60.0, 90.0]
-    own = study.march(study.track(60.0, (300.0, 380.0)))
-    there = out.kept[0]
+    out = study.with_time_response(study.with_time_response(curve, [90.0]), [60.0])
+    assert [k.preload for k in out.time_response] == [60.0, 90.0]
+    own = study.time_response(study.frequency_response(60.0, (300.0, 380.0)))
+    there = out.time_response[0]
     plain = {"cost": own.cost, "fall": 0.0}  # NaN, as nothing had to be marched
     assert replace(there, **plain) == replace(own, **plain) and there.model_hash == curve.model_hash and there.settings
-    assert there.status == "complete" and there.bottom_line() in out.details()
+    assert there.status == "complete" and there._headline() in out.summary()
     coarse = bd.ContinuationOptions(budget=BUDGET)
-    tracked = [study.track(k.preload, curve.settings["frequency"], options=coarse).cost for k in out.kept]
+    tracked = [
+        study.frequency_response(k.preload, curve.settings["frequency"], options=coarse).cost for k in out.time_response
+    ]
     for count in ("evaluations", "factorisations", "iterations"):
-        parts = [curve.cost, *tracked, *(k.cost for k in out.kept)]
+        parts = [curve.cost, *tracked, *(k.cost for k in out.time_response)]
         assert getattr(out.cost, count) == sum(getattr(part, count) for part in parts) > getattr(curve.cost, count)
     out.save(tmp_path / "curve.h5")
     own.save(tmp_path / "kept.h5")
-    for read in (bd.load(tmp_path / "curve.h5").kept[0], bd.load(tmp_path / "kept.h5")):
+    for read in (bd.load(tmp_path / "curve.h5").time_response[0], bd.load(tmp_path / "kept.h5")):
         assert replace(read, **plain) == replace(own, **plain) and read.made_with == own.made_with
 
 
@@ -56,48 +57,48 @@ def test_an_interruption_of_the_march_keeps_the_curve_and_says_so(found, monkeyp
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(optimum_in_time.in_time, "kept", stopped)
-    out = study.with_kept(curve, [60.0, 90.0])
-    assert [(k.preload, k.status) for k in out.kept] == [(60.0, "interrupted"), (90.0, "interrupted")]
-    assert np.isnan(out.kept[0].mean)
+    monkeypatch.setattr(optimum_in_time.in_time, "time_response", stopped)
+    out = study.with_time_response(curve, [60.0, 90.0])
+    assert [(k.preload, k.status) for k in out.time_response] == [(60.0, "interrupted"), (90.0, "interrupted")]
+    assert np.isnan(out.time_response[0].mean)
     said = "At 60 N the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: interrupted."
-    assert said in out.bottom_line()
+    assert said in out._headline()
     monkeypatch.undo()
-    known = study.with_kept(curve, [60.0])
-    monkeypatch.setattr(optimum_in_time.in_time, "kept", stopped)
-    assert study.with_kept(known, [60.0]).kept == known.kept
+    known = study.with_time_response(curve, [60.0])
+    monkeypatch.setattr(optimum_in_time.in_time, "time_response", stopped)
+    assert study.with_time_response(known, [60.0]).time_response == known.time_response
     with pytest.raises(bd.SettingError, match=r"preload: expected .*, found 60\.0"):
-        study.with_kept(curve, 60.0)
+        study.with_time_response(curve, 60.0)
 
 
 def test_a_peak_keeps_what_its_curve_keeps(found, monkeypatch):
     study, _ = found
-    monkeypatch.setattr(optimum_in_time.in_time, "kept", lambda problem, curve, **_: curve.peak)
+    monkeypatch.setattr(optimum_in_time.in_time, "time_response", lambda problem, curve, **_: curve.peak)
     peak = study.peak(60.0, frequency=(300.0, 380.0))
-    assert study.march(peak).amplitude == pytest.approx(peak.amplitude, rel=1e-4)
+    assert study.time_response(peak).amplitude == pytest.approx(peak.amplitude, rel=1e-4)
     with pytest.raises(bd.SettingError, match="result: expected a peak at a preload, found 'not found"):
-        study.march(replace(peak, status="not found: nothing"))
+        study.time_response(replace(peak, status="not found: nothing"))
     for other in (wedge(harmonics=3), wedge(mass=0.2)):
         with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
-            other.march(peak)
+            other.time_response(peak)
 
 
 def test_preloads_that_rattle_are_told_once(found):
     """As one range, not again among the preloads with a warning."""
     told = "not found: no steady periodic response below 60 N: the damper rattles"
-    gone = replace(found[1], no_steady_below=60.0, status=(told, told, "complete"))
-    assert told in gone.details() and gone.warnings.count(told) == 1
+    gone = replace(found[1], lowest_steady_preload=60.0, status=(told, told, "complete"))
+    assert told in gone.summary() and gone.warnings.count(told) == 1
 
 
 def test_another_model_is_refused(found):
     with pytest.raises(bd.SettingError, match="curve: expected an optimal curve of this study"):
-        wedge(mass=0.2).with_kept(found[1], [50.0])
+        wedge(mass=0.2).with_time_response(found[1], [50.0])
 
 
 def test_the_band_without_a_steady_response_is_drawn(found):
     _, curve = found
     gone = np.where(curve.preload <= 60.0, np.nan, curve.amplitude)
-    left, _ = replace(curve, amplitude=gone, no_steady_below=60.0).plot()
+    left, _ = replace(curve, amplitude=gone, lowest_steady_preload=60.0).plot()
     labels = left.get_legend_handles_labels()[1]
     assert "no steady periodic response below 60 N" in labels
     assert not any(label.startswith("no value") for label in labels)
@@ -111,7 +112,7 @@ def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4, harmonics=3,
         contact_stiffness="unit_traction", blade_modes=10,
     )  # fmt: skip
-    low, high = (study.track(preload, (270.0, 370.0)) for preload in (42.0, 59.0))
+    low, high = (study.frequency_response(preload, (270.0, 370.0)) for preload in (42.0, 59.0))
     assert "no steady periodic response is expected" in low.reason
     assert "no steady" not in high.reason
     for curve, rests in ((low, False), (high, True)):
@@ -122,44 +123,32 @@ def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
 def test_steps_and_curve_are_handed_to_the_march(found, monkeypatch):
     study, asked = found[0], []
     monkeypatch.setattr(
-        optimum_in_time.in_time, "kept", lambda problem, curve, **more: asked.append((curve.peak.amplitude, more))
+        optimum_in_time.in_time, "time_response", lambda problem, curve, **more: asked.append((curve.peak.amplitude, more))
     )
-    curve, peak = study.track(60.0, (300.0, 380.0)), study.peak(60.0, frequency=(300.0, 380.0))
+    curve, peak = study.frequency_response(60.0, (300.0, 380.0)), study.peak(60.0, frequency=(300.0, 380.0))
     for result in (curve, peak):
-        study.march(result, steps_per_period=512, blades=6, starts=2)
+        study.time_response(result, steps_per_period=512, blades=6, starts=2)
     assert asked == 2 * [(pytest.approx(peak.amplitude, rel=1e-4), {"steps_per_period": 512, "blades": 6, "starts": 2})]
     others = [replace(peak, amplitude=off * peak.amplitude) for off in (0.99, 1.01)]
     for other in (*others, replace(peak, model_hash="another")):
         with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
-            study.march(other)
+            study.time_response(other)
 
 
 def test_what_cannot_be_marched_says_why_beside_what_can(found, monkeypatch):
     """By rising preload; without preloads the optimum is marched."""
     study, curve = found
-    own, expected = optimum_in_time.in_time.kept, study.march(study.peak(curve.optimum.preload)).mean
+    own, expected = optimum_in_time.in_time.time_response, study.time_response(study.peak(curve.optimum.preload)).mean
 
     def failing(problem, tracked):
         if tracked.preload == 70.0:
             raise bd.SettingError("nothing to march")
         return own(problem, tracked)
 
-    monkeypatch.setattr(optimum_in_time.in_time, "kept", failing)
-    out = study.with_kept(curve, [80.0, 70.0])
-    assert [(k.preload, k.status) for k in out.kept] == [(70.0, "not found: nothing to march"), (80.0, "complete")]
-    assert np.isnan(out.kept[0].mean) and out.kept[1].mean > 0.0
-    (best,) = study.with_kept(curve).kept
+    monkeypatch.setattr(optimum_in_time.in_time, "time_response", failing)
+    out = study.with_time_response(curve, [80.0, 70.0])
+    assert [(k.preload, k.status) for k in out.time_response] == [(70.0, "not found: nothing to march"), (80.0, "complete")]
+    assert np.isnan(out.time_response[0].mean) and out.time_response[1].mean > 0.0
+    (best,) = study.with_time_response(curve).time_response
     assert best.preload == curve.optimum.preload and best.balance == pytest.approx(curve.optimum.amplitude, rel=1e-9)
     assert best.mean == pytest.approx(expected, rel=1e-5)
-
-
-def test_former_names_stay_for_one_version_with_a_warning(found):
-    study, optimal = found
-    curve = study.track(60.0, (300.0, 380.0))
-    with pytest.warns(BdamperWarning, match=r"study\.kept is study\.march now"):
-        assert study.kept(curve).mean == study.march(curve).mean
-    with pytest.warns(BdamperWarning, match="Kept is Marched now"):
-        from bdamper.response.march_result import Kept
-    assert isinstance(study.march(curve), Kept)
-    with pytest.warns(BdamperWarning, match="least_kept is least_in_time now"):
-        assert optimal.least_kept is optimal.least_in_time

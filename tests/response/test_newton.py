@@ -51,7 +51,7 @@ def test_a_poor_curvature_does_not_lead_far_away(study, peak, beside):
 def test_the_search_leaves_a_minimum_uphill(curvature):
     """Between the two peaks at 18.94 N the amplitude has a minimum, where the slope vanishes too."""
     study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
-    curve = study.track(18.94, (279.0, 284.0))
+    curve = study.frequency_response(18.94, (279.0, 284.0))
     a = curve.amplitude
     i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
     y, after = (np.append(curve.unknowns[k], 2 * np.pi * curve.frequency[k]) for k in (i, i + 1))
@@ -82,7 +82,7 @@ def test_a_converged_peak_has_a_residual_within_the_tolerance(study, peak, besid
 def test_a_residual_that_rounding_keeps_above_the_tolerance_is_accepted():
     """Springs of bonded faces: terms of the residual are so large that 1e-13 of the excitation is out of reach."""
     model = bd.reference_model("bladed_disk", 9)
-    settings = {"harmonics": 1, "blade_modes": 10, "damper_modes": 4, "friction_law": "bonded", "constraints": False}
+    settings = {"harmonics": 1, "blade_modes": 10, "damper_modes": 4, "friction_law": "bonded", "constraint_planes": False}
     bonded = bd.Study(model, bd.Excitation("tip", "tangential", 1.0), 5, **settings)
     strict, usual = bonded.peak(500.0, options=bd.PeakOptions(tolerance=1e-13)), bonded.peak(500.0)
     assert strict.amplitude == pytest.approx(usual.amplitude, rel=1e-9)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.march_result import Marched
+from bdamper.response.march_result import TimeResponse
 from bdamper.time_domain import optimum_in_time
 from bdamper.util.formatting import amount
 from tests.plain import plain_study
@@ -27,64 +27,69 @@ def keeps(problem, tracked):
     """In place of the march: nine tenths of the peak, more at lower preloads."""
     top, p = tracked.peak.amplitude, tracked.preload
     mean = 0.9 * top * (1.0 + 1e-6 * (5000.0 - p))
-    return Marched(mean, 0.95 * mean, 1.1 * mean, tracked.peak.frequency, p, top, 1.0, "down", 480, (0, 5), "complete")
+    return TimeResponse(mean, 0.95 * mean, 1.1 * mean, tracked.peak.frequency, p, top, 1.0, "down", 480, (0, 5), "complete")
 
 
 def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tmp_path):
-    monkeypatch.setattr(optimum_in_time.in_time, "kept", keeps)
+    monkeypatch.setattr(optimum_in_time.in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0))
-    (one,) = found.kept
+    (one,) = found.time_response
     assert found.convergence.preload == one.preload == curve.optimum.preload
     assert one.balance == pytest.approx(curve.optimum.amplitude, rel=1e-3)
-    assert f"Time integration gives {amount(one.mean, 'm')} (10 % less)." in found.bottom_line()
+    assert f"Time integration gives {amount(one.mean, 'm')} (10 % less)." in found._headline()
     found.save(tmp_path / "optimal.h5")
-    assert bd.load(tmp_path / "optimal.h5").kept == found.kept
+    assert bd.load(tmp_path / "optimal.h5").time_response == found.time_response
     ax = found.plot()[0]
     assert "highest blade in time, and range" in ax.get_legend_handles_labels()[1]
     plt.close("all")
 
 
 def test_neighbours_on_request(study, curve, monkeypatch):
-    monkeypatch.setattr(optimum_in_time.in_time, "kept", keeps)
+    monkeypatch.setattr(optimum_in_time.in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check="neighbours")
     best = curve.optimum.preload
-    np.testing.assert_allclose([k.preload for k in found.kept], [best / 1.2, best, best * 1.2])
-    said, least = found.bottom_line(), found.least_in_time
+    np.testing.assert_allclose([k.preload for k in found.time_response], [best / 1.2, best, best * 1.2])
+    said, least = found._headline(), found.optimum_in_time
     assert said.count("Time integration") == 3 and said.count("Time integration at ") == 2
-    assert least.mean == min(k.mean for k in found.kept) and least in found.kept
+    assert least.mean == min(k.mean for k in found.time_response) and least in found.time_response
     at = amount(least.preload, "N")
     ends = least.preload != best
     assert f"In time the amplitude is lowest at {at}{', the last preload on that side' * ends}" in said
-    assert ("least in time", least.bottom_line()) in [fact[:2] for fact in found.facts()]
+    assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
     assert "least in time" in found.plot()[0].get_legend_handles_labels()[1]
     plt.close("all")
-    low, middle, high = found.kept
-    lower = replace(found, kept=(low, replace(middle, mean=0.5 * low.mean), high))
-    assert lower.least_in_time.preload == best and "the last preload on that side" not in lower.bottom_line()
-    lone = replace(found, kept=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
-    assert lone.least_in_time is None and "is lowest at" not in lone.bottom_line()
+    low, middle, high = found.time_response
+    lower = replace(found, time_response=(low, replace(middle, mean=0.5 * low.mean), high))
+    assert lower.optimum_in_time.preload == best and "the last preload on that side" not in lower._headline()
+    lone = replace(found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
+    assert lone.optimum_in_time is None and "is lowest at" not in lone._headline()
     for i, doubt in ((1, "incomplete: its mean still changes"), (1, "interrupted"), (0, "not found: no motion stays")):
         open_ = [low, replace(middle, mean=0.5 * low.mean), replace(high, mean=0.4 * low.mean)]
         for least, last in ((2, open_), (1 - i, [*open_[:2], replace(high, mean=2.0 * low.mean)])):
             kept = [replace(k, status=doubt) if j == i else k for j, k in enumerate(last)]
             at = amount(kept[least].preload, "N")
-            assert f"is lowest at {at}, the last preload on that side: it" in replace(found, kept=tuple(kept)).bottom_line()
+            assert (
+                f"is lowest at {at}, the last preload on that side: it"
+                in replace(found, time_response=tuple(kept))._headline()
+            )
 
 
 def test_what_cannot_be_marched_says_why(study, curve):
     """One basis for several nodal diameters is no structure in time."""
-    shared = study.with_(single_basis=True, harmonics=2)
-    (found,) = optimum_in_time.with_kept(shared.problem, replace(curve, kept=(), model_hash=shared.model.hash)).kept
-    assert found.status.startswith("not found: ") and "single_basis" in found.status and np.isnan(found.mean)
+    shared = study.replace(fundamental_modes_only=True, harmonics=2)
+    (found,) = optimum_in_time.with_time_response(
+        shared.problem, replace(curve, time_response=(), model_hash=shared.model.hash)
+    ).time_response
+    assert found.status.startswith("not found: ") and "fundamental_modes_only" in found.status and np.isnan(found.mean)
     with pytest.raises(bd.SettingError, match=r"^check: expected .*, found 'harmonics'"):
         study.optimal_curve((1000.0, 5000.0), 3, check="harmonics")
 
 
 def test_the_bottom_line_says_what_is_open(study, curve):
     best = curve.optimum
-    known = Marched(9e-6, 8e-6, 1e-5, 300.0, best.preload, 1e-5, periods=9, status="incomplete: some steps failed")
-    assert "(8 to 10), incomplete: some steps failed." in replace(curve, kept=(known,)).bottom_line()
-    none = Marched(*(np.nan,) * 4, best.preload, 1e-5, status="not found: no motion stays")
-    said = replace(curve, kept=(none,)).bottom_line()
+    known = TimeResponse(9e-6, 8e-6, 1e-5, 300.0, best.preload, 1e-5, periods=9, status="incomplete: some steps failed")
+    assert "(8 to 10), incomplete: some steps failed." in replace(curve, time_response=(known,))._headline()
+    none = TimeResponse(*(np.nan,) * 4, best.preload, 1e-5, status="not found: no motion stays")
+    said = replace(curve, time_response=(none,))._headline()
     assert f"At {amount(best.preload, 'N')} the amplitude in time is not known, so" in said
     assert "nothing confirms the peak of the harmonic balance: no motion stays." in said

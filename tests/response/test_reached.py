@@ -25,22 +25,22 @@ def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
     swept = highest_in_sweeps(drawn, periods=1000, steps=64).max(axis=1)
     for one, highest in zip(drawn, swept):
         study = one.study(harmonics=7)
-        curve, peak = study.track(0.0, one.band), study.peak(0.0, one.band)
+        curve, peak = study.frequency_response(0.0, one.band), study.peak(0.0, one.band)
         assert curve.complete and peak.converged != curve.peak_at_end
         assert curve.peak.amplitude == pytest.approx(highest, rel=0.05)
         assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-6)
         assert ("widen the interval" in str(curve)) == ("widen the interval" in str(peak)) == (one in (drawn[0], drawn[-1]))
-        assert "Not checked in time." in curve.bottom_line()
-        assert ("Not checked in time." in peak.bottom_line()) == peak.converged
+        assert "Not checked in time." in curve._headline()
+        assert ("Not checked in time." in peak._headline()) == peak.converged
 
 
 def test_a_branch_joined_to_one_end_is_named_and_a_wider_interval_shows_it():
     """A sweep down from 1.5 Hz follows it: there the branch leads from end to end."""
     narrow, wide = rubbing(60.0, (0.15, 0.54)), rubbing(60.0, (0.3, 1.5))
-    curve = narrow.study(harmonics=13).track(0.0, narrow.band)
-    whole = wide.study(harmonics=13).track(0.0, wide.band)
+    curve = narrow.study(harmonics=13).frequency_response(0.0, narrow.band)
+    whole = wide.study(harmonics=13).frequency_response(0.0, wide.band)
     (separate,) = curve.separate
-    assert separate.kind == "separate" and "separate: " in curve.details()
+    assert separate.kind == "separate" and "separate: " in curve.summary()
     assert separate.amplitude == pytest.approx(whole.peak.amplitude, rel=1e-8) and not whole.separate
     assert separate.amplitude > 200.0 * curve.peak.amplitude and curve.frequency[curve.apart].max() == 0.54
     assert highest_in_sweeps([wide], periods=1200, steps=64)[0, 1] > 100.0 * curve.peak.amplitude

@@ -21,7 +21,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def curve(study):
-    return study.track(125.0, (250.0, 400.0))
+    return study.frequency_response(125.0, (250.0, 400.0))
 
 
 def test_a_sweep_keeps_its_branch_until_the_fold(curve):
@@ -36,7 +36,7 @@ def test_a_sweep_keeps_its_branch_until_the_fold(curve):
     np.testing.assert_array_equal(up.amplitude[up.frequency < 300.0], down.amplitude[down.frequency < 300.0][::-1])
     largest = max((*up.jumps, *down.jumps), key=lambda jump: abs(jump.after - jump.before))
     said = f"jumps by up to {amount(abs(largest.after - largest.before), 'm')}, at {amount(largest.frequency, 'Hz')}."
-    assert said in curve.bottom_line()
+    assert said in curve._headline()
 
 
 def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_is_stable(curve):
@@ -87,7 +87,7 @@ def test_nothing_is_stable_between_two_folds_that_follow_each_other():
 
 
 def test_of_several_stable_solutions_the_lowest_is_that_of_the_beginning(study):
-    part = study.track(125.0, (295.0, 320.0))
+    part = study.frequency_response(125.0, (295.0, 320.0))
     down = sweep_of(part, "down")
     there = part.amplitude[(part.frequency == part.frequency.max()) & ~part.backward]
     assert len(there) == 2 and down.amplitude[0] == there.min() and not down.jumps
@@ -96,7 +96,7 @@ def test_of_several_stable_solutions_the_lowest_is_that_of_the_beginning(study):
 def test_what_comes_back_from_a_fold_outside_is_labelled_as_on_the_wide_curve(study, curve):
     """The branch runs back up to its fold in the interval, and forward beyond."""
     for band in ((295.0, 320.0), (300.0, 400.0), (310.0, 330.0)):
-        narrow = study.track(125.0, band)
+        narrow = study.frequency_response(125.0, band)
         for f, a, backward, kind in zip(narrow.frequency, narrow.amplitude, narrow.backward, narrow.point_kind):
             if kind in ("regular", "maximum"):
                 near = np.argmin(np.hypot(curve.frequency / f - 1.0, 0.1 * np.log(curve.amplitude / a)))

@@ -1,7 +1,7 @@
 """Marches in time in plain NumPy: one dense matrix from all coordinates to all points of all sectors, and back.
 
-``march`` is explicit (central differences), in as many steps as the stiffest contact needs; ``implicit`` takes the steps of
-the core, with the contact forces from a dense Newton method.
+``time_response`` is explicit (central differences), in as many steps as the stiffest contact needs; ``implicit`` takes the
+steps of the core, with the contact forces from a dense Newton method.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ def force(ring, x, w):
     return F, w
 
 
-def march(ring, motion, omega, n_steps, steps, first=0, omega_end=None):
+def integrate(ring, motion, omega, n_steps, steps, first=0, omega_end=None):
     """Motion after so many steps, and the coordinates at the start of each."""
     A, B = matrices(ring)
     orders, factors = ring.forcing()

@@ -1,21 +1,21 @@
 """The march beside an explicit one in plain NumPy, whose steps follow the stiffest contact, on six scenes.
 
-``plain_march.march`` takes central differences and applies the law point by point; it shares neither step nor solver with
-the core.  Both start from the same motion and are compared by the mean amplitudes of all blades over the last periods.
-Where blades vibrate differently that is the motion to which the core has come.  The first scene chatters: with 10,400
-explicit steps, or 16,384 of the core, it leaves its motion after six to ten periods and with 4,096 of the core it does
-not, so only the first four periods are compared there.
+``plain_march.integrate`` takes central differences and applies the law point by point; it shares neither step nor
+solver with the core.  Both start from the same motion and are compared by the mean amplitudes of all blades over the last
+periods. Where blades vibrate differently that is the motion to which the core has come.  The first scene chatters: with
+10,400 explicit steps, or 16,384 of the core, it leaves its motion after six to ten periods and with 4,096 of the core it
+does not, so only the first four periods are compared there.
 """
 
 import numpy as np
 import pytest
-from tests.stability.test_time_sweep import W0, one_mass
 
 import bdamper as bd
 from bdamper.time_domain.integration import Motion, ring_of
 from bdamper.time_domain.march import March
 from bdamper.time_domain.steady_amplitude import RULES, Levels
-from tests.stability import plain_march
+from tests.time_domain import plain_march
+from tests.time_domain.test_time_sweep import W0, one_mass
 
 SCENES = {
     "blade, blades part": ("turbine_blade", 10, 0.496, 38.5, 671.0, 6, 4),
@@ -45,7 +45,7 @@ def explicit(ring, start, omega, periods, steps):
     assert steps > np.pi * highest_frequency(ring) / omega
     turn, out, motion = 2.0 / steps * np.exp(-2j * np.pi * np.arange(steps) / steps), [], start
     for _ in range(periods):
-        motion, trace = plain_march.march(ring, motion[:3], omega, steps, steps)
+        motion, trace = plain_march.integrate(ring, motion[:3], omega, steps, steps)
         out.append(turn @ trace @ ring.rows.T)
     return np.array(out)
 
@@ -70,8 +70,8 @@ def study_of(model, order, friction, **given):
 
 def test_one_mass_that_opens_its_contact():
     """Beside the fold, where the branch bends to lower frequencies: from the balance to the motion in time."""
-    study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).with_(harmonics=5)
-    levels = Levels(study.track(0.0, (9.0, 14.0)))
+    study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).replace(harmonics=5)
+    levels = Levels(study.frequency_response(0.0, (9.0, 14.0)))
     frequency = float(levels.frequency[levels.top]) + 0.3
     found, expected = both(ring_of(study.problem, 0.0), levels.start(frequency), frequency, 0, 20, 10, 500)
     assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * levels.at(frequency)[0]
@@ -80,7 +80,7 @@ def test_one_mass_that_opens_its_contact():
 def test_six_blades_with_disturbances():
     """Of the turbine blade with two modes, just after disturbances of every nodal diameter: each blade has its own way."""
     study = study_of("turbine_blade", 10, 0.496, blade_modes=2)
-    levels = Levels(study.track(38.5, (640.0, 690.0)))
+    levels = Levels(study.frequency_response(38.5, (640.0, 690.0)))
     frequency = float(levels.frequency[levels.top])
     found, expected = both(ring_of(study.problem, 38.5), levels.start(frequency), frequency, 0, 4, 2)
     assert expected == pytest.approx(found, rel=5e-3) and np.ptp(found) > 0.02 * found.mean()
@@ -91,7 +91,7 @@ def test_six_blades_with_disturbances():
 def test_all_blades_of_real_scenes(name):
     model, order, friction, preload, frequency, blades, periods = SCENES[name]
     study = study_of(model, order, friction)
-    levels = Levels(study.track(preload, (600.0, 720.0) if model == "turbine_blade" else (285.0, 380.0)))
+    levels = Levels(study.frequency_response(preload, (600.0, 720.0) if model == "turbine_blade" else (285.0, 380.0)))
     ring = ring_of(study.problem, preload)
     assert ring.n == blades
     found, expected = both(ring, levels.start(frequency), frequency, 240, periods, min(periods, 5))

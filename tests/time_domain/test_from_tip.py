@@ -26,7 +26,7 @@ class Drawn(NamedTuple):
     at: int
 
 
-def drawn(seed):
+def random(seed):
     """Three masses with one or two contacts to the ground: gaps that close, or friction under a constant load."""
     rng = np.random.default_rng(seed)
     mass, k, zeta = rng.uniform(0.5, 2.0, 3), rng.uniform(0.5, 2.0, 3), 10.0 ** rng.uniform(-2.5, -1.5)
@@ -80,15 +80,15 @@ def swept(d, start, end, periods, held, steps=500):
 @pytest.mark.parametrize(("seed", "before"), [(112, 0.81), (155, 0.27)])
 def test_a_motion_that_falls_on_the_way_to_a_tip_that_stays(seed, before, monkeypatch):
     """Compare with a slow sweep to the tip; along the curve the march has less than ``before`` times its amplitude."""
-    d = drawn(seed)
+    d = random(seed)
     study, modes = study_of(d)
-    curve = study.track(0.0, (0.5 * modes[0], min(1.4 * modes[0], 0.5 * modes[:2].sum())))
-    found = study.march(curve)
+    curve = study.frequency_response(0.0, (0.5 * modes[0], min(1.4 * modes[0], 0.5 * modes[:2].sum())))
+    found = study.time_response(curve)
     sweep = swept(d, 0.8 * found.frequency, found.frequency, 500, 300)[-50:]
     assert np.ptp(sweep) < 0.01 * sweep.mean() and found.mean == pytest.approx(sweep.mean(), rel=0.02)
     assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
     monkeypatch.setattr(Walk, "from_tip", lambda *_: None)
-    along = study.march(curve)
+    along = study.time_response(curve)
     assert along.mean < before * found.mean and along.fall < found.frequency, "below the tip, to which the frequency rises"
     said = r"complete: started at the peak of the balance; along the curve the motion comes to .* m"
     assert re.fullmatch(said, found.status)
@@ -148,11 +148,11 @@ def test_nothing_is_started_where_the_walk_is_as_high_as_the_tip(monkeypatch):
 ])  # fmt: skip
 def test_the_status_says_if_the_answer_started_at_the_tip(mean, below, said, monkeypatch):
     """Not if shorter steps have left the places along the curve alone."""
-    study, modes = study_of(drawn(112))
-    curve = study.track(0.0, (0.5 * modes[0], 1.4 * modes[0]))
+    study, modes = study_of(random(112))
+    curve = study.frequency_response(0.0, (0.5 * modes[0], 1.4 * modes[0]))
     monkeypatch.setattr(Walk, "go", lambda walk, *_: setattr(walk, "below", below))
     for name in ("from_tip", "others"):
         monkeypatch.setattr(Walk, name, lambda *_: None)
     monkeypatch.setattr(Walk, "best", lambda _: Place(11.0, np.full(80, mean), True, None))
     monkeypatch.setattr(Walk, "open_end", lambda *_: "")
-    assert study.march(curve).status == said
+    assert study.time_response(curve).status == said

@@ -14,7 +14,7 @@ from tests.plain import plain_study
 def disk():
     model = bd.reference_model("bladed_disk", 9)
     study = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
-    return study, study.track(2000.0, (346.0, 358.0))
+    return study, study.frequency_response(2000.0, (346.0, 358.0))
 
 
 def at(curve, frequency, highest):
@@ -33,8 +33,8 @@ def test_a_motion_that_leaves_the_solution_of_one_harmonic(disk):
     found = study.verify(curve, i)
     assert found.verdict == DIFFERS and 0.8 < found.amplitude[-80:].mean() / found.balance < 0.93
     # a damper with damping of its own stays; one harmonic has 9 % more than five and than time, which has all diameters
-    damped = study.with_(harmonics=5, damper_drag=8800.0 * study.model.bodies["damper"].mass)
-    curve = damped.track(2000.0, (346.0, 358.0))
+    damped = study.replace(harmonics=5, damper_drag=8800.0 * study.model.bodies["damper"].mass)
+    curve = damped.frequency_response(2000.0, (346.0, 358.0))
     i = at(curve, 352.3, -1)
     found = damped.verify(curve, i)
     assert found.verdict == AGREES and found.amplitude[-80:].mean() == pytest.approx(found.balance, rel=0.02)
@@ -63,7 +63,7 @@ def test_labels_of_a_few_masses():
     study = bd.lumped(
         [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
     )
-    curve = study.track(0.0, (0.1, 0.35))
+    curve = study.frequency_response(0.0, (0.1, 0.35))
     judged = study.with_stability(curve, in_time=True)
     assert len(curve.folds) and (judged.labels == "stable").mean() > 0.3
     assert (judged.labels[curve.backward] == "unstable").mean() > 0.8
@@ -76,7 +76,7 @@ def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
         np.eye(2), 0.05 * np.eye(2), [[1.5, -1.0], [-1.0, 1.5]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)],
         forces={0: 0.3}, harmonics=(1, 3),
     )  # fmt: skip
-    curve = study.track(0.0, (0.07, 0.35))
+    curve = study.frequency_response(0.0, (0.07, 0.35))
     monkeypatch.setattr(time_domain_labels, "judged_at", lambda ring, u, omega: (AGREES, 0.96))
     judged = study.with_stability(curve, in_time=True)
     rest = np.array([rests(study.problem.system(0.0), u) for u in curve.unknowns])
@@ -90,7 +90,7 @@ def test_interrupted_labels_keep_what_was_judged(monkeypatch):
     study = bd.lumped(
         [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
     )
-    curve = study.track(0.0, (0.1, 0.35))
+    curve = study.frequency_response(0.0, (0.1, 0.35))
     asked, own = [], time_domain_labels.judged_at
 
     def interrupted(ring, u, omega):
@@ -109,15 +109,15 @@ def test_interrupted_labels_keep_what_was_judged(monkeypatch):
 
 def test_settings_that_are_no_structure_in_time_are_refused_at_once(disk):
     study, _ = disk
-    study = study.with_(single_basis=True, harmonics=2)
-    curve = study.track(2000.0, (346.0, 347.0))
-    with pytest.raises(bd.BdamperError, match="single_basis=False"):
+    study = study.replace(fundamental_modes_only=True, harmonics=2)
+    curve = study.frequency_response(2000.0, (346.0, 347.0))
+    with pytest.raises(bd.BdamperError, match="fundamental_modes_only=False"):
         study.with_stability(curve, in_time=True)
 
 
 def test_points_on_a_cubic_spring_do_not_rest():
     """Between the folds of a Duffing oscillator the motion in time leaves the middle branch."""
     study = bd.lumped([[1.0]], [[0.05]], [[1.0]], cubic={0: 1.0}, forces={0: 0.3}, harmonics=(1, 3))
-    curve = study.track(0.0, (0.05, 0.5))
+    curve = study.frequency_response(0.0, (0.05, 0.5))
     system = study.problem.system(0.0)
     assert len(curve) and not any(rests(system, u) for u in curve.unknowns)

@@ -6,8 +6,6 @@ from types import SimpleNamespace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from tests.stability.test_march import structure
-from tests.stability.test_time_sweep import F0, W0, one_mass
 
 import bdamper as bd
 from bdamper.response.continuation_options import ContinuationOptions
@@ -15,19 +13,21 @@ from bdamper.time_domain import steady_amplitude as room
 from bdamper.time_domain.steady_amplitude import Levels
 from bdamper.util.cost import Cost
 from tests.marches import fails_after
+from tests.time_domain.test_march import structure
+from tests.time_domain.test_time_sweep import F0, W0, one_mass
 
 
 @pytest.fixture(scope="module")
 def bent():
     """A spring that is pressed on opens at large amplitudes: the resonance bends to lower frequencies and folds."""
     study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0)
-    return study, study.with_(harmonics=5).track(0.0, (9.0, 14.0))
+    return study, study.replace(harmonics=5).frequency_response(0.0, (9.0, 14.0))
 
 
 @pytest.fixture(scope="module")
 def walked(bent):
     study, curve = bent
-    return study.with_(harmonics=5).march(curve)
+    return study.replace(harmonics=5).time_response(curve)
 
 
 def test_levels_and_sides_of_a_curve(bent):
@@ -55,12 +55,12 @@ def test_one_mass_keeps_its_branch_to_the_fold(bent, walked):
     on = Levels(curve).at(walked.frequency)
     assert walked.mean == pytest.approx(on[0], rel=0.02) and walked.highest < 1.01 * walked.mean
     assert walked.balance == curve.peak.amplitude and 0.9 < walked.factor <= 1.01
-    said = walked.bottom_line()
+    said = walked._headline()
     assert "The motion jumps to a lower amplitude at" in said and f"in time the highest blade has {walked.text}" in said
     assert said.split(";")[0] in str(walked)
-    doubtful = replace(walked, status="incomplete: some steps failed").bottom_line()
+    doubtful = replace(walked, status="incomplete: some steps failed")._headline()
     assert "(incomplete: some steps failed). The motion jumps" in doubtful and "complete" not in said
-    assert walked.details().count("diameters") == walked.details().count("mean") == 1
+    assert walked.summary().count("diameters") == walked.summary().count("mean") == 1
 
 
 def test_a_kept_motion_marks_a_picture(bent, walked):
@@ -71,7 +71,7 @@ def test_a_kept_motion_marks_a_picture(bent, walked):
 
 def test_a_peak_whose_contacts_stay_closed_is_integrated_too():
     study = one_mass(tangential=0, kt=1e-3, mu=0.3, preload=1e3)
-    found = study.march(study.track(0.0, (9.5, 10.5)))
+    found = study.time_response(study.frequency_response(0.0, (9.5, 10.5)))
     assert found.periods > 0 and found.factor == pytest.approx(1.0, rel=0.01)
 
 
@@ -82,9 +82,9 @@ def test_one_harmonic_may_be_wrong_where_contacts_stay_closed():
         bd.reference_model("turbine_blade", 9), bd.Excitation("tip", direction="tangential"), 5, harmonics=1,
         friction_coefficient=0.3, contact_stiffness="unit_traction", blade_modes=5,
     )  # fmt: skip
-    curve = turbine.track(125.0, (610.0, 710.0))
+    curve = turbine.frequency_response(125.0, (610.0, 710.0))
     assert not curve.folds and not curve.shares[:, 2].any()
-    walked = turbine.march(curve)
+    walked = turbine.time_response(curve)
     assert walked.mean < 0.9 * curve.peak.amplitude
     assert walked.mean == pytest.approx(turbine.settle(curve, walked.frequency).mean, rel=0.02)
 
@@ -93,9 +93,9 @@ def test_a_contact_without_friction_that_opens_is_marched():
     """Shares of the cycle count points with friction alone: of this one they say nothing."""
     contact = bd.Contact(normal=0, kn=0.5 * W0**2, preload=5.0)
     study = bd.lumped([1.0], [0.2 * W0], [W0**2], contacts=[contact], forces={0: 20.0}, harmonics=3)
-    curve = study.track(0.0, (6.0, 15.0))
+    curve = study.frequency_response(0.0, (6.0, 15.0))
     assert not curve.folds and not curve.shares[:, 2].any()
-    found = study.march(curve)
+    found = study.time_response(curve)
     assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
 
 
@@ -103,17 +103,17 @@ def test_long_transients_take_more_periods():
     """With 0.1 % of damping a transient is seen in part within 40 periods, and the motion seemed to fall at once."""
     contact = bd.Contact(normal=0, kn=0.5 * W0**2, preload=5.0)
     study = bd.lumped([1.0], [2e-3 * W0], [W0**2], contacts=[contact], forces={0: 0.05}, harmonics=3)
-    curve = study.track(0.0, (11.0, 13.0))
-    assert study.march(curve).mean > 0.8 * curve.peak.amplitude
+    curve = study.frequency_response(0.0, (11.0, 13.0))
+    assert study.time_response(curve).mean > 0.8 * curve.peak.amplitude
     assert room.RULES.stretched(93.0) == room.RULES and room.RULES.stretched(200.0).window == 80
     assert room.RULES.stretched(1e9).most == 4 * room.RULES.most
 
 
 def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch):
     study, curve = bent
-    study = study.with_(harmonics=5)
+    study = study.replace(harmonics=5)
     monkeypatch.setattr(room, "RULES", room.Rules(drift=1e-12, steady=0.0, most=160))
-    assert study.march(curve).status.startswith("incomplete: its mean still changes by ")
+    assert study.time_response(curve).status.startswith("incomplete: its mean still changes by ")
 
 
 @pytest.mark.parametrize("calls", [3, 500])
@@ -121,7 +121,7 @@ def test_where_a_march_fails_nothing_is_kept(bent, monkeypatch, calls):
     """At the first place, and after some that stay."""
     study, curve = bent
     fails_after(monkeypatch, calls)
-    found = study.with_(harmonics=5).march(curve)
+    found = study.replace(harmonics=5).time_response(curve)
     assert found.status.startswith("not found: the march fails near ") and found.status.endswith("raise steps_per_period")
     assert all(np.isnan(x) for x in (found.mean, found.lowest, found.highest, found.frequency, found.fall))
     assert found.text == found.status
@@ -131,17 +131,17 @@ def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
     study, curve = bent
     visit = room.Walk.visit
     monkeypatch.setattr(room.Walk, "visit", lambda *given, **asked: visit(*given, **asked)._replace(stays=False))
-    found = study.with_(harmonics=5).march(curve)
+    found = study.replace(harmonics=5).time_response(curve)
     assert " in time where the balance has " in found.status and found.status.endswith("use more harmonics")
     said = "At 0 N the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: at "
-    assert found.bottom_line().startswith(said)
+    assert found._headline().startswith(said)
 
 
 def test_a_motion_that_grows_beyond_all_bounds_says_so(bent, monkeypatch):
     """As one does of which unresolved contacts gain energy; it is no motion that a blade keeps."""
     study, curve = bent
     monkeypatch.setattr(room, "RULES", room.Rules(grown=0.9))
-    status = study.with_(harmonics=5).march(curve).status
+    status = study.replace(harmonics=5).time_response(curve).status
     assert status.startswith("not found: at ") and "an error of its steps and no motion: use more steps" in status
 
 
@@ -178,14 +178,14 @@ def test_nodal_diameters_that_a_model_does_not_carry_are_said(bent, monkeypatch)
     monkeypatch.setattr(room.Walk, "best", lambda _: room.Place(11.0, np.ones(80), True, None))
     monkeypatch.setattr(room.Walk, "others", lambda *_: None)
     monkeypatch.setattr(room.Walk, "open_end", lambda *_: "")
-    found = study.with_(harmonics=5).march(curve)
+    found = study.replace(harmonics=5).time_response(curve)
     assert found.status == "complete: 2 of 7 nodal diameters were marched" and found.mean == 1.0
 
 
 def test_a_motion_that_stays_in_long_steps_alone_says_so(bent, monkeypatch):
     study, curve = bent
     monkeypatch.setattr(room.Walk, "best", lambda _: None)
-    status = study.with_(harmonics=5).march(curve).status
+    status = study.replace(harmonics=5).time_response(curve).status
     assert status == "not found: no motion stays in steps of half the length: use more steps_per_period"
 
 
@@ -212,7 +212,7 @@ def test_the_way_from_one_frequency_to_the_next_is_a_sweep(bent, monkeypatch):
     """A jump of the frequency would throw off motions that a slow sweep keeps."""
     swept, sweep = [], room.March.sweep
     monkeypatch.setattr(room.March, "sweep", lambda march, ends, *rest: swept.append(ends) or sweep(march, ends, *rest))
-    walk = room.Walk(room.ring_of(bent[0].with_(harmonics=5).problem, 0.0), Levels(bent[1]), 64)
+    walk = room.Walk(room.ring_of(bent[0].replace(harmonics=5).problem, 0.0), Levels(bent[1]), 64)
     f = walk.levels.frequency[walk.levels.top] + 1.5
     first = walk.visit(f, walk.levels.start(f), walk.levels.at(f)[0])
     periods = walk.periods
@@ -223,9 +223,9 @@ def test_the_way_from_one_frequency_to_the_next_is_a_sweep(bent, monkeypatch):
 @pytest.mark.parametrize("budget", [100, 250])
 def test_a_part_of_a_curve_gives_a_lower_bound(bent, budget):
     """Its highest point is where the evaluations were used up: nothing says that it is the peak."""
-    study = bent[0].with_(harmonics=5)
-    curve = study.track(0.0, (9.0, 14.0), options=ContinuationOptions(budget=budget))
-    found = study.march(curve)
+    study = bent[0].replace(harmonics=5)
+    curve = study.frequency_response(0.0, (9.0, 14.0), options=ContinuationOptions(budget=budget))
+    found = study.time_response(curve)
     assert not curve.complete and found.periods > 0
     assert found.status.startswith("incomplete: ")
     assert found.status.endswith("there may be a higher peak, as the curve is incomplete")
@@ -242,12 +242,12 @@ def test_the_end_of_the_curve_is_no_fall(bent):
 
 def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent):
     study, _ = bent
-    curve = study.with_(harmonics=5).track(0.0, (9.0, 10.6))
+    curve = study.replace(harmonics=5).frequency_response(0.0, (9.0, 10.6))
     if curve.peak_at_end:
         with pytest.raises(bd.SettingError, match=r"^march: expected a curve with a peak"):
-            study.with_(harmonics=5).march(curve)
+            study.replace(harmonics=5).time_response(curve)
     else:
-        assert study.with_(harmonics=5).march(curve).status.startswith("not found: the branch is alone nowhere")
+        assert study.replace(harmonics=5).time_response(curve).status.startswith("not found: the branch is alone nowhere")
 
 
 def test_an_interruption_keeps_the_highest_motion_so_far(bent, monkeypatch):
@@ -261,7 +261,7 @@ def test_an_interruption_keeps_the_highest_motion_so_far(bent, monkeypatch):
         return visit(walk, *arguments, **options)
 
     monkeypatch.setattr(room.Walk, "visit", stopped)
-    found = study.with_(harmonics=5).march(curve)
+    found = study.replace(harmonics=5).time_response(curve)
     assert found.status == "interrupted" and found.frequency > F0 and np.isfinite(found.mean)
 
 
@@ -272,7 +272,7 @@ def test_every_nodal_diameter_that_the_model_carries_is_marched():
     ring = ring_of(study.problem, 125.0)
     assert ring.n == 13 and ring.nodal_diameters == (0, 5, 10, 15, 20, 25, 30)
     # harmonics 6 and 7 share a diameter, each with residual modes of its own: one set is turned to the other
-    wide = ring_of(study.with_(harmonics=8).problem, 125.0)
+    wide = ring_of(study.replace(harmonics=8).problem, 125.0)
     assert wide.nodal_diameters == ring.nodal_diameters and wide.n_coordinates == ring.n_coordinates
     for l, basis in enumerate(wide.wide.structure.bases):
         own, reversed_ = wide._family(l)
@@ -280,7 +280,7 @@ def test_every_nodal_diameter_that_the_model_carries_is_marched():
         mine = np.asarray(basis.G).reshape(G.shape)
         turned = G @ wide._turns[l]
         np.testing.assert_allclose(turned, mine.conj() if reversed_ else mine, atol=1e-6 * np.abs(mine).max())
-    assert every_diameter(study.with_(single_basis=True).problem).harmonic_numbers == (1, 2, 3)
+    assert every_diameter(study.replace(fundamental_modes_only=True).problem).harmonic_numbers == (1, 2, 3)
     assert structure().n_harmonics == 3
 
 
@@ -292,7 +292,7 @@ def test_the_reference_disk_beside_an_independent_march():
     """
     study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4,
                      contact_stiffness="unit_traction")  # fmt: skip
-    found = study.march(study.track(125.0, (285.0, 380.0)))
+    found = study.time_response(study.frequency_response(125.0, (285.0, 380.0)))
     assert found.mean == pytest.approx(97e-6, rel=0.05) and 308.0 < found.fall < 312.0
     assert found.lowest < 0.98 * found.mean < 1.02 * found.mean < found.highest
 
@@ -493,7 +493,7 @@ def test_answers_that_differ_are_a_range(bent, monkeypatch):
     study, curve = bent
     finer = room.Walk.finer
     monkeypatch.setattr(room.Walk, "finer", lambda *given: 1.2 * finer(*given))
-    found = study.with_(harmonics=5).march(curve)
+    found = study.replace(harmonics=5).time_response(curve)
     low, high = min(found.answers.values()), max(found.answers.values())
     assert high > 1.15 * low and found.status.startswith("incomplete: not settled: ")
     assert found.text == found.status.removeprefix("incomplete: not settled: ") and " to " in found.text
@@ -502,14 +502,14 @@ def test_answers_that_differ_are_a_range(bent, monkeypatch):
 
 def test_every_start_of_one_mass_comes_to_the_same_motion(walked, bent):
     study, curve = bent
-    found = study.with_(harmonics=5).march(curve, starts=4)
+    found = study.replace(harmonics=5).time_response(curve, starts=4)
     assert sum(name.startswith("start") for name in found.answers) == 3 and found.elsewhere == 0
-    assert "0 of 3 other starts came to another motion." in found.bottom_line()
+    assert "0 of 3 other starts came to another motion." in found._headline()
     assert {"512 steps", "1024 steps"} <= set(walked.answers) and walked.blades.shape[1] == 1 and not walked.parted
     assert abs(walked.numerical_loss) < 5e-3 and walked.energy[0] > 0.0
     assert walked.energy[1] == pytest.approx(walked.energy[0], rel=5e-3), "no friction: damping takes all"
     with pytest.raises(bd.SettingError, match="starts"):
-        study.march(curve, starts=0)
+        study.time_response(curve, starts=0)
 
 
 def test_blades_that_part_are_said_and_drawn(walked, tmp_path):
@@ -517,8 +517,8 @@ def test_blades_that_part_are_said_and_drawn(walked, tmp_path):
     blades = 1e-6 * np.array([150.0, 275.0, 275.0]) * (1.0 + 0.01 * rng.standard_normal((n, 3)))
     waves = np.array([[10.0, 188e-6], [-10.0, 131e-6], [30.0, 1e-6]])
     parted = replace(walked, blades=blades, blade=1, waves=waves)
-    assert parted.parted and "Blades do not vibrate alike: 150 to 275 \u00b5m." in parted.bottom_line()
-    assert "10 forward 188 \u00b5m, 10 backward 131 \u00b5m" in parted.details()
+    assert parted.parted and "Blades do not vibrate alike: 150 to 275 \u00b5m." in parted._headline()
+    assert "10 forward 188 \u00b5m, 10 backward 131 \u00b5m" in parted.summary()
     beats = np.where(np.arange(n)[:, None] < 40, blades, blades[:, ::-1])
     assert not replace(parted, blades=beats).parted, "other blades are high in the second half"
     assert not replace(parted, blades=np.ones((n, 3))).parted

@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.law_codes import (
+    AFT,
     LAW_BONDED,
     LAW_CONSTANT,
     LAW_COUPLED,
@@ -15,14 +16,13 @@ from bdamper.contact.law_codes import (
     LAW_CUBIC,
     LAW_NORMAL,
     LAW_SEPARABLE,
-    Sampled,
 )
 from bdamper.contact.point_parameters import PointArrays
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of
 from bdamper.time_domain.march import March
-from tests.stability import plain_march
+from tests.time_domain import plain_march
 
 LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_SEPARABLE
 ALL_SECTORS = {"n_blades": 6, "engine_order": 1}  # families of 0, 1, 2, and 3 = 6/2
@@ -55,7 +55,7 @@ def structure(seed=0, n_points=11, n_modes=(3, 9, 2, 4), laws=LAWS, size=1.0, da
     n = n_modes[0] + 2 * sum(n_modes[1:])
     force = size * rng.standard_normal(n)
     rows = [rng.standard_normal(m) + 1j * (l > 0) * rng.standard_normal(m) for l, m in enumerate(n_modes)]
-    return Sector(bases, points, force, rows, Sampled(64)).equations
+    return Sector(bases, points, force, rows, AFT(64)).equations
 
 
 def state(ring, seed=1, size=1.0):
@@ -87,7 +87,7 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     assert ring.n == sectors and ring.real.sum() == {6: 7, 9: 3, 1: 3}[sectors]
     start = state(ring)
     expected, trace = plain_march.implicit(ring, start, 1.3, 60, 40, ring.radius, first=50)
-    found = ring.march(start, 1.3, 60, steps=40, first=50, trace=True, tolerance=1e-12)
+    found = ring.integrate(start, 1.3, 60, steps=40, first=50, trace=True, tolerance=1e-12)
     close(found.motion, expected, 1e-8)
     np.testing.assert_allclose(found.trace[1:], trace[1:], rtol=0.0, atol=1e-8 * np.abs(trace).max())
     assert found.first == 30 and found.harmonics.shape == (0, ring.n, ring.system.n_harmonics + 1)
@@ -95,7 +95,7 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     assert solved == 40 + (light > 0) and evaluations < 16 * solved
     # from where it has come to it goes on as it was, accelerations included
     later, _ = plain_march.implicit(ring, expected, 1.3, 60, 5, ring.radius, first=30)
-    close(ring.march(found.motion, 1.3, 60, steps=5, first=30, tolerance=1e-12).motion, later, 1e-8)
+    close(ring.integrate(found.motion, 1.3, 60, steps=5, first=30, tolerance=1e-12).motion, later, 1e-8)
 
 
 @pytest.mark.parametrize("light", [0, 2])
@@ -103,8 +103,8 @@ def test_it_is_the_explicit_march_in_many_small_steps(light):
     """Twice the steps, a quarter of the difference from central differences in 1,200 steps."""
     ring = Ring(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
     start = state(ring, size=0.3)
-    expected, _ = plain_march.march(ring, start[:3], 1.3, 1200, 200)
-    off = [np.linalg.norm(ring.march(start, 1.3, n, steps=n // 6).motion.q - expected.q) for n in (60, 240)]
+    expected, _ = plain_march.integrate(ring, start[:3], 1.3, 1200, 200)
+    off = [np.linalg.norm(ring.integrate(start, 1.3, n, steps=n // 6).motion.q - expected.q) for n in (60, 240)]
     assert off[0] < 0.02 * np.linalg.norm(expected.q) and off[1] < 0.2 * off[0]
 
 
@@ -114,7 +114,7 @@ def test_patterns_that_are_left_out_change_little(light):
     ring = Ring(structure(laws=LAWS[:3], light=light), **ALL_SECTORS)
     start = state(ring)
     expected, _ = plain_march.implicit(ring, start, 1.3, 120, 30, ring.radius)
-    close(ring.march(start, 1.3, 120, steps=30, tolerance=1e-10).motion[:2], expected[:2], 2e-3)
+    close(ring.integrate(start, 1.3, 120, steps=30, tolerance=1e-10).motion[:2], expected[:2], 2e-3)
 
 
 def stiff(seed, light, factor):
@@ -131,19 +131,19 @@ def stiff(seed, light, factor):
 def test_a_step_that_is_not_solved_is_halved(light, factor, n, seed, parts):
     """It comes to what as many shorter steps do, those of a dense Newton method, too."""
     ring = stiff(seed, light, factor)
-    motion = ring.march(state(ring, seed, 3.0), 1.3, n, steps=1).motion
+    motion = ring.integrate(state(ring, seed, 3.0), 1.3, n, steps=1).motion
     for first in range(1, 4 * n):
         before = int(ring.effort[0])
-        found = ring.march(motion, 1.3, n, steps=1, first=first % n).motion
+        found = ring.integrate(motion, 1.3, n, steps=1, first=first % n).motion
         tried = int(ring.effort[0]) - before
         if tried > 1:
             break
         motion = found
     assert tried == {2: 3, 4: 6}[parts], "one step in vain, or two of half the length"
     shorter = {"n_steps": parts * n, "steps": parts, "first": parts * (first % n)}
-    close(found, ring.march(motion, 1.3, **shorter).motion, 0.0)
+    close(found, ring.integrate(motion, 1.3, **shorter).motion, 0.0)
     expected, _ = plain_march.implicit(ring, motion, 1.3, parts * n, parts, ring.radius, first=shorter["first"])
-    fine = ring.march(motion, 1.3, n, steps=1, first=first % n, tolerance=1e-10).motion
+    fine = ring.integrate(motion, 1.3, n, steps=1, first=first % n, tolerance=1e-10).motion
     close(fine[:2], expected[:2], 1e-7)
 
 
@@ -152,7 +152,7 @@ def test_a_march_comes_to_an_end_or_fails_by_name():
     ring, done = stiff(8, 2, 300.0), 0
     for seed in np.random.default_rng(49).integers(0, 2**31, 50):
         try:
-            found = ring.march(state(ring, seed), 1.3, 64, 2)
+            found = ring.integrate(state(ring, seed), 1.3, 64, 2)
         except MarchFailed:
             continue
         assert np.isfinite(found.motion.q).all() and np.isfinite(found.harmonics).all()
@@ -167,7 +167,7 @@ def test_no_harmonics_or_too_many_are_refused(columns):
     q, v, w = (np.array(x[None]) for x in start[:3])
     path = {"n_step": 4, "per_period": 4, "omega": 1.0, "omega_end": 1.0, "radius": 0.8, "tolerance": 1e-4}
     with pytest.raises(ValueError, match=f"^harmonic: expected 1 to 65 columns, found {columns}$"):
-        ring.core.march(q, v, np.zeros_like(q), w, **path, harmonic=np.zeros((1, 1, ring.n, columns), complex))
+        ring.core.integrate(q, v, np.zeros_like(q), w, **path, harmonic=np.zeros((1, 1, ring.n, columns), complex))
 
 
 @pytest.mark.slow
@@ -183,7 +183,7 @@ def test_marches_of_the_shipped_blade_come_to_an_end():
         v, q = 1e-5 * omega * 10.0 ** rng.uniform(-1.0, 1.0) * heavy * rng.standard_normal((2, len(heavy)))
         q /= np.sqrt(np.tile(np.maximum(ring.omega2, omega**2), 2))
         try:
-            found = ring.march(Motion(q, v, w), omega, 256, 20)
+            found = ring.integrate(Motion(q, v, w), omega, 256, 20)
         except MarchFailed:
             continue
         assert np.isfinite(found.motion.q).all() and np.isfinite(found.harmonics).all()
@@ -196,18 +196,18 @@ def test_a_march_does_not_depend_on_what_was_marched_before(light):
     system = structure(laws=LAWS[:3] if light else LAWS, light=light)
     ring = Ring(system, **ALL_SECTORS)
     start = state(ring)
-    expected = ring.march(start, 1.3, 120, steps=130, trace=True)
+    expected = ring.integrate(start, 1.3, 120, steps=130, trace=True)
     assert np.isfinite(expected.motion.q).all()
     huge = Motion(1e307 * start.q, 1e307 * start.v, start.w)
     with pytest.raises(MarchFailed, match=r"near 0.206901 Hz: .* in a step of 1/120 of a period, nor in parts of it"):
-        ring.march(huge, 1.3, 120)
+        ring.integrate(huge, 1.3, 120)
     for again in (ring, Ring(system, **ALL_SECTORS)):
-        found = again.march(start, 1.3, 120, steps=130, trace=True)
+        found = again.integrate(start, 1.3, 120, steps=130, trace=True)
         close((*found.motion, found.harmonics, found.trace), (*expected.motion, expected.harmonics, expected.trace), 0.0)
-        again.march(state(ring, 3, 4.0), 0.7, 60)
+        again.integrate(state(ring, 3, 4.0), 0.7, 60)
     w = start.w.copy()
     ring.core.follow(expected.trace, w)
-    ring.march(state(ring, 3, 4.0), 0.7, 60)
+    ring.integrate(state(ring, 3, 4.0), 0.7, 60)
     after = start.w.copy()
     ring.core.follow(expected.trace, after)
     np.testing.assert_array_equal(after, w)
@@ -219,7 +219,7 @@ def test_a_state_is_finite(which):
     given = [np.array(x) for x in state(ring)]
     given[which].flat[3] = np.nan
     with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
-        ring.march(Motion(*given[:3]), 1.3, 120)
+        ring.integrate(Motion(*given[:3]), 1.3, 120)
     if which != 1:
         with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
             ring.core.follow(given[0][None], given[2])
@@ -228,19 +228,19 @@ def test_a_state_is_finite(which):
 def test_a_sweep_beside_the_plain_march():
     ring = Ring(structure(laws=LAWS[:3]), **ALL_SECTORS)
     start = state(ring, size=0.3)
-    expected, _ = plain_march.march(ring, start[:3], 1.3, 2000, 2000, omega_end=1.6)
-    close(ring.march(start, 1.3, 500, omega_end=1.6).motion[:2], expected[:2], 3e-3)
+    expected, _ = plain_march.integrate(ring, start[:3], 1.3, 2000, 2000, omega_end=1.6)
+    close(ring.integrate(start, 1.3, 500, omega_end=1.6).motion[:2], expected[:2], 3e-3)
 
 
 def test_a_long_sweep_is_that_of_its_periods():
     """The core looks for an interruption after some thousand steps: none of them is lost, and no period."""
     ring = Ring(structure(laws=[LAW_BONDED]), **ALL_SECTORS)
-    whole = ring.march(state(ring), 1.3, 500, 20, omega_end=1.6, trace=True, tolerance=1e-11)
+    whole = ring.integrate(state(ring), 1.3, 500, 20, omega_end=1.6, trace=True, tolerance=1e-11)
     squares = np.linspace(1.3**2, 1.6**2, 21)
     motion = state(ring)
     for k in range(20):
         ends = np.sqrt(squares[k]), np.sqrt(squares[k + 1])
-        part = ring.march(motion, ends[0], 500, omega_end=ends[1], trace=True, tolerance=1e-11)
+        part = ring.integrate(motion, ends[0], 500, omega_end=ends[1], trace=True, tolerance=1e-11)
         motion = part.motion
         np.testing.assert_allclose(part.harmonics[0], whole.harmonics[k], atol=1e-4 * np.abs(whole.harmonics).max())
         np.testing.assert_allclose(part.trace, whole.trace[500 * k : 500 * (k + 1)], atol=1e-4 * np.abs(whole.trace).max())
@@ -255,7 +255,7 @@ def test_an_interruption_ends_a_long_march():
     signal.setitimer(signal.ITIMER_REAL, 0.1)
     try:
         with pytest.raises(KeyboardInterrupt):
-            ring.march(state(ring), 1.3, 1000, 100_000)  # some hundred seconds
+            ring.integrate(state(ring), 1.3, 1000, 100_000)  # some hundred seconds
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, alarm)
@@ -263,9 +263,9 @@ def test_an_interruption_ends_a_long_march():
 
 def test_pieces_are_the_same_march():
     ring = Ring(structure(n_points=5), **ALL_SECTORS)
-    whole, motion, step = ring.march(state(ring), 1.3, 240, 2, tolerance=1e-12), state(ring), 0
+    whole, motion, step = ring.integrate(state(ring), 1.3, 240, 2, tolerance=1e-12), state(ring), 0
     for _ in range(12):
-        motion, *_, step = ring.march(motion, 1.3, 240, steps=40, first=step, tolerance=1e-12)
+        motion, *_, step = ring.integrate(motion, 1.3, 240, steps=40, first=step, tolerance=1e-12)
     assert step == 0
     close(motion, whole.motion, 1e-8)
 
@@ -282,7 +282,7 @@ def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
     rows = [rows[0], rows[1], rows[1].conj(), rows[0]] if sectors == 3 else [rows[0], rows[1], rows[2].real, rows[1].conj()]
     rng = np.random.default_rng(5)
     n = len(mean.omega2) + 2 * sum(len(b.omega2) for b in bases[1:])
-    system = Sector(bases, own.structure.points, rng.standard_normal(n), rows, Sampled(64)).equations
+    system = Sector(bases, own.structure.points, rng.standard_normal(n), rows, AFT(64)).equations
     ring, u, omega = Ring(system, sectors, order), rng.standard_normal(n), 1.3
     A, _ = plain_march.matrices(ring)
     X = system.contact(u)[0]
@@ -304,7 +304,7 @@ def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
 
 def test_harmonics_are_those_of_the_samples():
     ring = Ring(structure(), **ALL_SECTORS)
-    found = ring.march(state(ring), 1.3, 250, 2, trace=True)
+    found = ring.integrate(state(ring), 1.3, 250, 2, trace=True)
     n, angle = ring.n_coordinates, 2.0 * np.pi * np.arange(250) / 250
     z = found.trace[:, :n] + 1j * found.trace[:, n:]
     for k in range(ring.n):  # each blade by its own sum over the families
@@ -323,7 +323,7 @@ def test_energies_of_a_period_are_those_of_forces_along_the_way(light):
     whole = ring.n * np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)
     mass, drag, own = (np.tile(x, 2) for x in (ring.mass, ring.mass * ring.damping, ring.stiffness))
     orders, factors = ring.forcing()
-    motion = ring.march(state(ring), 1.3, 60, steps=1, tolerance=1e-12).motion
+    motion = ring.integrate(state(ring), 1.3, 60, steps=1, tolerance=1e-12).motion
     expected, w = np.zeros(4), motion.w
 
     def there(m, k, w):
@@ -332,10 +332,10 @@ def test_energies_of_a_period_are_those_of_forces_along_the_way(light):
         angle = 2.0 * np.pi * k / 60 * orders
         return np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1], F.ravel(), x.ravel(), w
 
-    found = ring.march(motion, 1.3, 60, first=1, tolerance=1e-12)
+    found = ring.integrate(motion, 1.3, 60, first=1, tolerance=1e-12)
     e, F, x, w = there(motion, 1, w)
     for k in range(1, 61):
-        end = ring.march(motion, 1.3, 60, steps=1, first=k, tolerance=1e-12).motion
+        end = ring.integrate(motion, 1.3, 60, steps=1, first=k, tolerance=1e-12).motion
         e_end, F_end, x_end, w = there(end, k + 1, w)
         way = end.q - motion.q
         energies = (0.5 * whole * (mass * m.v**2 + own * m.q**2) for m in (end, motion))
@@ -354,7 +354,7 @@ def test_what_is_missing_in_the_energies_is_the_loss_of_the_step():
     for radius in (1.0, 0.5):
         ring = Ring(structure(n_points=5, laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS, radius=radius)
         for n in (200, 400, 800):
-            energy = ring.march(state(ring, size=0.3), 1.3, n, tolerance=1e-12).energy[0]
+            energy = ring.integrate(state(ring, size=0.3), 1.3, n, tolerance=1e-12).energy[0]
             missing[radius, n] = (energy[0] - energy[1:].sum()) / np.abs(energy).max()
     assert max(abs(missing[1.0, n]) for n in (200, 400, 800)) < 1e-9
     assert 1e-3 > missing[0.5, 200] > 3.5 * missing[0.5, 400] > 3.5**2 * missing[0.5, 800] > 0.0
@@ -408,12 +408,12 @@ def test_tractions_to_start_from():
 def test_a_larger_ring_repeats_the_smaller_one():
     """Twelve blades of sixty at engine order 10: the motion of six blades twice, and diameters that these do not have."""
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 10, 0.3, contact_stiffness="unit_traction")
-    curve = study.track(100.0, (655.0, 680.0))
+    curve = study.frequency_response(100.0, (655.0, 680.0))
     u, omega = curve.unknowns[curve.peak.index], 2.0 * np.pi * curve.peak.frequency
     rings = [ring_of(study.problem, 100.0, blades) for blades in (None, 12)]
     assert [ring.n for ring in rings] == [6, 12]
     assert rings[0].nodal_diameters == (0, 10, 20, 30) and rings[1].nodal_diameters == (0, 5, 10, 15, 20, 25, 30)
-    small, large = (ring.march(ring.start(u, omega, 256), omega, 256, 3) for ring in rings)
+    small, large = (ring.integrate(ring.start(u, omega, 256), omega, 256, 3) for ring in rings)
     twice = np.tile(small.harmonics, (1, 2, 1))
     np.testing.assert_allclose(large.harmonics, twice, atol=1e-3 * np.abs(twice).max())
     np.testing.assert_allclose(large.energy, 2.0 * small.energy, atol=2e-3 * small.energy.max())
@@ -429,7 +429,7 @@ def test_error_of_second_order():
     """Smooth motion (cubic springs): half the step, a quarter of the difference."""
     ring = Ring(structure(laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS)
     start = state(ring, size=0.3)
-    ends = [ring.march(start, 1.3, n, omega_end=1.5).motion.q for n in (400, 800, 1600)]
+    ends = [ring.integrate(start, 1.3, n, omega_end=1.5).motion.q for n in (400, 800, 1600)]
     assert 3.9 < np.linalg.norm(ends[1] - ends[0]) / np.linalg.norm(ends[2] - ends[1]) < 4.1
 
 
@@ -451,10 +451,10 @@ def test_energy_is_kept_by_a_radius_of_one_and_lost_by_less():
     """What the linear step keeps without damping of its own, and what is lost at that of the usual radius."""
     ring, energy = bonded_ring(1.0)
     before = energy(state(ring))
-    assert energy(ring.march(state(ring), 1.3, 256, 20, tolerance=1e-11).motion) == pytest.approx(before, rel=2e-3)
+    assert energy(ring.integrate(state(ring), 1.3, 256, 20, tolerance=1e-11).motion) == pytest.approx(before, rel=2e-3)
     for radius in (0.8, 0.5):
         ring, energy = bonded_ring(radius)
-        assert 0.97 * before < energy(ring.march(state(ring), 1.3, 256, 20).motion) < before
+        assert 0.97 * before < energy(ring.integrate(state(ring), 1.3, 256, 20).motion) < before
 
 
 @pytest.mark.parametrize(("friction", "left"), [(0.0, 0.7), (0.02, 0.002)])
@@ -477,10 +477,10 @@ def test_what_bounces_gains_no_energy(friction, left):
         kept = m.v @ (weight * np.tile(ring.mass, 2) * m.v) + m.q @ (weight * np.tile(ring.stiffness, 2) * m.q)
         return kept + (np.sum(points.kn * pushed**2) + np.sum(points.kt * pulled**2)) / ring.n
 
-    motion = ring.march(state(ring), 1.3, 256, steps=1).motion
+    motion = ring.integrate(state(ring), 1.3, 256, steps=1).motion
     levels = [energy(motion)]
     for _ in range(10):
-        motion = ring.march(motion, 1.3, 256).motion
+        motion = ring.integrate(motion, 1.3, 256).motion
         levels.append(energy(motion))
     assert max(np.diff(levels)) < 1e-3 * levels[0] and left * levels[0] < levels[-1] < levels[0]
 
@@ -504,7 +504,7 @@ def test_the_energy_of_a_motion_is_conserved_without_losses():
     ring = Ring(structure(laws=(LAW_BONDED,), size=0.0, damping=0.0), **ALL_SECTORS, radius=1.0)
     start = state(ring)
     held = ring.energy(start)
-    marched = ring.march(start, 1.0, 4000)
+    marched = ring.integrate(start, 1.0, 4000)
     assert abs(marched.energy[0, 3]) > 0.05 * held, "nothing goes to the contacts"
     assert ring.energy(marched.motion) == pytest.approx(held, rel=1e-5)
     own = np.tile(ring.stiffness, 2) @ start.q**2 + np.tile(ring.mass, 2) @ start.v**2

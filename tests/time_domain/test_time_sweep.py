@@ -46,7 +46,7 @@ def usual(factor):
 def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_changes(linear, up):
     errors, sweeps = [], []
     for factor in (0.05, 0.1):
-        found = linear.sweep_in_time(0.0, BAND, up=up, rate=usual(factor), steps_per_period=384)
+        found = linear.frequency_sweep(0.0, BAND, up=up, rate=usual(factor), steps_per_period=384)
         exact = closed_form(found.frequency)
         errors.append(np.abs(found.amplitude / exact - 1.0).max())
         sweeps.append(found)
@@ -62,17 +62,17 @@ def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_chang
 
 
 def test_the_usual_rate_follows_from_the_damping(linear):
-    found = linear.sweep_in_time(0.0, (9.9, 10.1))
+    found = linear.frequency_sweep(0.0, (9.9, 10.1))
     assert found.memory == pytest.approx(1.0 / (ZETA * W0))
     assert found.rate == pytest.approx(usual(frequency_sweep.RATE))
 
 
 @pytest.mark.parametrize("up", [True, False])
 def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
-    curve = separating.with_(harmonics=5).track(0.0, (11.0, 12.2), stability=True)
+    curve = separating.replace(harmonics=5).frequency_response(0.0, (11.0, 12.2), stability=True)
     upper, lower = sorted(curve.folds, key=lambda fold: fold.frequency)  # where the upper branch begins, the lower one ends
     assert upper.amplitude > 3.0 * lower.amplitude
-    found, faster = (separating.sweep_in_time(0.0, (11.2, 12.0), up=up, rate=usual(factor)) for factor in (0.05, 0.1))
+    found, faster = (separating.frequency_sweep(0.0, (11.2, 12.0), up=up, rate=usual(factor)) for factor in (0.05, 0.1))
     (jump,) = found.jumps
     ends, other = (lower, upper) if up else (upper, lower)
     late, later = (abs(sweep.jumps[0].frequency - ends.frequency) for sweep in (found, faster))
@@ -90,40 +90,40 @@ def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
 
 def interrupting(monkeypatch, calls):
     """Ctrl-C at one of the calls of the core."""
-    march, count = Ring.march, iter(range(10**9))
+    march, count = Ring.integrate, iter(range(10**9))
 
     def counted(self, *arguments, **options):
         if next(count) == calls:
             raise KeyboardInterrupt
         return march(self, *arguments, **options)
 
-    monkeypatch.setattr(Ring, "march", counted)
+    monkeypatch.setattr(Ring, "integrate", counted)
 
 
 def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
-    whole = linear.sweep_in_time(0.0, BAND)
+    whole = linear.frequency_sweep(0.0, BAND)
     settling = -(-round(frequency_sweep.SETTLING * whole.memory * BAND[0]) // BOUNDS.look)
     interrupting(monkeypatch, settling + 3)
-    found = linear.sweep_in_time(0.0, BAND)
+    found = linear.frequency_sweep(0.0, BAND)
     assert (found.status, len(found)) == ("interrupted", 3 * BOUNDS.look)
-    assert f"{len(found)} of {len(whole)} turns" in found.details()
+    assert f"{len(found)} of {len(whole)} turns" in found.summary()
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
     np.testing.assert_array_equal(found.frequency, whole.frequency[: len(found)])
     monkeypatch.undo()
     interrupting(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
-        linear.sweep_in_time(0.0, BAND)
+        linear.frequency_sweep(0.0, BAND)
 
 
 def test_a_march_that_fails_is_no_sweep(linear, monkeypatch):
     fails_after(monkeypatch, 4)
     with pytest.raises(MarchFailed, match="the march fails near "):
-        linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
+        linear.frequency_sweep(0.0, BAND, rate=usual(1.0))
 
 
 def test_it_is_drawn_written_and_read(linear, tmp_path):
-    found = linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
-    curve = linear.track(0.0, BAND)
+    found = linear.frequency_sweep(0.0, BAND, rate=usual(1.0))
+    curve = linear.frequency_response(0.0, BAND)
     ax = curve.plot()
     assert found.plot(ax=ax) is ax and len(ax.get_legend().get_texts()) == 2
     found.to_csv(tmp_path / "sweep.csv")
@@ -145,19 +145,19 @@ def test_it_is_drawn_written_and_read(linear, tmp_path):
 )
 def test_what_does_not_fit_is_refused(linear, options, named):
     with pytest.raises(bd.SettingError, match=named):
-        linear.sweep_in_time(0.0, **{"frequency": BAND} | options)
+        linear.frequency_sweep(0.0, **{"frequency": BAND} | options)
 
 
 def test_without_damping_there_is_no_usual_rate():
     study = bd.lumped([[1.0]], [[0.0]], [[W0**2]], contacts=[bd.Contact(tangential=0, kt=1e-3, mu=0.3, preload=1e3)],
         forces={0: 1.0})  # fmt: skip
     with pytest.raises(bd.SettingError, match="damping in every mode"):
-        study.sweep_in_time(0.0, (9.0, 9.5))
+        study.frequency_sweep(0.0, (9.0, 9.5))
 
 
 def test_scatter_is_no_jump(separating):
     """An amplitude that scatters by a third from turn to turn stays on its level; one that drops for good does not."""
-    found = separating.sweep_in_time(0.0, (11.2, 12.0), up=False, rate=usual(0.2))
+    found = separating.frequency_sweep(0.0, (11.2, 12.0), up=False, rate=usual(0.2))
     n, scatter = len(found), np.random.default_rng(1).uniform(0.7, 1.0, len(found))
     level = np.where(np.arange(n) < n // 2, 2.0, 1.0)
     steady, falls = (

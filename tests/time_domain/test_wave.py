@@ -14,7 +14,7 @@ def test_resting_contacts_on_springs_that_only_resist():
         model, engine_order=2, contact_stiffness=1e5, friction_coefficient=0.3,
         excitation=bd.Excitation("tip", "tangential", 20.0),
     )  # fmt: skip
-    curve = study.track(400.0, (250.0, 400.0))
+    curve = study.frequency_response(400.0, (250.0, 400.0))
     system = study.problem.system(400.0)
     still = np.array([rests(system, u) for u in curve.unknowns])
     assert still.any() and not still.all()
@@ -32,7 +32,7 @@ def test_the_note_says_what_was_counted():
         model, engine_order=2, contact_stiffness=1e5, friction_coefficient=0.3,
         excitation=bd.Excitation("tip", "tangential", 20.0),
     )  # fmt: skip
-    curve = study.with_stability(study.track(400.0, (250.0, 400.0)))
+    curve = study.with_stability(study.frequency_response(400.0, (250.0, 400.0)))
     system = study.problem.system(400.0)
     moving = sum(not rests(system, u) for u in curve.unknowns)
     assert f"; {moving} of {len(curve)} points counted, the others rest" in curve.stability_note

@@ -18,13 +18,13 @@ from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.importers import ContactFaces, Units, build_model, over_speed
 from bdamper.importers.contact_faces import Patches
-from bdamper.mistuning import DamperVariation, Mistuning, Wheel, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
 
 FURTHER = (
     LeastMargin, Material, ContactFaces, Units, build_model, over_speed, Patches, Conditions, LocalSizes, DamperVariation,
     Mistuning, WheelPeakOptions,
 )  # fmt: skip
-PARTS = (bd.Study, Wheel, ContactLaw, Mistuning, DamperVariation)
+PARTS = (bd.Study, BladedDisk, ContactLaw, Mistuning, DamperVariation)
 """Classes with methods that take numbers."""
 OUTSIDE = ("Model", "load", "load_model", "load_study", "save_model", "ContactLaw")
 """Made by programs and files, and checked there."""

@@ -102,8 +102,8 @@ def test_a_study_solves_on_one_thread(monkeypatch):
     seen = []
     inner = track_module.first_point
     monkeypatch.setattr(track_module, "first_point", lambda *args: seen.append(blas()) or inner(*args))
-    plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4).track(
-        2000.0, (340.0, 360.0)
-    )
+    plain_study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4
+    ).frequency_response(2000.0, (340.0, 360.0))
     assert seen
     assert all(threads == {1} for threads in seen)

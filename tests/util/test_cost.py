@@ -65,9 +65,12 @@ def test_no_part_counts_time_in_which_the_thread_waits(crowded):
 
 def test_integration_in_time_is_a_part_of_its_own(crowded):
     study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
-    cost = study.settle(study.track(200.0, (280.0, 320.0)), 300.0, periods=30).cost
-    assert cost.contact == cost.assembly == 0.0 < cost.march <= cost.core < cost.processor < cost.seconds
-    assert cost.python == cost.processor - cost.core and f", march {cost.march:.3f}, Python {cost.python:.3f};" in str(cost)
+    cost = study.settle(study.frequency_response(200.0, (280.0, 320.0)), 300.0, periods=30).cost
+    assert cost.contact == cost.assembly == 0.0 < cost.time_integration <= cost.core < cost.processor < cost.seconds
+    assert (
+        cost.python == cost.processor - cost.core
+        and f", time {cost.time_integration:.3f}, Python {cost.python:.3f};" in str(cost)
+    )
 
 
 def test_a_meter_sums_systems_and_parts(clocks):
@@ -95,10 +98,10 @@ def test_a_meter_sums_systems_and_parts(clocks):
 
 def test_a_curve_carries_its_cost(tmp_path):
     study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
-    curve = study.track(200.0, (280.0, 320.0))
+    curve = study.frequency_response(200.0, (280.0, 320.0))
     cost = curve.cost
     assert cost.evaluations >= cost.jacobians >= cost.factorisations > 0
-    assert f"{cost.seconds:.3f} s, {cost.processor:.3f} s of the processor: contact" in curve.details()
+    assert f"{cost.seconds:.3f} s, {cost.processor:.3f} s of the processor: contact" in curve.summary()
     curve.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").cost == cost
 

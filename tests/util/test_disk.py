@@ -24,7 +24,7 @@ NO_ROOM = r"^{}: expected a file that can be written, found \[Errno {}\] [^\n]*$
 def pressed():
     """Two masses with a contact that a preload closes."""
     contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
-    ways = {"contacts": [contact], "forces": {0: 0.1}, "loads": {1: 1.0}, "harmonics": 1}
+    ways = {"contacts": [contact], "forces": {0: 0.1}, "load_per_preload": {1: 1.0}, "harmonics": 1}
     return bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
 
 
@@ -69,8 +69,9 @@ SCRIPT = """
 import resource, sys
 import bdamper as bd
 contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
-study = bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], contacts=[contact], forces={0: 0.1}, loads={1: 1.0}, harmonics=1)
-curve = study.track(1.0, (0.1, 0.3))
+study = bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], contacts=[contact], forces={0: 0.1}, load_per_preload={1: 1.0},
+    harmonics=1)
+curve = study.frequency_response(1.0, (0.1, 0.3))
 resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
 for saved in (curve, study):
     try:
@@ -94,7 +95,7 @@ def test_a_file_that_cannot_grow_is_one_line_and_leaves_the_former_one(tmp_path)
 
 def test_every_writer_on_a_full_disk(full):
     study = pressed()
-    curve = study.track(1.0, BAND)
+    curve = study.frequency_response(1.0, BAND)
     writers = {
         "curve.h5": curve.save,
         "curve.csv": curve.to_csv,
@@ -191,7 +192,7 @@ def test_a_pipe_is_left_alone(tmp_path):
         pytest.skip("no pipes of this kind on this system")
     path = tmp_path / "pipe"
     os.mkfifo(path)
-    for write in (pressed().save, pressed().track(1.0, BAND).save):
+    for write in (pressed().save, pressed().frequency_response(1.0, BAND).save):
         with pytest.raises(bd.BdamperError, match="expected a regular file, found a device or a pipe"):
             write(path)
     assert path.is_fifo() and [item.name for item in tmp_path.iterdir()] == ["pipe"]
@@ -207,7 +208,7 @@ def test_a_folder_without_permission(tmp_path, monkeypatch):
 
 
 def test_files_are_written_from_several_threads(tmp_path):
-    curve = pressed().track(1.0, BAND)
+    curve = pressed().frequency_response(1.0, BAND)
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(curve.save, [tmp_path / f"{k}.h5" for k in range(16)]))
     for k in range(16):

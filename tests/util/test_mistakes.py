@@ -12,7 +12,7 @@ from bdamper.fatigue.material import AISI_1050, Material
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.build import build_model
 from bdamper.importers.contact_faces import ContactFaces
-from bdamper.mistuning import DamperVariation, Mistuning, Wheel, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
 from bdamper.util.warn import PlausibilityWarning
 from tests.plain import plain_study
 
@@ -45,31 +45,31 @@ REFUSED = {
     "a place for an excitation": (lambda s: bd.Study(s.model, "tip", 5), "excitation: .*found 'tip'"),
     "no engine order": (lambda s: bd.Study(s.model, TIP), "engine_order: .*65 sectors, found none"),
     "an engine order without modes": (lambda s: bd.Study(s.model, TIP, 21), "needs nodal diameter 23, the model has"),
-    "a place that is not there": (lambda s: s.with_(excitation=bd.Excitation("tpi")), "found 'tpi'; did you mean tip"),
-    "a response that is not there": (lambda s: s.with_(response=bd.Response("plattform")), "did you mean platform"),
+    "a place that is not there": (lambda s: s.replace(excitation=bd.Excitation("tpi")), "found 'tpi'; did you mean tip"),
+    "a response that is not there": (lambda s: s.replace(response=bd.Response("plattform")), "did you mean platform"),
     "a direction that is none": (lambda s: bd.Excitation("tip", "tangental"), "found 'tangental'; did you mean tangential"),
     "a negative force": (lambda s: bd.Excitation("tip", amplitude=-1.0), "amplitude: .*found -1.0"),
     "a force as a text": (lambda s: bd.Excitation("tip", amplitude="1 N"), "amplitude: .*found '1 N'"),
     "a phase that is no number": (lambda s: bd.Excitation("tip", phase=np.nan), "phase: .*found nan"),
     "no direction at all": (lambda s: bd.Excitation("tip", (0, 0, 0)), r"direction: .*found \(0, 0, 0\)"),
-    "more modes than there are": (lambda s: s.with_(blade_modes=500), "blade_modes: .*found 500"),
-    "no harmonic": (lambda s: s.with_(harmonics=0), "harmonics: .*found 0"),
-    "too many harmonics": (lambda s: s.with_(harmonics=200), "harmonics: .*found 200"),
-    "half a harmonic": (lambda s: s.with_(harmonics=1.5), "harmonics: .*found 1.5"),
-    "negative friction": (lambda s: s.with_(friction_coefficient=-0.3), "friction_coefficient: .*found -0.3"),
-    "friction of a face that is not there": (lambda s: s.with_(friction_coefficient={"lft": 0.3}), "did you mean left"),
-    "a law that does not exist": (lambda s: s.with_(friction_law="coulomb"), "friction_law: .*found 'coulomb'"),
-    "an equation that the paper has not": (lambda s: s.with_(contact_stiffness="eq7"), "contact_stiffness: .*'eq7'"),
-    "negative stiffness": (lambda s: s.with_(contact_stiffness=-1e7), "contact_stiffness: .*found -1000"),
-    "damping in per cent": (lambda s: s.with_(damping_ratio=2.0), "damping_ratio: .*found 2.0"),
+    "more modes than there are": (lambda s: s.replace(blade_modes=500), "blade_modes: .*found 500"),
+    "no harmonic": (lambda s: s.replace(harmonics=0), "harmonics: .*found 0"),
+    "too many harmonics": (lambda s: s.replace(harmonics=200), "harmonics: .*found 200"),
+    "half a harmonic": (lambda s: s.replace(harmonics=1.5), "harmonics: .*found 1.5"),
+    "negative friction": (lambda s: s.replace(friction_coefficient=-0.3), "friction_coefficient: .*found -0.3"),
+    "friction of a face that is not there": (lambda s: s.replace(friction_coefficient={"lft": 0.3}), "did you mean left"),
+    "a law that does not exist": (lambda s: s.replace(friction_law="coulomb"), "friction_law: .*found 'coulomb'"),
+    "an equation that the paper has not": (lambda s: s.replace(contact_stiffness="eq7"), "contact_stiffness: .*'eq7'"),
+    "negative stiffness": (lambda s: s.replace(contact_stiffness=-1e7), "contact_stiffness: .*found -1000"),
+    "damping in per cent": (lambda s: s.replace(damping_ratio=2.0), "damping_ratio: .*found 2.0"),
     "damping of a damper that is not there": (lambda s: lumped(damper_drag=1.0), "damper_drag: .*no free body, found 1"),
-    "a history that does not end": (lambda s: s.with_(load_history=(1.5,)), "load_history: .*found"),
-    "a gap for no face": (lambda s: s.with_(gap={"lft": 1e-6}), r"gap: .*found \['lft'\]"),
-    "a speed without a model of it": (lambda s: s.with_(speed=400.0), "speed: .*study.at_speed"),
+    "a history that does not end": (lambda s: s.replace(load_history=(1.5,)), "load_history: .*found"),
+    "a gap for no face": (lambda s: s.replace(gap={"lft": 1e-6}), r"gap: .*found \['lft'\]"),
+    "a speed without a model of it": (lambda s: s.replace(speed=400.0), "speed: .*study.at_speed"),
     # names
     "misspelt setting": (lambda s: bd.Study(s.model, TIP, 5, friction_coeficient=0.3), "mean friction_coefficient"),
-    "misspelt setting to be changed": (lambda s: s.with_(harmonic=3), "found harmonic; did you mean harmonics"),
-    "part of a name": (lambda s: s.with_(friction=0.3), "found friction; did you mean friction_coefficient"),
+    "misspelt setting to be changed": (lambda s: s.replace(harmonic=3), "found harmonic; did you mean harmonics"),
+    "part of a name": (lambda s: s.replace(friction=0.3), "found friction; did you mean friction_coefficient"),
     "misspelt setting of a sweep": (lambda s: bd.sweep(s, {"frictoin_coefficient": [0.3]}), "mean friction_coeff"),
     "misspelt part of a setting": (lambda s: bd.sweep(s, {"excitation.amplitud": [1.0]}), "mean excitation.amplitude"),
     "misspelt argument of a sweep": (lambda s: bd.sweep(s, {"preload": [1.0]}, excutor=None), "mean executor"),
@@ -77,26 +77,44 @@ REFUSED = {
     "misspelt setting of masses": (lambda s: lumped(harmonic=3), "lumped: .*did you mean harmonics"),
     "misspelt argument of an import": (lambda s: build_model(None, n_blade=36), "build_model: .*did you mean n_blades"),
     "an import without contacts": (lambda s: build_model(None, n_blades=36), "build_model: .*'contacts'"),
-    "misspelt argument of a question": (lambda s: s.track(9.0, F, progres=True), "track: .*did you mean progress"),
+    "misspelt argument of a question": (
+        lambda s: s.frequency_response(9.0, F, progres=True),
+        "frequency_response: .*did you mean progress",
+    ),
     "a word of no relation": (lambda s: s.peak(9.0, F, wheel=1), "peak: .*found wheel; there are preload, frequency"),
     "misspelt effect": (lambda s: bd.Effects(seperation=False), "Effects: .*did you mean separation"),
     "misspelt material": (lambda s: Material(3e8, 1e9, 9e8, findly_k=0.3), "Material: .*did you mean findley_k"),
     "misspelt model": (lambda s: bd.reference_model("blade_disk"), "found 'blade_disk'; did you mean bladed_disk"),
     "misspelt condition": (lambda s: s.at_speed(400.0, temperatur={}), "did you mean temperature"),
     "misspelt damper": (lambda s: DamperVariation.of(65, mas=1.1), "did you mean mass"),
-    "misspelt option of a wheel's peak": (lambda s: Wheel.peak(None, 9.0, option=None), "peak: .*did you mean options"),
+    "misspelt option of a wheel's peak": (
+        lambda s: BladedDisk.peak(None, 9.0, option=None),
+        "peak: .*did you mean options",
+    ),
     "misspelt option of the search": (lambda s: WheelPeakOptions(climb=3), "WheelPeakOptions: .*did you mean climbs"),
-    "misspelt step of a wheel": (lambda s: Wheel.kept(None, None, steps=128), "kept: .*did you mean steps_per_period"),
-    "misspelt options of a wheel": (lambda s: Wheel.track(None, 9.0, F, optoins=1), "track: .*did you mean options"),
-    "misspelt preloads of a wheel": (lambda s: Wheel.optimal_curve(None, preload=[9.0]), "curve: .*did you mean preloads"),
+    "misspelt step of a wheel": (
+        lambda s: BladedDisk.time_response(None, None, steps=128),
+        "time_response: .*did you mean steps_per_period",
+    ),
+    "misspelt options of a wheel": (
+        lambda s: BladedDisk.frequency_response(None, 9.0, F, optoins=1),
+        "frequency_response: .*did you mean options",
+    ),
+    "misspelt preloads of a wheel": (
+        lambda s: BladedDisk.optimal_curve(None, preload=[9.0]),
+        "curve: .*did you mean preloads",
+    ),
     "misspelt wheels": (lambda s: bd.mistuned_sample(s, 0.02, 9.0, wheel=3), "mistuned_sample: .*did you mean wheels"),
     "a sample without a preload": (lambda s: bd.mistuned_sample(s, 0.02), "mistuned_sample: .*'preload'"),
     # questions
-    "a preload as a text": (lambda s: s.track("2 kN", F), "preload: .*found '2 kN'"),
-    "a negative preload": (lambda s: s.track(-1.0, F), "preload: .*found -1.0"),
-    "a preload where nothing is loaded": (lambda s: lumped().track(5.0, (0.1, 0.3)), "preload: expected 0, .*found 5 N"),
-    "one frequency": (lambda s: s.track(9.0, 300.0), "frequency: .*found 300.0"),
-    "an interval the wrong way": (lambda s: s.track(9.0, F[::-1]), r"frequency: .*found \(380.0, 270.0\)"),
+    "a preload as a text": (lambda s: s.frequency_response("2 kN", F), "preload: .*found '2 kN'"),
+    "a negative preload": (lambda s: s.frequency_response(-1.0, F), "preload: .*found -1.0"),
+    "a preload where nothing is loaded": (
+        lambda s: lumped().frequency_response(5.0, (0.1, 0.3)),
+        "preload: expected 0, .*found 5 N",
+    ),
+    "one frequency": (lambda s: s.frequency_response(9.0, 300.0), "frequency: .*found 300.0"),
+    "an interval the wrong way": (lambda s: s.frequency_response(9.0, F[::-1]), r"frequency: .*found \(380.0, 270.0\)"),
     "a mode of number 0": (lambda s: s.peak(9.0, mode=0), "mode: .*found 0"),
     "a tolerance in per cent": (lambda s: bd.accuracy_cost(s, 9.0, F, tolerance=5.0), "tolerance: .*found 5.0"),
     "preloads the wrong way": (lambda s: s.optimal_curve((2e4, 20.0)), "preload"),
@@ -108,7 +126,7 @@ REFUSED = {
     "a study for a curve": (lambda s: plotting.plot_curve(s), "plot_curve: .*found a Study"),
     "both units of speed": (lambda s: s.at_speed(400.0, rpm=4000.0), "rotor speed: .*found both"),
     "no speed": (lambda s: s.campbell(engine_orders=[5]), "rotor speed: .*rpm=, found none"),
-    "no engine order of a crossing": (lambda s: s.crossings((100.0, 900.0)), "engine_orders: .*found none"),
+    "no engine order of a crossing": (lambda s: s.resonance_crossings((100.0, 900.0)), "engine_orders: .*found none"),
     "a speed as a text": (lambda s: s.at_speed(rpm="4000"), "rpm: .*found '4000'"),
     "no preload at rest": (lambda s: s.preload, "preload: .*study.at_speed"),
     # masses, wheels, materials, files
@@ -118,7 +136,7 @@ REFUSED = {
     "matrices of two sizes": (lambda s: lumped(stiffness=[1.0, 1.0]), r"stiffness: .*\(1, 1\).*found shape \(2,\)"),
     "a force on a freedom that is not there": (lambda s: lumped(forces={3: 1.0}), "forces: .*from 0 to 0.*found 3"),
     "a contact without stiffness": (lambda s: bd.Contact(0, mu=0.3, preload=1.0), "contact: .*kt > 0.*found"),
-    "blades of another wheel": (lambda s: bd.Wheel(s, np.zeros(60)), "mistuning: .*65 blades, found 60"),
+    "blades of another wheel": (lambda s: bd.BladedDisk(s, np.zeros(60)), "mistuning: .*65 blades, found 60"),
     "a mistuning as a text": (lambda s: Mistuning("1 %"), "mistuning: .*deviations above -1, found '1 %'"),
     "yield above rupture": (lambda s: Material(3e8, 5e8, 9e8), "yield_strength: .*found 9e"),
     "a curve of margins without a value": (lambda s: empty_margins().least, "no margin found at any of 0 values"),
@@ -152,7 +170,7 @@ def failing(ask):
 DOUBTED = {
     "rpm for rad/s": (lambda s: s.at_speed(4500), r"rotor speed: .* 1292 rad/s.*found 4500: revolutions .* rpm=4500"),
     "rpm of a diagram": (lambda s: s.campbell((2000, 5000, 7000), modes=1), r"found 7000: rev.* rpm=\(2000, 5"),
-    "rpm of crossings": (lambda s: s.crossings((2000, 7000), [5]), "rotor speed: .*found 7000: revolutions"),
+    "rpm of crossings": (lambda s: s.resonance_crossings((2000, 7000), [5]), "rotor speed: .*found 7000: revolutions"),
     "rpm of a run-up": (lambda s: failing(lambda: s.run_up((7000, 9500))), "rotor speed: .*found 9500: revolutions"),
     "a mass in grams": (lambda s: vary(s, {"damper_mass_factor": 1e3}), "mass of 'damper': .*found 69 kg: grams susp"),
     "a mass in tonnes": (lambda s: vary(s, {"damper_mass_factor": 1e-3}), "mass of 'damper': .*kg: tonnes suspected"),
@@ -183,6 +201,6 @@ def test_speeds_in_revolutions_per_minute(study):
         assert study.at_speed(rpm=4000.0).settings.speed == pytest.approx(4000.0 * turn)
         low, high = 1000.0 * turn, 1500.0 * turn
         assert study.campbell(rpm=(1000.0, 1200.0, 1500.0), modes=1).speed[[0, -1]] == pytest.approx([low, high])
-        assert study.crossings(rpm=(1000.0, 1500.0), engine_orders=[5]).values[0]["kind"] == "none"
+        assert study.resonance_crossings(rpm=(1000.0, 1500.0), engine_orders=[5]).values[0]["kind"] == "none"
         with pytest.raises(bd.BdamperError, match=r"engine order 5 between 104\.72 and 157\.08 rad/s"):
             study.run_up(rpm=(1000.0, 1500.0))

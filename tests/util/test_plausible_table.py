@@ -40,7 +40,7 @@ def test_every_number_that_a_user_gives_has_an_entry(name, parameter):
 
 def test_every_entry_is_in_use():
     used = {key(name, parameter) for name, parameter in PARAMETERS} | VARIED | CONDITIONS | {"Body.mass"}
-    drawn = {f"DamperVariation.drawn.{name}" for name in ("mass", "friction_coefficient", "contact_stiffness", "gap")}
+    drawn = {f"DamperVariation.random.{name}" for name in ("mass", "friction_coefficient", "contact_stiffness", "gap")}
     assert set(TABLE) == used | drawn
 
 

@@ -10,7 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.sweep import as_words
 from bdamper.response.curve import Fold
-from bdamper.response.march_result import Marched
+from bdamper.response.march_result import TimeResponse
 from bdamper.response.optimal_curve_result import NEAR_BEST
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, percent, span
@@ -27,17 +27,17 @@ def study():
 
 @pytest.fixture(scope="module")
 def bonded(study):
-    return study.with_(friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL, check=False)
+    return study.replace(friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL, check=False)
 
 
 @pytest.fixture(scope="module")
 def curve(study):
-    return study.track(8000.0, (345.0, 365.0))
+    return study.frequency_response(8000.0, (345.0, 365.0))
 
 
 @pytest.fixture(scope="module")
 def rich(study):
-    return study.with_(harmonics=3)
+    return study.replace(harmonics=3)
 
 
 @pytest.fixture(scope="module")
@@ -48,16 +48,16 @@ def peak(rich):
 class TestHighestAtTheEnd:
     def test_is_not_called_a_peak(self, study):
         """At 2000 N the resonance is near 352 Hz: above 360 Hz the response falls."""
-        curve = study.track(2000.0, (360.0, 380.0))
+        curve = study.frequency_response(2000.0, (360.0, 380.0))
         assert curve.peak_at_end
-        told = {fact.name: fact.to_digits(6) for fact in curve.facts()}
+        told = {fact.name: fact.to_digits(6) for fact in curve._facts()}
         assert told["peak kind"] == "highest, no peak" and told["peak amplitude"] == "223.667 µm"
-        assert told["peak frequency"] == "360 Hz" and "highest, no peak" in curve.details()
+        assert told["peak frequency"] == "360 Hz" and "highest, no peak" in curve.summary()
 
     def test_a_maximum_is_a_peak(self, study):
-        curve = study.track(2000.0, (330.0, 365.0))
+        curve = study.frequency_response(2000.0, (330.0, 365.0))
         assert not curve.peak_at_end
-        told = {fact.name: fact.to_digits(6) for fact in curve.facts()}
+        told = {fact.name: fact.to_digits(6) for fact in curve._facts()}
         assert told["peak kind"] == "peak" and told["peak amplitude"] == amount(curve.peak.amplitude, "m", 6)
 
     def test_of_linear_limits(self, study):
@@ -70,18 +70,18 @@ class TestOptimum:
     def test_at_the_end_of_the_range(self, study):
         curve = study.optimal_curve((3e3, 2e4), 3, frequency=INTERVAL, check=False)
         assert curve.optimum.kind == "end"
-        assert "end of the range, the optimum may lie beyond" in curve.details()
+        assert "end of the range, the optimum may lie beyond" in curve.summary()
 
     def test_without_any_peak_the_end_of_the_interval_is_named(self, study):
         curve = study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
         assert set(curve.kind) == {""} and np.isnan(curve.amplitude).all() and (curve.lower_bound > 0.0).all()
-        assert "highest at an end of the interval, without a maximum in it" in curve.details()
+        assert "highest at an end of the interval, without a maximum in it" in curve.summary()
 
     def test_without_any_response_is_refused(self, study, monkeypatch):
         def overflows(*args, **_):
             raise FloatingPointError("overflow")
 
-        monkeypatch.setattr(sys.modules["bdamper.response.highest_peak"], "track", overflows)
+        monkeypatch.setattr(sys.modules["bdamper.response.highest_peak"], "frequency_response", overflows)
         with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads from 100 to 1000 N between 100 and"):
             study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
 
@@ -89,7 +89,7 @@ class TestOptimum:
         assert bonded.optimum.kind == "flat"
         assert np.isnan(bonded.optimum.preload)
         assert bonded.optimum.amplitude == pytest.approx(bonded.stuck.amplitude, rel=1e-6)
-        assert Fact("optimum kind", "flat") in bonded.facts() and "The preload does not matter" in bonded.details()
+        assert Fact("optimum kind", "flat") in bonded._facts() and "The preload does not matter" in bonded.summary()
 
     def test_flat_is_kept_in_a_file(self, bonded, tmp_path):
         bonded.save(tmp_path / "flat.h5")
@@ -103,9 +103,9 @@ class TestOptimum:
 class TestStudyOfACurve:
     def test_other_settings_are_refused(self, study, curve):
         with pytest.raises(bd.SettingError, match="other settings"):
-            study.with_(friction_coefficient=0.3).with_stability(curve)
+            study.replace(friction_coefficient=0.3).with_stability(curve)
         with pytest.raises(bd.SettingError, match=r"^curve: expected one of this study"):
-            study.with_(harmonics=3).with_stability(curve)
+            study.replace(harmonics=3).with_stability(curve)
 
 
 class TestShortTexts:
@@ -113,7 +113,7 @@ class TestShortTexts:
         state = study.static(500.0)
         for item in (study.model, study, study.problem.coupling, state, study.model.bodies, study.model.interfaces,
                      study.settings, study.problem.bases[0], study.static(500.0), study.model.meshes,
-                     study.track(2000.0, (360.0, 380.0))):  # fmt: skip
+                     study.frequency_response(2000.0, (360.0, 380.0))):  # fmt: skip
             assert len(str(item)) < 1500, type(item)
             assert len(repr(item)) < 1500, type(item)
             assert "array(" not in repr(item)
@@ -127,7 +127,7 @@ class TestShortTexts:
 
     def test_of_settings_that_are_arrays(self, study):
         faces = study.model.interfaces
-        full = study.with_(
+        full = study.replace(
             contact_stiffness={name: np.full((face.n_points, 3), 1e7) for name, face in faces.items()},
             gap={name: np.full(face.n_points, 2e-6) for name, face in faces.items()}, bias=False,
         )  # fmt: skip
@@ -155,29 +155,29 @@ class TestBottomLine:
             assert amount(value, unit) in f"{first} {second}"
         assert f"{curve.free.amplitude / o.amplitude:.3g} times below the free blade" in f"{first} {second}"
         low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
-        assert f"Within 20 % of the minimum from {span(low, high, 'N')}. Recommended: " in curve.bottom_line()
-        assert "Recommended" not in replace(curve, optimum=replace(o, kind="end")).bottom_line()
+        assert f"Within 20 % of the minimum from {span(low, high, 'N')}. Recommended: " in curve._headline()
+        assert "Recommended" not in replace(curve, optimum=replace(o, kind="end"))._headline()
         at_twenty = {**curve.settings, "excitation": {**curve.settings["excitation"], "amplitude": 20.0}}
-        assert "of preload at 20 N of excitation." in replace(curve, settings=at_twenty).bottom_line()
+        assert "of preload at 20 N of excitation." in replace(curve, settings=at_twenty)._headline()
         loads, heights = np.array([10.0, 40.0, 60.0, 100.0, 200.0]), np.array([5.0, 3.0, 2.0, 1.0, 2.0])
         steep = replace(curve, preload=loads, amplitude=heights, optimum=replace(o, preload=100.0, amplitude=1.0))
         advice = "Recommended: 120 to 150 N; at half the optimum the amplitude is 2 to 3 times higher."
-        assert advice in steep.bottom_line()
+        assert advice in steep._headline()
         heights[1] = np.nan
-        assert "Recommended: 120 to 150 N." in steep.bottom_line()
-        assert len(rest) <= 12 and rest[-1] == "  details() has the rest"
+        assert "Recommended: 120 to 150 N." in steep._headline()
+        assert len(rest) <= 12 and rest[-1] == "  summary() has the rest"
         left = replace(curve, optimum=replace(o, status="incomplete: why"))
-        assert "The search for the optimum is incomplete: why." in left.bottom_line()
-        assert "does not matter" in replace(curve, optimum=replace(o, preload=np.nan, kind="flat")).bottom_line()
+        assert "The search for the optimum is incomplete: why." in left._headline()
+        assert "does not matter" in replace(curve, optimum=replace(o, preload=np.nan, kind="flat"))._headline()
 
     def test_of_curves_and_peaks(self, study, curve, peak):
         top = f"{amount(curve.peak.amplitude, 'm')} at {amount(curve.peak.frequency, 'Hz')}"
         assert str(curve).startswith(f"Resonance of {top} under a preload of 8 kN. Not checked in time.")
-        assert "A slow sweep of frequency jumps by up to" in curve.bottom_line()
-        end = study.track(2000.0, (360.0, 380.0))
-        assert "an end of the curve (360 Hz to 380 Hz) and is not a peak" in end.bottom_line()
-        assert "there may be a higher one: why" in replace(end, status="incomplete", reason="why").bottom_line()
-        assert study.free(INTERVAL).bottom_line().startswith("Free resonance of 1.44 mm at 283 Hz.")
+        assert "A slow sweep of frequency jumps by up to" in curve._headline()
+        end = study.frequency_response(2000.0, (360.0, 380.0))
+        assert "an end of the curve (360 Hz to 380 Hz) and is not a peak" in end._headline()
+        assert "there may be a higher one: why" in replace(end, status="incomplete", reason="why")._headline()
+        assert study.free(INTERVAL)._headline().startswith("Free resonance of 1.44 mm at 283 Hz.")
         assert str(peak).startswith(f"Resonance of {amount(peak.amplitude, 'm')} at {amount(peak.frequency, 'Hz')}")
         assert str(replace(peak, status="not found: why")).startswith("No peak: not found: why.")
 
@@ -187,11 +187,11 @@ class TestBottomLine:
 
 
 def test_details_have_the_units_of_the_columns(peak):
-    assert Fact("preload", 8000.0, "N") in peak.facts() and "\n  preload          8 kN\n" in peak.details()
+    assert Fact("preload", 8000.0, "N") in peak._facts() and "\n  preload          8 kN\n" in peak.summary()
 
 
 def test_places_close_together_are_told_apart():
     assert str(Fold(360.12, 1e-3, 1)) == "fold: 1 mm at 360.12 Hz (point 1)"
     assert as_words({"preload": 1001.0}) == "preload 1.001 kN" and as_words({"mu": 0.46049}) == "mu 0.46049"
-    kept = Marched(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9).bottom_line()
+    kept = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9)._headline()
     assert "at 354.17 Hz;" in kept and "jumps to a lower amplitude at 354.24 Hz" in kept

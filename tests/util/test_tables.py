@@ -18,7 +18,7 @@ import bdamper as bd
 from bdamper.analyses.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
 from bdamper.response.convergence_result import Convergence, HarmonicPeak
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.util.display import Plottable, draws
 from bdamper.util.formatting import amount, height
 from bdamper.util.tables import (
@@ -45,7 +45,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def curve(study):
-    return study.track(4000.0, (350.0, 358.0))
+    return study.frequency_response(4000.0, (350.0, 358.0))
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +186,7 @@ class TestQuantities:
 
     def test_labels(self):
         assert label(Made, "half") == "Half of it (mm)" and label(Made, "weight") == "Mass of the disk (kg)"
-        assert label(Curve, "peak_to_peak") == "Peak to peak (m)" and label(Curve, "stable") == "Stable"
+        assert label(ResponseCurve, "peak_to_peak") == "Peak to peak (m)" and label(ResponseCurve, "stable") == "Stable"
         assert label(Made, "place", "mm") == "Place (mm)"
 
     def test_rows_of_small_records(self):
@@ -200,7 +200,7 @@ class TestNotebook:
         for shown, line in ((curve, f"{1e6 * curve.peak.amplitude:.3g} µm"), (study, "1 N at tip")):
             page = shown._repr_html_()
             assert "<table>" in page and line in page and page.count("data:image/png;base64,iVBOR") == 1
-        first = f"<div><p><b>{curve.bottom_line()}</b></p><table>"
+        first = f"<div><p><b>{curve._headline()}</b></p><table>"
         assert curve._repr_html_().startswith(first) and amount(curve.peak.amplitude, "m", 6) in curve._repr_html_(), (
             "folded away"
         )
@@ -208,7 +208,7 @@ class TestNotebook:
 
     def test_what_is_printed_where_there_are_no_facts(self, swept):
         page = swept._repr_html_()
-        assert f"<p><b>{swept.bottom_line()}</b></p><table>" in page and f"<pre>{swept.details()[:10]}" in page
+        assert f"<p><b>{swept._headline()}</b></p><table>" in page and f"<pre>{swept.summary()[:10]}" in page
         assert "  mu   preload (N)  amplitude" in str(swept) and page.count("<tr>") == 1 + len(swept)
 
     def test_of_a_long_table_the_ends_are_printed(self):
@@ -228,21 +228,21 @@ class TestNotebook:
 
     def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
         assert str(curve.peak).startswith(f"peak: {height(curve.peak.amplitude, curve.peak.frequency, 6)} (point")
-        assert repr(study.track(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: ")
+        assert repr(study.frequency_response(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: ")
 
 
 class TestDifferences:
     def test_of_studies(self, study):
         twice = bd.Excitation("tip", amplitude=2.0)
-        other = study.with_(friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
+        other = study.replace(friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
         found = study.compare(other)
         assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
         assert "friction_coefficient.right  0.4    0.2     -50 %" in str(found) and "+100 %" in found._repr_html_()
-        again = study.another(study.problem.with_())
+        again = study._with_problem(study.problem.replace())
         assert not study.compare(again) and "no difference" in str(study.compare(again))
 
     def test_of_curves(self, study, curve):
-        other = study.track(8000.0, (350.0, 358.0))
+        other = study.frequency_response(8000.0, (350.0, 358.0))
         found = curve.compare(other)
         assert found.settings == ()
         names = {a.name: (a.value, b.value) for a, b in found.outcomes}
@@ -258,7 +258,7 @@ class TestDifferences:
 
     def test_settings_of_a_study_and_a_result(self, study, curve):
         assert not study.compare(curve)
-        assert [name for name, *_ in study.with_(bias=False).compare(curve).settings] == ["bias"]
+        assert [name for name, *_ in study.replace(bias=False).compare(curve).settings] == ["bias"]
 
     def test_with_something_else_is_refused(self, curve):
         with pytest.raises(bd.SettingError, match="other: expected a study or a result to compare with, found a float"):
@@ -269,9 +269,9 @@ class TestMistakenArguments:
     """What a user gives in the place of something else is named for what it is."""
 
     def test_a_list_of_results(self, study, curve):
-        with pytest.raises(bd.SettingError, match=r"curve: expected a tracking curve, found a list of 1 Curve$"):
+        with pytest.raises(bd.SettingError, match=r"curve: expected a response curve, found a list of 1 ResponseCurve$"):
             study.with_stability([curve])
-        with pytest.raises(bd.SettingError, match=r"found a tuple of 2 Curve$"):
+        with pytest.raises(bd.SettingError, match=r"found a tuple of 2 ResponseCurve$"):
             study.with_stability((curve, curve))
 
     def test_a_forgotten_engine_order(self, study):
@@ -279,7 +279,7 @@ class TestMistakenArguments:
             bd.Study(study.model, bd.Excitation("tip"))
 
     def test_a_result_in_the_place_of_a_model(self, curve, tmp_path):
-        with pytest.raises(bd.ModelError, match="model: expected a Model, found Curve"):
+        with pytest.raises(bd.ModelError, match="model: expected a Model, found ResponseCurve"):
             bd.Study(curve, bd.Excitation("tip"))
         curve.save(tmp_path / "curve.h5")
         with pytest.raises(bd.ModelError, match=r"expected 'bdamper-model', found 'bdamper-curve': bd\.load reads results"):

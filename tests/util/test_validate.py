@@ -93,7 +93,7 @@ def study():
     return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
 
 
-FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "variable_normal_load")
+FLAGS = ("bias", "constraint_planes", "fundamental_modes_only", "stability", "separation", "variable_normal_load")
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "vari
         ("contact_stiffness", np.nan), ("contact_stiffness", {"left": 1e7}),
         ("contact_stiffness", {"left": "1", "right": 1.0}), ("contact_stiffness", "model"),
         ("contact_stiffness_factor", "2"), ("contact_stiffness_factor", 0.0),
-        ("evaluation", "sampled"), ("evaluation", 128), ("evaluation", None),
+        ("contact_forces", "sampled"), ("contact_forces", 128), ("contact_forces", None),
         ("friction_law", None), ("friction_law", "x"), ("friction_law", {"left": "x", "right": "x"}), ("friction_law", 1),
         ("damping_ratio", "0.1"), ("damping_ratio", 1.0), ("contact_points", "9"), ("contact_points", 0),
         ("gap", 1e-6), ("gap", {"left": "wide"}), ("gap", {"left": np.zeros(4)}), ("gap", ()),
@@ -120,14 +120,14 @@ FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "vari
 )  # fmt: skip
 def test_a_study_refuses_bad_settings_at_once(study, name, value):
     with pytest.raises(bd.SettingError, match=rf"^{name}.*: .*(expected|the model has none)"):
-        study.with_(**{name: value})
+        study.replace(**{name: value})
 
 
 def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
-    with pytest.raises(bd.SettingError, match="Sampled with at least 24 samples for 5 harmonics, found 16"):
-        study.with_(harmonics=5, evaluation=bd.Sampled(16))
-    few = study.with_(evaluation=bd.Sampled(16))
-    with pytest.raises(bd.SettingError, match="evaluation: expected"):
+    with pytest.raises(bd.SettingError, match="AFT with at least 24 samples for 5 harmonics, found 16"):
+        study.replace(harmonics=5, contact_forces=bd.AFT(16))
+    few = study.replace(contact_forces=bd.AFT(16))
+    with pytest.raises(bd.SettingError, match="contact_forces: expected"):
         few.with_effects(replace(bd.Effects.of(few), harmonics=5))
 
 
@@ -148,10 +148,11 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
             ("harmonics", 65), ("friction_law", {"left": "x"}),
         ]),
         *(lambda v=v: bd.PerArea(v) for v in ["a", -1, np.nan, None, (1.0, 2.0), (1.0, 2.0, "3")]),
-        *(lambda v=v: bd.Sampled(v) for v in ["128", 10**9, 4, 12.5, None]),
-        lambda: bd.Sampled(128, "yes"),
+        *(lambda v=v: bd.AFT(v) for v in ["128", 10**9, 4, 12.5, None]),
+        lambda: bd.AFT(128, "yes"),
         *(lambda n=n, v=v: bd.ResidualModes(**{n: v}) for n, v in [
-            ("patterns", "x"), ("patterns", 0), ("patterns", None), ("share", "x"), ("share", 0.0), ("inertia", 1),
+            ("n_vectors", "x"), ("n_vectors", 0), ("n_vectors", None), ("contact_share", "x"), ("contact_share", 0.0),
+            ("inertia", 1),
         ]),
         *(lambda n=n, v=v: bd.Excitation(**{"location": "tip", n: v}) for n, v in [
             ("location", 1), ("direction", "up"), ("direction", (0.0, 0.0, 0.0)), ("direction", None),
@@ -223,11 +224,14 @@ F = (270.0, 380.0)
 @pytest.mark.parametrize(
     "ask",
     [
-        lambda s: s.track("2 kN", F), lambda s: s.track(None, F), lambda s: s.track(-1.0, F),
-        lambda s: s.track(9.0, 300.0), lambda s: s.track(9.0, (380.0, 270.0)), lambda s: s.track(9.0, "ab"),
-        lambda s: s.track(9.0, F, stability="no"),
-        lambda s: s.track(9.0, F, progress="yes"), lambda s: s.track(9.0, F, options={"step": 0.1}),
-        lambda s: s.track(9.0, F, options=bd.PeakOptions()),
+        lambda s: s.frequency_response("2 kN", F), lambda s: s.frequency_response(None, F),
+        lambda s: s.frequency_response(-1.0, F),
+        lambda s: s.frequency_response(9.0, 300.0), lambda s: s.frequency_response(9.0, (380.0, 270.0)),
+        lambda s: s.frequency_response(9.0, "ab"),
+        lambda s: s.frequency_response(9.0, F, stability="no"),
+        lambda s: s.frequency_response(9.0, F, progress="yes"),
+        lambda s: s.frequency_response(9.0, F, options={"step": 0.1}),
+        lambda s: s.frequency_response(9.0, F, options=bd.PeakOptions()),
         lambda s: s.free("low"), lambda s: s.stuck(F, "1"), lambda s: s.static("a"), lambda s: s.static(5.0, history="up"),
         lambda s: s.static(5.0, history=()), lambda s: s.wedge_friction(None),
         lambda s: s.peak("a", F), lambda s: s.peak(9.0, "F"), lambda s: s.peak(9.0, mode="1"),
@@ -236,7 +240,8 @@ F = (270.0, 380.0)
         lambda s: s.optimal_curve((20.0, 25e3), 5, frequency="F"), lambda s: s.optimal_curve((20.0, 25e3), 5, mode="1"),
         lambda s: s.optimal_curve((20.0, 25e3), 5, options={}), lambda s: s.optimal_curve(20.0),
         lambda s: s.optimal_curve((20.0, "x")), lambda s: s.optimal_curve((20.0, 10.0)),
-        lambda s: s.advise(9.0, F, against="all"), lambda s: s.advise(9.0, F, tolerance="x"), lambda s: s.advise("9", F),
+        lambda s: s.effect_significance(9.0, F, against="all"), lambda s: s.effect_significance(9.0, F, tolerance="x"),
+        lambda s: s.effect_significance("9", F),
         lambda s: s.with_effects("all"), lambda s: s.verify(None), lambda s: s.with_stability("curve"),
         lambda s: s.estimate_errors(None), lambda s: s.with_errors(None), lambda s: s.peak_sensitivities("peak"),
         lambda s: bd.compare({}, len), lambda s: bd.compare({"a": s, "b": {"frictoin": 1}}, len),
@@ -249,8 +254,8 @@ F = (270.0, 380.0)
         lambda s: bd.sweep(s, {"preload": [1.0]}, frequency="F"), lambda s: bd.sweep(s, {"preload": [1.0]}, model="m"),
         lambda s: bd.PeakTask("9"), lambda s: bd.OptimalTask(n="5"), lambda s: bd.OptimalTask((2.0, 1.0)),
         lambda s: bd.microslip(s, 9.0, [1.0], location="x"), lambda s: bd.microslip(s, 9.0, ["1"]),
-        lambda s: bd.misfit(s.model.interfaces["left"], angle="x"), lambda s: bd.misfit("left"),
-        lambda s: bd.misfit(s.model.interfaces["left"], crowning=None),
+        lambda s: bd.face_gap(s.model.interfaces["left"], angle="x"), lambda s: bd.face_gap("left"),
+        lambda s: bd.face_gap(s.model.interfaces["left"], crowning=None),
     ],
 )  # fmt: skip
 def test_calls_refuse_bad_arguments(study, ask):
@@ -259,7 +264,7 @@ def test_calls_refuse_bad_arguments(study, ask):
 
 
 def test_calls_on_results_refuse_bad_arguments(study):
-    curve, peak = study.track(1000.0, F), study.peak(1000.0, F)
+    curve, peak = study.frequency_response(1000.0, F), study.peak(1000.0, F)
     for ask in (
         lambda: study.peak_sensitivities(peak, ["mu"]),
         lambda: study.peak_sensitivities(peak, "preload"),
@@ -287,7 +292,7 @@ def test_files_that_cannot_be_named(study, tmp_path):
 
 @pytest.fixture(scope="module")
 def tracked(study):
-    return study.track(1000.0, F)
+    return study.frequency_response(1000.0, F)
 
 
 @pytest.mark.parametrize(
@@ -318,7 +323,7 @@ def test_pictures_refuse_what_they_cannot_draw(study, tracked, draw):
 
 
 def test_a_load_whose_motions_are_left_out_is_named(study):
-    still = study.with_(rigid_modes=())
+    still = study.replace(rigid_modes=())
     for ask in (lambda: still.static(10.0), lambda: still.optimal_curve((10.0, 100.0), 3)):
         with pytest.raises(bd.SettingError, match=r"the study leaves out the motions of \['damper'\] along the load"):
             ask()

@@ -71,14 +71,14 @@ def test_a_reader_leaves_the_warnings_of_others(tmp_path):
 
 def test_all_diameters_are_made_without_warnings_and_leave_those_of_others(monkeypatch):
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2)
-    pause, with_ = Pause(), Problem.with_
+    pause, with_ = Pause(), Problem.replace
 
     def slow(problem, **changes):
         pause()
         say("of a problem that nobody asked for")
         return with_(problem, **changes)
 
-    monkeypatch.setattr(Problem, "with_", slow)
+    monkeypatch.setattr(Problem, "replace", slow)
     said = [f"warning {k}" for k in range(50)]
     assert heard_beside(lambda: every_diameter(study.problem), pause, lambda: [say(text) for text in said]) == said
 

@@ -19,11 +19,11 @@ import numpy as np
 
 from bdamper.analyses.error_estimates import missing_harmonics, with_stand_ins
 from bdamper.analyses.refined_peak import ask, whole_curve
-from bdamper.contact.law_codes import Sampled
+from bdamper.contact.law_codes import AFT
 from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_dispatch import Asking, like, problem_of
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.peak import Peak
 from bdamper.response.resonance_interval import peak_interval
 from bdamper.util import validation
@@ -38,7 +38,7 @@ from bdamper.util.threading import one_thread
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
-Solver = Callable[[Any, float, tuple[float, float]], Curve | Peak | tuple[float, float]]
+Solver = Callable[[Any, float, tuple[float, float]], ResponseCurve | Peak | tuple[float, float]]
 """Finds the highest peak of a study for a preload (N) and an interval of frequencies (Hz), or amplitude (m) and frequency
 (Hz) of it, not finite if none was found, or raises a BdamperError."""
 RICHEST, COMBINED = "richest", "combination"
@@ -133,7 +133,7 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         """Sum of the last steps, NaN where one is not known: how far the richest run itself may be off."""
         return float(sum(self.last_steps.values()))
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         best, tolerance = self.recommended, percent(self.tolerance)
         if best is self.richest:
             found = f"Nothing but the richest that was run is within {tolerance} of it."
@@ -178,7 +178,7 @@ def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
 
 
 def _name(value: Any) -> str:
-    if isinstance(value, Sampled):
+    if isinstance(value, AFT):
         return f"{value.n_time} samples" + ("" if value.interpolate else ", plain")
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
@@ -191,7 +191,7 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     points = changes.get("contact_points")
     if points is not None and points >= problem.settings.most_points:
         changes["contact_points"] = None
-    return problem.with_(**changes) if changes else problem
+    return problem.replace(**changes) if changes else problem
 
 
 # ---- the search ----
@@ -249,7 +249,7 @@ def accuracy_cost(
     frequency : (low, high), Hz, optional
         Interval of the peak; around the first mode by default.
     quantity : callable, optional
-        A function of (study, preload, interval) that returns amplitude (m) and frequency (Hz), a peak or a tracking curve;
+        A function of (study, preload, interval) that returns amplitude (m) and frequency (Hz), a peak or a response curve;
         by default the whole curve.
     vary : str, sequence of str or mapping, optional
         Settings and their values from the cheapest to the richest; for "harmonics", "contact_points" and "blade_modes",

@@ -109,12 +109,12 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     def _grid(self) -> dict[str, Any]:
         return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """Where orders meet modes."""
         places = ((f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in self.met)
         return tuple(Fact(*place) for place in places)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         pairs = dict.fromkeys((n, m) for n, m, *speeds in self.met if np.isfinite(speeds).any())
         which = ", ".join(f"order {n:g} with mode {m:g}" for n, m in pairs) or "none"
         return f"Engine orders that meet modes from {_place(self.speed[0])} to {_place(self.speed[-1])}: {which}."
@@ -192,7 +192,7 @@ def campbell(
     n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
     beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
     validation.require(not beyond, "engine_orders", f"orders that meet nodal diameters {diameters}", beyond)
-    by_diameter = [SpeedFamily(problem.with_(engine_order=d or n, harmonics=1), resting) for d in diameters]
+    by_diameter = [SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters]
     own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
     mean = diameters.index(own) if own in diameters else 0  # the static state has no nodal diameter: one serves all
     for i, omega in enumerate(each(values.tolist(), progress, "Campbell diagram", "speed")):

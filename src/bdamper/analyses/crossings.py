@@ -8,7 +8,6 @@ table are those of sweeps.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -16,13 +15,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.engine_order_line import CLOSE, NODES, at_fixed_speed, exact, follow_line, interval
 from bdamper.analyses.speed_family import SpeedFamily
-from bdamper.analyses.sweep import SweepResult, sweep, sweep_fields
+from bdamper.analyses.sweep import SweepResult, sweep
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.stress_cycle import chosen_sets
 from bdamper.harmonic_balance.equations import Equations
@@ -35,8 +33,7 @@ from bdamper.response.sensitivity import sensitivities
 from bdamper.util import validation
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
-from bdamper.util.status import COMPLETE, FAILED, INCOMPLETE, NOT_FOUND, NOT_RUN, word
-from bdamper.util.storage import enter_former
+from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND
 
 AROUND = (0.03, 0.01, 0.003)
 """Ranges, relative, around a highest point at which interpolation leaves too much, one after the other: tables over speed
@@ -152,7 +149,7 @@ class CrossingTask:
 
 
 @partial(validation.spelt, also=Conditions.__dataclass_fields__)
-def crossings(
+def resonance_crossings(
     problem: Problem,
     /,
     speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
@@ -212,22 +209,6 @@ def crossings(
     task = CrossingTask((float(values[0]), float(values[-1])), mode, given, margin, named)
     over = {"damper_mass": factors.tolist(), "engine_order": list(orders)}
     return sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
-
-
-def _of_0_6(group: h5py.Group) -> dict[str, Any]:
-    """Fields of the sweep that crossings in a file of version 0.6 or before are."""
-    numbers = {name: group[name][()].tolist() for name in NUMBERS if name in group}
-    numbers |= dict(zip(("stick", "slip", "open"), group["shares"][()].T.tolist()))
-    texts = {name: json.loads(group[was][()]) for name, was in (("kind", "kind"), ("warning", "warnings"))}
-    over = {"damper_mass": group["mass_factor"][()].tolist(), "engine_order": group["engine_order"][()].tolist()}
-    masses = len(set(over["damper_mass"]))
-    answers = numbers | texts
-    status = [kind if word(kind) in (FAILED, NOT_RUN) else COMPLETE for kind in texts["kind"]]
-    fields = sweep_fields(over, answers, status, np.array([cost["seconds"] for cost in json.loads(group["cost"][()])]))
-    return fields | {"shape": (masses, len(status) // masses)}
-
-
-enter_former("bdamper-crossings", "lines_", SweepResult, _of_0_6)
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:

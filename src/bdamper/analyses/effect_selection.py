@@ -37,7 +37,7 @@ from bdamper.util.threading import one_thread
 
 
 @dataclass(frozen=True)
-class EffectAdvice:
+class EffectRow:
     """Change of the peak without one effect, and whether the effect is needed.
 
     Parameters
@@ -53,7 +53,7 @@ class EffectAdvice:
     source : {"estimated", "computed", "unknown"}
     work : float
         Operations of a Newton iteration without the effect, relative to those of the reference.
-    called_for : bool
+    significant : bool
     reason : str
         Why the change is not known, or why an effect of a small change is needed.
     """
@@ -65,7 +65,7 @@ class EffectAdvice:
     uncertainty: float
     source: str
     work: float
-    called_for: bool = True
+    significant: bool = True
     reason: str = ""
 
     @property
@@ -77,16 +77,16 @@ class EffectAdvice:
     def verdict(self) -> str:
         """Recommended action for the effect in the study."""
         if self.on:
-            return "keep" if self.called_for else "leave out"
-        return "switch on" if self.called_for else "stays off"
+            return "keep" if self.significant else "leave out"
+        return "switch on" if self.significant else "stays off"
 
 
 @brief
 @dataclass(frozen=True)
-class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
+class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance", version=4):
     """Change of the peak without each effect, and which effects are needed.
 
-    ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_advice`).
+    ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_effect_significance`).
 
     Parameters
     ----------
@@ -97,9 +97,9 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
         Relative change of amplitude or frequency of the highest peak that leaving out effects may make in all.
     amplitude, frequency : float, m, Hz
         The highest peak of the reference.
-    effects : tuple of EffectAdvice
+    effects : tuple of EffectRow
         The largest change first.
-    reference, called_for : Effects
+    reference, significant : Effects
         All effects on, and just those that the scene calls for.
     amplitude_change, frequency_change : float
         Relative change of the peak with just the effects needed, computed.
@@ -114,9 +114,9 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
     tolerance: float
     amplitude: float
     frequency: float
-    effects: tuple[EffectAdvice, ...]
+    effects: tuple[EffectRow, ...]
     reference: Effects
-    called_for: Effects
+    significant: Effects
     amplitude_change: float
     frequency_change: float
     work: float
@@ -126,16 +126,16 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
         """A row for each effect; changes are relative."""
         return from_rows(self.effects)
 
-    def __getitem__(self, name: str) -> EffectAdvice:
+    def __getitem__(self, name: str) -> EffectRow:
         by_name = {item.name: item for item in self.effects}
         return by_name[validation.choice("effect", name, by_name)]
 
     @property
     def left_out(self) -> tuple[str, ...]:
         """Names of the effects that the scene does not call for."""
-        return tuple(e.name for e in self.effects if not e.called_for)
+        return tuple(e.name for e in self.effects if not e.significant)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         left = ", ".join(self.left_out) or "none"
         change = f"the peak changes by {percent(self.amplitude_change, True)} at {self.work:.2g} of the work"
         return (
@@ -156,14 +156,14 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4):
 
 @validation.spelt
 @one_thread
-def advise(
+def effect_significance(
     problem: Problem,
     preload: float,
     frequency: tuple[float, float],
     *,
     against: Effects | None = None,
     tolerance: float = 0.01,
-) -> Advice:
+) -> EffectSignificance:
     """Change of the highest peak without each effect, and which effects are needed.
 
     It costs many peaks itself: that of the reference, one for each effect whose change is not small, one or a few to
@@ -183,7 +183,7 @@ def advise(
 
     Returns
     -------
-    Advice
+    EffectSignificance
 
     Raises
     ------
@@ -199,14 +199,14 @@ def advise(
     rows = [reference.row(name, own, tolerance) for name in parts(problem, effects)]
     rows.sort(key=lambda row: -row.size)
     rows, (amplitude, change) = _chosen(reference, rows, tolerance)
-    called_for = effects
+    significant = effects
     for row in rows:
-        called_for = called_for if row.called_for else called_for.without(row.name)
+        significant = significant if row.significant else significant.without(row.name)
     peak, whole = reference.peak, reference.curve
     notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
-    work = _work(problem.with_effects(called_for).system(preload)) / reference.work
-    return Advice(
-        preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, called_for, amplitude, change,
+    work = _work(problem.with_effects(significant).system(preload)) / reference.work
+    return EffectSignificance(
+        preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, significant, amplitude, change,
         work, notes,
     )  # fmt: skip
 
@@ -220,12 +220,12 @@ class _Reference:
         self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
 
-    def row(self, name: str, own: Effects, tolerance: float) -> EffectAdvice:
+    def row(self, name: str, own: Effects, tolerance: float) -> EffectRow:
         """The change of the peak without one effect: estimated, where that is not enough computed."""
         on = own.without(name) != own
         leaner = self.problem.with_effects(self.effects.without(name))
         if not leaner.static(self.preload).converged:
-            return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
+            return EffectRow(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
         system, found, source = leaner.system(self.preload), None, "estimated"
         if self.curve.point_kind[self.peak.index] == "maximum":  # elsewhere the amplitude is not stationary along the curve
             y = np.append(self.curve.unknowns[self.peak.index], 2.0 * np.pi * self.peak.frequency)
@@ -234,7 +234,7 @@ class _Reference:
             found, source = self.computed(leaner), "computed"
         why = "" if found.known else found.how
         source = source if found.known else "unknown"
-        return EffectAdvice(name, on, *found[:3], source, _work(system) / self.work, reason=why)
+        return EffectRow(name, on, *found[:3], source, _work(system) / self.work, reason=why)
 
     def computed(self, leaner: Problem) -> Change:
         """Relative change of amplitude and frequency to the highest peak of another study."""
@@ -242,13 +242,13 @@ class _Reference:
 
 
 def _chosen(
-    reference: _Reference, rows: list[EffectAdvice], tolerance: float
-) -> tuple[list[EffectAdvice], tuple[float, float]]:
+    reference: _Reference, rows: list[EffectRow], tolerance: float
+) -> tuple[list[EffectRow], tuple[float, float]]:
     """The rows, marked with the effects that can be left out together, and the computed change without all of these."""
     taken_back = {row.name: reason for row in rows if (reason := _contains_more(reference.effects, row, rows, tolerance))}
     worth = 0.98  # share of the work of the reference from which on leaving an effect out saves nothing
     while True:
-        effects, total, out = reference.effects, 0.0, dict[str, EffectAdvice]()
+        effects, total, out = reference.effects, 0.0, dict[str, EffectRow]()
         for row in sorted(rows, key=lambda row: row.work):
             fits = row.name not in taken_back and total + row.size <= tolerance
             if fits and (row.work < worth or not row.on) and effects.without(row.name) != effects:
@@ -269,11 +269,11 @@ def _chosen(
         reason = row.reason or taken_back.get(row.name, "")
         if not covered and not reason and row.size <= tolerance:
             reason = "saves nothing" if row.work >= worth else "the sum would be beyond the tolerance"
-        marked.append(replace(row, called_for=not covered, reason="" if covered else reason))
+        marked.append(replace(row, significant=not covered, reason="" if covered else reason))
     return marked, change
 
 
-def _contains_more(effects: Effects, row: EffectAdvice, rows: list[EffectAdvice], tolerance: float) -> str:
+def _contains_more(effects: Effects, row: EffectRow, rows: list[EffectRow], tolerance: float) -> str:
     """Whether leaving out an effect leaves out another one that is needed by itself: both may cancel by chance."""
     without = effects.without(row.name)
     large = (other.name for other in rows if other is not row and other.size > tolerance)
@@ -319,7 +319,7 @@ def parts(problem: Problem, effects: Effects) -> list[str]:
     if problem.model.n_blades > 1:
         names.append("harmonic nodal diameters")
     if any(face.kind == "constraint" for face in problem.model.interfaces.values()):
-        names.append("constraints")
+        names.append("constraint_planes")
     if any(body.kind == "free" for body in problem.model.bodies.values()):
         names += [f"rotation {axis}" for axis in AXES]
         loaded = any(body.load is not None for body in problem.model.bodies.values())

@@ -27,7 +27,7 @@ from bdamper.harmonic_balance.speed_family import Family, responses
 from bdamper.response.branches import Coverage, ending, evaluation_budget
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.highest_peak import Highest, highest_of_curve
 from bdamper.response.initial_solution import first_point
 from bdamper.response.peak import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
@@ -61,7 +61,7 @@ def follow_line(
     mode: int,
     meter: CostMeter,
     options: ContinuationOptions | None = None,
-) -> tuple[Equations[Family], Curve, Highest | None]:
+) -> tuple[Equations[Family], ResponseCurve, Highest | None]:
     """Equations along the line, the response between two speeds (rad/s), and its highest maximum where it has one.
 
     The parameter of the latter is its speed.

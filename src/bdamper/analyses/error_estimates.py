@@ -12,7 +12,7 @@ followed, is not estimated, and says why.
 
 ``harmonics``
     As many more as there are, at least four; where the model lacks a nodal diameter the modes of the fundamental stand in.
-``evaluation``
+``contact_forces``
     Samples against exact events.
 ``contact points``
     United patches against the patches of the model.
@@ -34,13 +34,13 @@ import numpy as np
 
 from bdamper.analyses.change_estimate import Change
 from bdamper.analyses.refined_peak import Tops, compare
-from bdamper.contact.law_codes import Sampled
+from bdamper.contact.law_codes import AFT
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import check_result
 from bdamper.model.kinematics import RIGID_NAMES
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.error_estimate_result import ErrorEstimates, SourceError
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve
@@ -48,19 +48,19 @@ from bdamper.util import validation
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.threading import one_thread
 
-SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility")
+SOURCES = ("harmonics", "contact_forces", "contact points", "modes", "residual flexibility")
 
 
 @one_thread
-def estimate_errors(problem: Problem, result: Curve | Peak, *, sources: Sequence[str] = SOURCES) -> ErrorEstimates:
+def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: Sequence[str] = SOURCES) -> ErrorEstimates:
     """Estimated errors of a peak by source.
 
     Parameters
     ----------
     problem : Problem
         That the result was computed with.
-    result : Curve or Peak
-        Of a tracking curve the highest peak is taken.
+    result : ResponseCurve or Peak
+        Of a response curve the highest peak is taken.
     sources : sequence of str
         Out of :data:`SOURCES`.
 
@@ -74,8 +74,8 @@ def estimate_errors(problem: Problem, result: Curve | Peak, *, sources: Sequence
         If the result is not one of this study, or not converged.
     """
     sources = validation.names("sources", sources, SOURCES)
-    validation.instance("result", result, (Curve, Peak), "a Curve or a Peak of this study")
-    if isinstance(result, Curve):
+    validation.instance("result", result, (ResponseCurve, Peak), "a ResponseCurve or a Peak of this study")
+    if isinstance(result, ResponseCurve):
         check_curve(problem, result)
         preload = result.preload
         tops = replace(Tops.of(problem, result), follow=not result.peak_at_end)
@@ -121,7 +121,7 @@ def richer_study(problem: Problem, source: str) -> Richer | None:
     """
     return {
         "harmonics": _more_harmonics,
-        "evaluation": _exact_events,
+        "contact_forces": _exact_events,
         "contact points": _more_points,
         "modes": _more_modes,
         "residual flexibility": _residual_modes,
@@ -132,7 +132,9 @@ def missing_harmonics(problem: Problem, top: int) -> list[int]:
     """Harmonics up to the top one for which the model has no modes."""
     out = []
     for l in range(2, top + 1):
-        d, _ = problem.model.folded_nodal_diameter(problem.engine_order * (1 if problem.settings.single_basis else l))
+        d, _ = problem.model.folded_nodal_diameter(
+            problem.engine_order * (1 if problem.settings.fundamental_modes_only else l)
+        )
         if any(body.kind == "constrained" and d not in body.bases for body in problem.model.bodies.values()):
             out.append(l)
     return out
@@ -148,7 +150,7 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     for name, body in model.bodies.items():
         lent = {d: body.bases[own] for d in others if body.kind == "constrained" and d not in body.bases}
         bodies[name] = replace(body, bases={**body.bases, **lent})
-    return problem.with_(model=replace(model, bodies=bodies), harmonics=harmonics)
+    return problem.replace(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer:
@@ -162,20 +164,20 @@ def _more_harmonics(problem: Problem) -> Richer:
 
 
 def _exact_events(problem: Problem) -> Richer | None:
-    own = problem.settings.evaluation
-    if not isinstance(own, Sampled):
+    own = problem.settings.contact_forces
+    if not isinstance(own, AFT):
         return None
     try:
-        return Richer(problem.with_(evaluation="exact"), "exact events")
+        return Richer(problem.replace(contact_forces="event_driven"), "exact events")
     except SettingError:  # there are none with coupled friction
-        return Richer(problem.with_(evaluation=Sampled(4 * own.n_time)), f"{4 * own.n_time} samples")
+        return Richer(problem.replace(contact_forces=AFT(4 * own.n_time)), f"{4 * own.n_time} samples")
 
 
 def _more_points(problem: Problem) -> Richer:
     full = problem.settings.most_points
     if problem.settings.contact_points is None or problem.settings.contact_points >= full:
         raise BdamperError("the model has no more contact points")
-    return Richer(problem.with_(contact_points=None), f"{full} contact points on a face")
+    return Richer(problem.replace(contact_points=None), f"{full} contact points on a face")
 
 
 def _more_modes(problem: Problem) -> Richer:
@@ -190,26 +192,26 @@ def _more_modes(problem: Problem) -> Richer:
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
     text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
     modes = rich if len(set(rich.values())) > 1 else max(rich.values(), default=0)
-    return Richer(problem.with_(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
+    return Richer(problem.replace(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
-    if problem.stiffness_method not in ("unit_traction", "eq4"):
+    if problem.stiffness_method not in ("unit_traction", "cigeroglu2009"):
         return None
-    return Richer(problem.with_(contact_stiffness="residual_modes"), "residual modes")
+    return Richer(problem.replace(contact_stiffness="residual_modes"), "residual modes")
 
 
 @one_thread
-def with_errors(problem: Problem, curve: Curve, *, sources: Sequence[str] = SOURCES) -> Curve:
-    """The same tracking curve with estimated errors of its highest peak, which it prints in one line and saves.
+def with_errors(problem: Problem, curve: ResponseCurve, *, sources: Sequence[str] = SOURCES) -> ResponseCurve:
+    """The same response curve with estimated errors of its highest peak, which it prints in one line and saves.
 
     Parameters
     ----------
     problem : Problem
-    curve : Curve
+    curve : ResponseCurve
         Of this problem.
     sources : sequence of str
         What to estimate: "harmonics", "evaluation", "contact points", "modes", "residual flexibility".
     """
-    validation.instance("curve", curve, Curve)
+    validation.instance("curve", curve, ResponseCurve)
     return replace(curve, error_estimates=estimate_errors(problem, curve, sources=sources))

@@ -32,7 +32,16 @@ import scipy  # scipy.stats is loaded where it is used: half a second
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from bdamper.analyses.response_residuals import EDGE, FORCE, LOST, Separation, Test, Variations, of_resonances, of_test
+from bdamper.analyses.response_residuals import (
+    EDGE,
+    FORCE,
+    LOST,
+    MeasuredResponse,
+    Separation,
+    Variations,
+    of_resonances,
+    of_test,
+)
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import check_result
@@ -123,7 +132,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     test: NDArray
     status: str = COMPLETE
     notes: tuple[str, ...] = ()
-    _told = ("status", "notes")
+    _summary_fields = ("status", "notes")
 
     @property
     def misfits(self) -> NDArray:
@@ -195,7 +204,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
         return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         rows = zip(self.names, self.values, self.low, self.high, self.deviation)
         found = "; ".join(
             f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
@@ -230,7 +239,7 @@ class Objective:
     """
 
     problem: Problem
-    data: Sequence[Test | Measured]
+    data: Sequence[MeasuredResponse | Measured]
     ranges: Mapping[str, tuple[float, float]]
     noise: float
     held: dict[str, float] = field(default_factory=dict)
@@ -251,7 +260,7 @@ class Objective:
             gain = {FORCE: held.pop(FORCE)} if FORCE in held else {}  # its derivatives are found, too, and left out
             values = dict(zip(self.ranges, np.exp(x).tolist()))
             varied = Variations(vary(self.problem, held), values | {n: v for n, v in gain.items() if n not in values})
-            how: dict[type, Callable[..., Separation]] = {Test: of_test, Measured: of_resonances}
+            how: dict[type, Callable[..., Separation]] = {MeasuredResponse: of_test, Measured: of_resonances}
             self._last = x.copy(), [how[type(each)](varied, each, self.noise) for each in self.data]
         return self._last[1]
 
@@ -314,10 +323,10 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
 @one_thread
 def fit(
     problem: Problem,
-    data: Test | Measured | Sequence[Test | Measured],
+    data: MeasuredResponse | Measured | Sequence[MeasuredResponse | Measured],
     vary: Mapping[str, tuple[float, float]],
     *,
-    free: Measurement | Test | None = None,
+    free: Measurement | MeasuredResponse | None = None,
     noise: float = 0.02,
 ) -> Fitted:
     """Find parameters of a study from measured responses.
@@ -350,10 +359,10 @@ def fit(
     BdamperError
         If no response can be computed at any measured point.
     """
-    data = [data] if isinstance(data, Test | Measured) else list(data)
+    data = [data] if isinstance(data, MeasuredResponse | Measured) else list(data)
     validation.require(data, "data", "one test or more", "none")
     for each in data:
-        validation.instance("data", each, (Test, Measured))
+        validation.instance("data", each, (MeasuredResponse, Measured))
     noise = validation.number("noise", noise, above=0.0, below=1.0)
     names = (*setting_names(problem), FORCE)
     ranges = {}
@@ -362,10 +371,18 @@ def fit(
     first = None
     if free is not None:
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
-        first = _stage(Objective(problem, [free if isinstance(free, Test) else Test(free, 0.0)], unloaded, noise))
+        first = _stage(
+            Objective(
+                problem, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise
+            )
+        )
     validation.require(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
-    if "frequency_factor" in ranges and stiff and not any(isinstance(t, Test) and t.preload == 0.0 for t in data):
+    if (
+        "frequency_factor" in ranges
+        and stiff
+        and not any(isinstance(t, MeasuredResponse) and t.preload == 0.0 for t in data)
+    ):
         raise SettingError(
             f"vary: expected a test without load (free=) beside frequency_factor and {stiff[0]}, found none: a stiffer "
             "contact and a stiffer structure have the same resonances"
@@ -383,7 +400,9 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     low, high = objective.bounds
     x = objective.least(np.clip(start, low, high), np.ones(len(names), bool))
     parts = objective.parts(x)
-    labels = tuple(str(each) if isinstance(each, Test) else each.source or "resonances" for each in objective.data)
+    labels = tuple(
+        str(each) if isinstance(each, MeasuredResponse) else each.source or "resonances" for each in objective.data
+    )
     if all(part.lost.all() for part in parts):
         raise BdamperError(
             f"fit: no response could be computed at the measured points, first of {labels[0]} "

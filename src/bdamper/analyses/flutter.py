@@ -80,7 +80,7 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
             out[k] = 0.0 if not held.any() else ends.min(initial=np.inf)
         return out
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         safe = self.safe
         k = int(np.argmin(safe))
         where = f"a preload of {amount(self.preload[k], 'N')} and nodal diameter {self.nodal_diameter[k]}"
@@ -132,7 +132,7 @@ def flutter(
         flow = complex(value)
         validation.that(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
         zeta = flow.imag if isinstance(value, complex) else flow.real
-        one = problem if d == own else problem.with_(engine_order=int(d) or problem.model.n_blades)
+        one = problem if d == own else problem.replace(engine_order=int(d) or problem.model.n_blades)
         one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
         curve: NonlinearMode | None = None
         for p in values[::-1].tolist():

@@ -50,7 +50,7 @@ HARMONICS = (5, 7, 9, 12, 16, 20, 26)
 """Highest harmonics that are asked for by default."""
 TOLERANCE = 0.05
 """Relative, on the amplitude, by default."""
-NEAR = 0.05
+NEAR_MODE = 0.05
 """Distance from a stuck mode within which a harmonic meets it: slip and separation move modes of the turbine blade by up to
 3 %."""
 OPTIONS = PeakOptions(tolerance=1e-8, position_tolerance=1e-4, max_trials=24)
@@ -58,7 +58,7 @@ OPTIONS = PeakOptions(tolerance=1e-8, position_tolerance=1e-4, max_trials=24)
 
 
 @one_thread
-def converge(
+def harmonic_convergence(
     problem: Problem, peak: Peak, *, harmonics: Sequence[int] = HARMONICS, tolerance: float = TOLERANCE
 ) -> Convergence:
     """A peak with more and more harmonics.
@@ -94,9 +94,9 @@ def converge(
     most, limit = _most(problem, peak.frequency, max(own, asked[-1]))
     problems, limit = _richer(problem, sorted({min(n, most) for n in asked if n > own} - {own}), limit)
     found, status = [HarmonicPeak(own, peak.amplitude, peak.frequency)], COMPLETE
-    meetings: tuple[Meeting, ...] = ()
+    internal_resonances: tuple[Meeting, ...] = ()
     with LongWork() as work:
-        meetings = tuple(_meetings(([problem] + problems)[-1], peak))
+        internal_resonances = tuple(_meetings(([problem] + problems)[-1], peak))
         at, sign = (problem, peak), sign_of_jacobian(problem.system(peak.parameter), peak.y)
         for richer in problems:
             begin, n = time.thread_time(), richer.harmonic_numbers[-1]
@@ -106,12 +106,16 @@ def converge(
                 break
             at, seconds = new, time.thread_time() - begin
             found.append(HarmonicPeak(n, at[1].amplitude, at[1].frequency, seconds))
-            if _still(found, tolerance) and richer is not problems[-1] and not any(m.harmonic > n for m in meetings):
+            if (
+                _still(found, tolerance)
+                and richer is not problems[-1]
+                and not any(m.harmonic > n for m in internal_resonances)
+            ):
                 limit = "no later harmonic meets a mode"
                 break
     status = INTERRUPTED if work.interrupted else status
     return Convergence(
-        peak.parameter, tolerance, tuple(found), meetings, limit, status, meter.read()
+        peak.parameter, tolerance, tuple(found), internal_resonances, limit, status, meter.read()
     )  # fmt: skip
 
 
@@ -128,7 +132,7 @@ def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
             peak = highest_peak(problem, best.preload, tuple(curve.settings["frequency"]))
             if not abs(peak.amplitude / best.amplitude - 1.0) <= NEAR_HIGHEST:
                 raise BdamperError(f"the highest peak there is {height(peak.amplitude, peak.frequency)}")
-            found = converge(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
+            found = harmonic_convergence(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
             found = replace(found, cost=found.cost if peak.cost is None else found.cost + peak.cost)
         except BdamperError as error:
             status = because(NOT_FOUND, error)
@@ -146,7 +150,7 @@ def beside(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurv
         more = pool.submit(ended_by(stop)(at_optimum), problem, curve)
         try:
             done = work()
-            if any(k.status == INTERRUPTED for k in done.kept):
+            if any(k.status == INTERRUPTED for k in done.time_response):
                 stop.set()
             found = more.result()
             whole = done.cost if found is None else done.cost + found.cost
@@ -166,14 +170,14 @@ def _still(found: Sequence[HarmonicPeak], tolerance: float) -> bool:
     return len(change) == 2 and bool(change.max() < 0.2 * tolerance)
 
 
-def _richer(problem: Problem, numbers: Sequence[int], limit: str) -> tuple[list[Problem], str]:
+def _richer(problem: Problem, numbers: Sequence[int], highest_harmonic: str) -> tuple[list[Problem], str]:
     """The problem with all harmonics up to each number, odd ones alone where even ones vanish, and what forbids more."""
     own, odd = problem.harmonic_numbers, not problem.settings.variable_normal_load
     found: list[Problem] = []
     for n in numbers:
         harmonics = tuple(l for l in range(1, n + 1) if l in own or l % 2 or not odd)
         try:
-            richer = problem.with_(harmonics=harmonics)
+            richer = problem.replace(harmonics=harmonics)
             note = "" if richer.contact.note == problem.contact.note else richer.contact.note
         except BdamperError as error:
             note = str(error)
@@ -181,7 +185,7 @@ def _richer(problem: Problem, numbers: Sequence[int], limit: str) -> tuple[list[
             return found, f"no {n} harmonics are possible with the same settings ({note})"
         if richer.harmonic_numbers[-1] > (found or [problem])[-1].harmonic_numbers[-1]:
             found.append(richer)
-    return found, limit
+    return found, highest_harmonic
 
 
 def _most(problem: Problem, frequency: float, top: int) -> tuple[int, str]:
@@ -203,7 +207,9 @@ def _end(problem: Problem, harmonic: int) -> float:
 
     Residual modes stand for all modes of the model; without them there are those that the study retains.
     """
-    d, _ = problem.model.folded_nodal_diameter(problem.engine_order * (1 if problem.settings.single_basis else harmonic))
+    d, _ = problem.model.folded_nodal_diameter(
+        problem.engine_order * (1 if problem.settings.fundamental_modes_only else harmonic)
+    )
     ends = [np.inf]
     for name, body in problem.model.bodies.items():
         if body.kind == "constrained":
@@ -220,7 +226,7 @@ def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
         modes = linear.modes(springs, l)[0] / (2.0 * np.pi)
         distance = l * peak.frequency / np.maximum(modes, 1e-300) - 1.0
         k = int(np.argmin(np.abs(distance)))
-        if abs(distance[k]) <= NEAR:
+        if abs(distance[k]) <= NEAR_MODE:
             diameter = problem.bases[l].nodal_diameter if problem.model.n_blades > 1 else -1
             yield Meeting(l, k + 1, diameter, float(modes[k]), float(distance[k]))
 
@@ -246,5 +252,5 @@ def _to(known: tuple[Problem, Peak], problem: Problem, sign: int, meter: CostMet
     if len(new) == 1:
         return found
     some = tuple(l for l in problem.harmonic_numbers if l <= new[len(new) // 2 - 1])
-    half = _to(known, problem.with_(harmonics=some), sign, meter)
+    half = _to(known, problem.replace(harmonics=some), sign, meter)
     return half if isinstance(half, str) else _to(half, problem, sign, meter)

@@ -26,7 +26,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Solutions, solutions_of
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.structure import Interface
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve
@@ -44,14 +44,12 @@ WHOLE = "whole"
 """Name of the loop of all contacts together."""
 NOTHING = 1e-9
 """Energy relative to the work of the excitation below which nothing slips: the residual of a solution."""
-Solved = Curve | Peak | OptimalCurve
+Solved = ResponseCurve | Peak | OptimalCurve
 
 
 @brief
 @dataclass(frozen=True)
-class Hysteresis(
-    Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis", former=("bdamper-dissipation",)
-):
+class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis"):
     """Energies, equivalent stiffness and damping of the contacts; of a single solution also its motions and forces.
 
     A single solution has numbers, and arrays with a value for each contact point.  Of several solutions each has a row, and
@@ -120,7 +118,8 @@ class Hysteresis(
     gap: Annotated[Any, Quantity("m", dims=(ROW, "theta"))] = None
     response: Annotated[Any, Quantity("m", dims=("theta",))] = None
     whole: Annotated[Any, Quantity("N", dims=("theta",))] = None
-    _told = ("preload", "frequency", "amplitude", "excitation", "damping", "stiffness", "damping_ratio", "by_interface")
+    _summary_fields = ("preload", "frequency", "amplitude", "excitation", "damping", "stiffness", "damping_ratio",
+        "by_interface")
 
     def __len__(self) -> int:
         return np.size(self.frequency)
@@ -218,11 +217,11 @@ class Hysteresis(
         """Energy lost per cycle over the faces: :func:`bdamper.plot.plot_energy`."""
         return draw(self, "energy", **options)
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """Energies of a cycle, and equivalent stiffness and damping of the contacts, of a single solution."""
-        return super().facts() if self.single else ()
+        return super()._facts() if self.single else ()
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         if not self.single:
             k = int(np.argmax(self.damping_ratio))
             at = f"{amount(self.amplitude[k], 'm')} and {amount(self.frequency[k], 'Hz')}"
@@ -239,12 +238,12 @@ class Hysteresis(
 
 def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     """Solutions of a result where it has a value, and the branch that each lies on."""
-    kinds = Curve, Peak, OptimalCurve
-    validation.instance("result", result, kinds, "a tracking curve, a peak or an optimal curve of this study")
-    if isinstance(result, Curve):
+    kinds = ResponseCurve, Peak, OptimalCurve
+    validation.instance("result", result, kinds, "a response curve, a peak or an optimal curve of this study")
+    if isinstance(result, ResponseCurve):
         check_curve(problem, result)
     solved, branch = solutions_of(problem, result), np.zeros(1, int)
-    if isinstance(result, Curve):
+    if isinstance(result, ResponseCurve):
         branch = result.branch
     elif isinstance(result, OptimalCurve):
         branch = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
@@ -269,7 +268,7 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
     Parameters
     ----------
     problem : Problem
-    result : Curve, Peak or OptimalCurve
+    result : ResponseCurve, Peak or OptimalCurve
         Of this problem.  An optimal curve shows them over amplitude at resonance: a response depends on preload and
         excitation through their ratio alone where there are no gaps.
 
@@ -324,10 +323,10 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     Parameters
     ----------
     problem : Problem
-    result : Curve, Peak or OptimalCurve
+    result : ResponseCurve, Peak or OptimalCurve
         Of this problem.
     index : int, optional
-        Of the point of a curve, among those with a value; the highest point of a tracking curve and the least of an optimal
+        Of the point of a curve, among those with a value; the highest point of a response curve and the least of an optimal
         curve by default.
     n_theta : int
         Steps of the cycle.
@@ -342,7 +341,7 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
         If the result is of another problem, or holds no solution.
     """
     n_theta = validation.whole("n_theta", n_theta, least=16)
-    if index is None and isinstance(result, Curve) and len(result):
+    if index is None and isinstance(result, ResponseCurve) and len(result):
         index = result.peak.index
     elif index is None and isinstance(result, OptimalCurve):
         known = result.amplitude[np.isfinite(result.amplitude)]

@@ -34,8 +34,8 @@ from bdamper.util.short_repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, because
 
 REVERSAL = 10.0
-"""Reversals of the displacement count from this multiple of its noise, or from ``CLOSE`` of its range."""
-CLOSE = 0.05
+"""Reversals of the displacement count from this multiple of its noise, or from ``CLOSED`` of its range."""
+CLOSED = 0.05
 """Difference, relative to the range, up to which a loop closes and turning points coincide."""
 STICKS = 0.01
 """Half the height of a loop, relative to the range of its force, up to which it does not determine the friction."""
@@ -90,9 +90,9 @@ class FittedLoop(Plottable):
     model: NDArray
     status: str = COMPLETE
     notes: tuple[str, ...] = ()
-    _told = ("kt", "mu", "spread", "misfit", "status", "notes")
+    _summary_fields = ("kt", "mu", "spread", "misfit", "status", "notes")
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         kt, mu, spread = self.deviation
         doubt = self.status.partition(": ")[2]
         return (
@@ -135,7 +135,7 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     normal = validation.number("normal", normal, above=0.0, unit="N")
     sliders = validation.whole("sliders", sliders, least=1)
     noise = np.array([_noise(x), _noise(y)])
-    sense = _senses(x, y, max(REVERSAL * noise[0], CLOSE * float(np.ptp(x))))
+    sense = _senses(x, y, max(REVERSAL * noise[0], CLOSED * float(np.ptp(x))))
     used = sense != 0.0
     notes = () if used.all() else (f"fitted to {used.sum()} of {len(x)} points, those of periods of full amplitude",)
     x, y, sense = x[used], y[used], sense[used]
@@ -184,7 +184,7 @@ def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
             span, step = float(np.ptp(values)), float(np.abs(np.diff(values)).max())
             gap = abs(float(values[-1] - values[0]))
             found = f"{percent(gap / span)} of its range between the first and the last point"
-            validation.require(gap <= max(2.0 * step, CLOSE * span), name, expected, found)
+            validation.require(gap <= max(2.0 * step, CLOSED * span), name, expected, found)
     return np.repeat(sense, np.diff(ends))
 
 
@@ -193,7 +193,7 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
     slope, half, _ = np.linalg.lstsq(np.column_stack([x, sense, np.ones(len(x))]), y, rcond=None)[0]
     slips = abs(half) > STICKS * np.ptp(y)
     validation.require(slips, "loop", "slip, without which friction is not known", "a loop that sticks")
-    opposite = bool(slope * np.ptp(x) < -CLOSE * np.ptp(y))
+    opposite = bool(slope * np.ptp(x) < -CLOSED * np.ptp(y))
     mends = {"change the sign of the force": opposite, "reverse the order of the points": opposite == (half > 0.0)}
     mend = " and ".join(words for words, needed in mends.items() if needed)
     found = "negative stiffness" if half > 0.0 else "energy that is supplied"

@@ -14,13 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.sweep import SweepResult, sweep_fields
+from bdamper.analyses.sweep import SweepResult
 from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, PreloadState, static_state
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_dispatch import asked
@@ -28,7 +26,6 @@ from bdamper.model.loads import direction_vector
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.status import COMPLETE, FAILED, because
-from bdamper.util.storage import enter_former
 
 
 @asked
@@ -101,13 +98,3 @@ def _answers(state: PreloadState, moved: float) -> dict[str, float]:
     slips = float(((state.status == SLIP_PLUS) | (state.status == SLIP_MINUS)).any(axis=1).mean())
     slipping = slips / max(closed, 1e-300)
     return {"displacement": moved, "slipping": slipping, "open": 1.0 - closed, "residual": state.residual}
-
-
-def _of_0_6(group: h5py.Group) -> dict[str, Any]:
-    """Fields of the sweep that a first loading in a file of version 0.6 or before is."""
-    answers = {name: group[name][()].tolist() for name in ("displacement", "slipping", "open", "residual")}
-    force = group["force"][()].tolist()
-    return sweep_fields({"force": force}, answers, [COMPLETE] * len(force), np.zeros(len(force)))
-
-
-enter_former("bdamper-microslip", "slipping", SweepResult, _of_0_6)

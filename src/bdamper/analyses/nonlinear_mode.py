@@ -209,7 +209,7 @@ def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: f
     Without interference, cubic springs and constant forces the contact is homogeneous as long as no gap closes in a cycle.
     """
     static = problem.static_system
-    if preload == 0.0 or problem.settings.slip_offset or np.any(static.cubic):
+    if preload == 0.0 or problem.settings.residual_slip_std or np.any(static.cubic):
         return 0.0
     if np.any(static.n0 > 0.0) or np.any(static.constant_force):
         return 0.0

@@ -48,7 +48,7 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     scales_to : float, N
         Highest preload that the same curve serves (:meth:`at_preload`); 0 if it serves no other one.
     status, reason, cost, settings, model_hash
-        As of a tracking curve.
+        As of a response curve.
     """
 
     frequency: Hertz
@@ -67,7 +67,7 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     status: str
     reason: str
     cost: Cost
-    _told = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
+    _summary_fields = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
 
     @property
     def folds(self) -> NDArray:
@@ -105,7 +105,7 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
             self, preload=preload, harmonics=s * self.harmonics, unknowns=s * self.unknowns, linear_to=s * self.linear_to
         )
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         if not len(self):
             return f"No motion of mode {self.mode} was found: {self.reason}."
         top, where = int(np.argmax(self.damping_ratio)), f"under a preload of {amount(self.preload, 'N')}"

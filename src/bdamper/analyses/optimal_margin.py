@@ -29,7 +29,7 @@ from bdamper.util.threading import one_thread
 BESIDE = 1e-3
 """Relative distance of the preloads at which the slope of a margin is read: peaks to 1e-8 leave 1e-5 of it."""
 AGREES = 0.02
-"""Share by which the least margin of a whole tracking curve may lie below that of the highest peak."""
+"""Share by which the least margin of a whole response curve may lie below that of the highest peak."""
 WHERE = {"end": "at the end of the preloads with a value", "unknown": "next to preloads where none is known"}
 """Of the largest margin, by the kind of place, if it was not refined."""
 
@@ -81,7 +81,7 @@ def best_margin(
         rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
         places = [place(_peak(problem, curve, k), p) if is_known else Place(np.log(p), np.inf) for k, p, is_known in rows]
         places, best = least(places, ask, lambda a, b, x: x)
-        kept = {k.preload: k for k in curve.kept if np.isfinite(k.mean)}
+        kept = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
         peaks = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
         tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, kept[p].balance, rtol=1e-3, atol=0.0)]
     if curves.interrupted:
@@ -109,11 +109,11 @@ def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:
 
 
 def _doubt(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float) -> str:
-    """What the whole tracking curve at a preload says against the margin there, empty where it agrees."""
+    """What the whole response curve at a preload says against the margin there, empty where it agrees."""
     low, high = curve.settings["frequency"]
-    whole = tracking.track(problem, preload, (low, high))
+    whole = tracking.frequency_response(problem, preload, (low, high))
     if not whole.complete:
-        return f"the tracking curve there is {whole.status}"
+        return f"the response curve there is {whole.status}"
     try:
         margins = judge.along(problem, whole)
     except SettingError as error:
@@ -121,5 +121,5 @@ def _doubt(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: f
     i = margins.least
     least, hertz = float(margins.margin[i]), float(whole.frequency[i])
     if least < (1.0 - AGREES) * value:
-        return f"on the tracking curve there the margin is {least:.4g} at {hertz:.6g} Hz"
+        return f"on the response curve there the margin is {least:.4g} at {hertz:.6g} Hz"
     return ""

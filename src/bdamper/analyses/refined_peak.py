@@ -1,6 +1,6 @@
 """One question, asked of a problem and of a richer or leaner one: value, change, cost and status.
 
-A *question* is a function that asks a problem for its highest point: a tracking curve (:func:`whole_curve`), a peak, or
+A *question* is a function that asks a problem for its highest point: a response curve (:func:`whole_curve`), a peak, or
 amplitude and frequency.  :func:`ask` says what comes of it.  :func:`compare` says what another problem changes of an answer
 that is known: where Newton's method leads from the peak to that of the other problem without changing it much, that is its
 answer; otherwise its whole curve is followed.
@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from bdamper.analyses.change_estimate import Change, embed
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.curve import Curve, uninterrupted
+from bdamper.response.curve import ResponseCurve, uninterrupted
 from bdamper.response.highest_peak import highest_of_curve, maxima
 from bdamper.response.peak import Peak, find_peak, same_peak
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.short_repr import short
 from bdamper.util.status import COMPLETE, word
@@ -50,7 +50,7 @@ class Answer(NamedTuple):
         Why not; "" if they are.
     seconds : float
         Of the processor.
-    result : Curve, Peak or tuple of float, or None
+    result : ResponseCurve, Peak or tuple of float, or None
     """
 
     amplitude: float
@@ -73,33 +73,36 @@ def ask(problem: Problem, question: Question) -> Answer:
 
 def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
     """Amplitude, frequency, and why they are not known."""
-    if not isinstance(result, Curve | Peak):
+    if not isinstance(result, ResponseCurve | Peak):
         try:
             amplitude, frequency = (float(value) for value in result)
         except (TypeError, ValueError):
-            what = "a Curve, a Peak, or amplitude (m) and frequency (Hz)"
+            what = "a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz)"
             raise SettingError(f"answer: expected {what}, found {short(result)}") from None
         return amplitude, frequency, ""
     if isinstance(result, Peak):
-        known, why = result.converged and word(result.scan) == COMPLETE, f"status '{result.status}', scan {result.scan}"
+        known, why = (
+            result.converged and word(result.search_status) == COMPLETE,
+            f"status '{result.status}', scan {result.search_status}",
+        )
     else:
         known, why = result.complete, f"{result.status}: {result.reason}"
     if not known:
         return np.nan, np.nan, why
-    if isinstance(result, Curve):
+    if isinstance(result, ResponseCurve):
         result = highest_of_curve(problem.system(result.preload), result).peak if result.peak_at_end else result.peak
     return result.amplitude, result.frequency, ""
 
 
 def whole_curve(
     problem: Problem, preload: float, frequency: tuple[float, float], at_end: bool = False, wider: tuple | None = None
-) -> Curve:
-    """A tracking curve; an error where it has no point or, unless ``at_end``, no maximum within the interval.
+) -> ResponseCurve:
+    """A response curve; an error where it has no point or, unless ``at_end``, no maximum within the interval.
 
     With factors ``wider`` it is an error, too, if an end is higher than every maximum.  The interval is first widened by
     them, one after the other, at the end at which the response is highest.
     """
-    curve = uninterrupted(track(problem, preload, frequency))
+    curve = uninterrupted(frequency_response(problem, preload, frequency))
     why = "" if len(curve) else curve.reason
     if not why and not at_end and curve.peak_at_end:
         if wider:
@@ -136,8 +139,8 @@ class Tops:
     follow: bool = False
 
     @classmethod
-    def of(cls, problem: Problem, curve: Curve) -> Tops:
-        """The highest point of a tracking curve and the peaks nearly as high, refined."""
+    def of(cls, problem: Problem, curve: ResponseCurve) -> Tops:
+        """The highest point of a response curve and the peaks nearly as high, refined."""
         system = problem.system(curve.preload)
         top = highest_of_curve(system, curve)
         lower = (p for p in maxima(system, curve, NEARLY_HIGHEST) if not same_peak(p, top.peak))

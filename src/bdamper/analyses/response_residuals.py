@@ -35,7 +35,7 @@ from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Family, Peak
 from bdamper.response.quasi_static_sweep import sweep_of
 from bdamper.response.resonance_interval import linear_peak, peak_interval
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from bdamper.response.sensitivity import across, sensitivities
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError, ModelError, SettingError
@@ -43,7 +43,7 @@ from bdamper.util.errors import BdamperError, ModelError, SettingError
 T = TypeVar("T")
 FORCE = "force_factor"
 """The parameter by which all excitations differ from those of the tests."""
-NEAR = 5.0
+NEAR_JUMP = 5.0
 """Frequency steps of a test around a jump within which points are compared with the whole curve."""
 LOST = 10.0
 """Residual of a point where no response is found."""
@@ -55,7 +55,7 @@ EDGE = 1e-6
 
 @validation.spelt
 @dataclass(frozen=True)
-class Test(validation.Checked):
+class MeasuredResponse(validation.Checked):
     """A measured response over frequency, and how it was measured.
 
     Parameters
@@ -174,7 +174,7 @@ def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
         return None, str(error)
 
 
-def of_test(varied: Variations, test: Test, noise: float) -> Separation:
+def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separation:
     """Residuals of a swept response; of points without a response ``LOST``."""
     f, measured = test.data.frequency, test.data.metres * test.data.response
     problem, n = varied.under(test.force), len(f)
@@ -190,7 +190,7 @@ def of_test(varied: Variations, test: Test, noise: float) -> Separation:
         return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
     for i in range(n):
         found, place = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
-        if search.jumps(f[i], NEAR * step):
+        if search.jumps(f[i], NEAR_JUMP * step):
             found = search.nearest(place, np.array([step, noise]))
             if found is not None:
                 gap, way = search.away(found, place, np.array([step, noise]))
@@ -223,10 +223,13 @@ def of_test(varied: Variations, test: Test, noise: float) -> Separation:
 
 
 class _Swept:
-    """Solutions near points of a tracking curve: on the branch of a sweep, and nearest to a measured point."""
+    """Solutions near points of a response curve: on the branch of a sweep, and nearest to a measured point."""
 
-    def __init__(self, problem: Problem, test: Test, band: tuple[float, float]) -> None:
-        self.system, self.curve = system, curve = problem.system(test.preload), track(problem, test.preload, band)
+    def __init__(self, problem: Problem, test: MeasuredResponse, band: tuple[float, float]) -> None:
+        self.system, self.curve = system, curve = (
+            problem.system(test.preload),
+            frequency_response(problem, test.preload, band),
+        )
         self.sense = 1.0 if test.sweep == "up" else -1.0
         self.sweep = sweep_of(curve, test.sweep)
         self.y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])

@@ -16,7 +16,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import Conditions, asked_speeds
 from bdamper.harmonic_balance.speed_family import responses
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.cost import CostMeter
@@ -39,7 +39,7 @@ def run_up(
     mode: int = 1,
     options: ContinuationOptions | None = None,
     **conditions: Any,
-) -> Curve:
+) -> ResponseCurve:
     """The response along the line of the study's engine order, through its crossing with a mode.
 
     Parameters
@@ -57,7 +57,7 @@ def run_up(
 
     Returns
     -------
-    Curve
+    ResponseCurve
         Of the kind "run-up"; its highest maximum solves the equations made at its own speed, and ``notes`` name the peak
         at fixed speed beside it.
 
@@ -81,7 +81,7 @@ def run_up(
     why = ""
     if holds is not None:
         equations, curve, found = follow_line(family, (low, high) if narrow else holds, mode, meter, options)
-        why = "" if found is not None else f": {curve.bottom_line()}"
+        why = "" if found is not None else f": {curve._headline()}"
     if holds is None or found is None:
         raise BdamperError(
             f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {low:.6g} and "
@@ -96,7 +96,7 @@ def run_up(
     return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
 
 
-def _with_maximum(curve: Curve, index: int, top: Peak, harmonics: NDArray) -> Curve:
+def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArray) -> ResponseCurve:
     """The curve with one of its points replaced by its highest maximum, and without unknowns.
 
     They would be taken for those of the study at a speed, whose residual modes have other phases.

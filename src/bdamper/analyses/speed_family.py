@@ -36,7 +36,7 @@ def with_needed_bases(problem: Problem) -> Problem:
 
     bodies = {n: b if b.kind == "free" else replace(b, bases=needed(b.bases)) for n, b in model.bodies.items()}
     stress = {n: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact)) for n, rows in model.stress.items()}
-    return problem.with_(model=as_checked(replace(model, bodies=bodies, stress=stress)))
+    return problem.replace(model=as_checked(replace(model, bodies=bodies, stress=stress)))
 
 
 class SpeedFamily:

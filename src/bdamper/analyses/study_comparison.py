@@ -1,6 +1,6 @@
 """One question asked of several studies, and one table of what comes of it: designs, friction laws, any settings.
 
-In come studies by name and a question that returns a tracking curve or an optimal curve; out comes a
+In come studies by name and a question that returns a response curve or an optimal curve; out comes a
 :class:`Comparison` with all of them, in which the first is what the others are compared with.
 """
 
@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_dispatch import Asking, like, problem_of
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.util import validation
 from bdamper.util.differences import Differences
@@ -23,17 +23,15 @@ from bdamper.util.display import Plottable
 from bdamper.util.formatting import amount, height, percent
 from bdamper.util.progress import each
 from bdamper.util.short_repr import brief
-from bdamper.util.storage import Formerly, Storable
+from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Tabular, joined
 from bdamper.util.threading import one_thread
 
 
 @brief
 @dataclass(frozen=True)
-class Comparison(
-    Plottable, Tabular, Storable, kind="bdamper-comparison", former=("bdamper-designs", "bdamper-law-comparison")
-):
-    """Tracking curves or optimal curves of several problems.
+class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
+    """Response curves or optimal curves of several problems.
 
     ``plot`` draws all of them on the same axes (:func:`bdamper.plot.plot_comparison`).
 
@@ -41,21 +39,21 @@ class Comparison(
     ----------
     names : tuple of str
         Of the problems; changes are those from the first.
-    curves : tuple of Curve
+    curves : tuple of ResponseCurve
         One for each problem, or none.
     optimal : tuple of OptimalCurve
         One for each problem, or none.
     """
 
-    names: Annotated[tuple[str, ...], Formerly("laws")]
-    curves: tuple[Curve, ...] = ()
+    names: tuple[str, ...]
+    curves: tuple[ResponseCurve, ...] = ()
     optimal: tuple[OptimalCurve, ...] = ()
 
     def __len__(self) -> int:
         return len(self.names)
 
     @property
-    def results(self) -> dict[str, Curve] | dict[str, OptimalCurve]:
+    def results(self) -> dict[str, ResponseCurve] | dict[str, OptimalCurve]:
         """Results by the name of their problem."""
         return dict(zip(self.names, self.curves)) if self.curves else dict(zip(self.names, self.optimal))
 
@@ -67,7 +65,7 @@ class Comparison(
 
     def columns(self) -> dict[str, Column]:
         """The points of all curves one below the other, each with the name of its problem."""
-        results: tuple[Curve, ...] | tuple[OptimalCurve, ...] = self.curves or self.optimal
+        results: tuple[ResponseCurve, ...] | tuple[OptimalCurve, ...] = self.curves or self.optimal
         return {"name": Column(np.repeat(np.array(self.names), [len(r) for r in results])), **joined(results)}
 
     def change(self, name: str) -> float:
@@ -84,7 +82,7 @@ class Comparison(
             rows.append((name, *numbers, told, amount(result.cost.seconds, "s"), status))
         return rows
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         a, f, p, why = _outcome(self.results[self.names[0]])
         if not np.isfinite(a):
             return f"No peak of '{self.names[0]}' to compare with: {why}."
@@ -93,7 +91,7 @@ class Comparison(
         return f"Beside '{self.names[0]}' with {height(a, f)}, preload {amount(p, 'N')}: {parts}."
 
 
-def _outcome(result: Curve | OptimalCurve) -> tuple[float, float, float, str]:
+def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float, str]:
     """Amplitude (m), frequency (Hz), preload (N) of a result, and how far they are to be trusted."""
     if isinstance(result, OptimalCurve):
         o = result.optimum
@@ -110,7 +108,7 @@ def _outcome(result: Curve | OptimalCurve) -> tuple[float, float, float, str]:
 @one_thread
 def compare(
     studies: Mapping[str, Asking | Problem | Mapping[str, Any]],
-    question: Callable[[Any], Curve | OptimalCurve],
+    question: Callable[[Any], ResponseCurve | OptimalCurve],
     *,
     progress: bool = False,
 ) -> Comparison:
@@ -122,7 +120,8 @@ def compare(
         The first is a study, with which the others are compared.  Settings are those in which a study differs from it, by
         the names that a sweep takes (:func:`bdamper.sweep`): ``{"now": study, "smooth": {"friction_coefficient": 0.2}}``.
     question : callable
-        Returns the tracking curve or the optimal curve of a study, ``lambda study: study.track(500.0, (280.0, 380.0))``.
+        Returns the response curve or the optimal curve of a study, ``lambda study: study.frequency_response(500.0, (280.0,
+        380.0))``.
     progress : bool
         Show a progress bar.
 
@@ -144,13 +143,15 @@ def compare(
     for name, given in studies.items():
         own: Any = validation.instance(f"study '{name}'", getattr(given, "problem", given), (Problem, Mapping), words)
         asked.append(given if isinstance(own, Problem) else like(first, vary(problem, own)))  # type: ignore[type-var]
-    found: list[Curve | OptimalCurve] = []
+    found: list[ResponseCurve | OptimalCurve] = []
     for study in each(asked, progress, "studies", "study"):
-        answer = validation.instance("answer", question(study), (Curve, OptimalCurve), "a Curve or an OptimalCurve")
+        answer = validation.instance(
+            "answer", question(study), (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
+        )
         kind = type(found[0]) if found else type(answer)
         found.append(validation.instance("answer", answer, kind, "the same kind of result from every study"))
         if answer.interrupted:
             break
-    curves = tuple(result for result in found if isinstance(result, Curve))
+    curves = tuple(result for result in found if isinstance(result, ResponseCurve))
     optimal = tuple(result for result in found if isinstance(result, OptimalCurve))
     return Comparison(tuple(studies)[: len(found)], curves, optimal)

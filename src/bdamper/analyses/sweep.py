@@ -7,7 +7,6 @@ interruptions.  Finished points can be kept in a file (:mod:`bdamper.util.checkp
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
@@ -15,7 +14,6 @@ from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +32,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.formatting import UNITS, amount, spaced
 from bdamper.util.short_repr import brief, short
 from bdamper.util.status import FAILED, NOT_RUN, all_complete, word
-from bdamper.util.storage import Recorded, Storable, enter_former
+from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Column, Tabular
 from bdamper.util.threading import one_thread
 from bdamper.util.versions import HERE
@@ -73,8 +71,8 @@ class PeakTask(validation.Checked):
         amplitude, frequency = (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
         return {
             "amplitude": amplitude, "frequency": frequency, "residual": peak.residual, "stick": stick,
-            "slip": slip, "open": separation, "scan": peak.scan,
-            "warning": "" if peak.scan == "complete" else f"scan {peak.scan}", "cost": peak.cost,
+            "slip": slip, "open": separation, "search_status": peak.search_status,
+            "warning": "" if peak.search_status == "complete" else f"scan {peak.search_status}", "cost": peak.cost,
         }  # fmt: skip
 
 
@@ -215,7 +213,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             out[key] = Column(values[:, 0], unit) if single else Column(values, unit, ("point", f"{key}_index"))
         return out | {"run": Column(np.array(self.status)), "seconds": Column(self.seconds, "s")}
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         name = next(
             (q for q in self.quantities if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)), ""
         )
@@ -382,23 +380,3 @@ def sweep(
     return SweepResult(
         names, tuple(points), values, status, np.array(seconds), shape, cost, **problem.recorded()
     )  # fmt: skip
-
-
-def sweep_fields(
-    over: Mapping[str, Sequence[Any]], answers: Mapping[str, Sequence[Any]], status: Sequence[str], seconds: NDArray
-) -> dict[str, Any]:
-    """Fields of a sweep over a list of points from columns of settings and answers."""
-    points, values = (tuple(dict(zip(columns, row)) for row in zip(*columns.values())) for columns in (over, answers))
-    fields = {"names": tuple(over), "points": points, "values": values, "status": tuple(status), "seconds": seconds}
-    return fields | {"shape": (len(points),)}
-
-
-def _of_check(group: h5py.Group) -> dict[str, Any]:
-    """Fields of the sweep that the check of an advice in a file of version 0.6 or before is."""
-    rows = [json.loads(group[key][()]) for key in ("whole", "lean")]
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
-    name, status, seconds = (columns.pop(own) for own in ("name", "status", "seconds"))
-    return sweep_fields({"name": name}, columns, status, np.array(seconds))
-
-
-enter_former("bdamper-advice-check", "lean", SweepResult, _of_check)

@@ -31,14 +31,14 @@ from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 
 
-def draw(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
+def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
     """Values of settings drawn from independent distributions, by a scrambled Sobol sequence.
 
     Parameters
     ----------
     distributions : mapping of setting to distribution
-        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.  For "slip_offset" its standard
-        deviation (m), with which every draw gets offsets of its own at all contact points.
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.  For "residual_slip_std" its
+        standard deviation (m), with which every draw gets offsets of its own at all contact points.
     n : int
         A power of two.
     seed : int
@@ -50,16 +50,16 @@ def draw(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str
     """
     if not isinstance(distributions, Mapping) or not distributions:
         raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
-    given, distributions = distributions, {k: d for k, d in distributions.items() if k != "slip_offset"}
+    given, distributions = distributions, {k: d for k, d in distributions.items() if k != "residual_slip_std"}
     for name, distribution in distributions.items():
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
     n, seed = validation.whole("n", n, least=2), validation.whole("seed", seed)
     validation.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
     drawn = {}
-    if "slip_offset" in given:
-        spread = validation.number("slip_offset", given["slip_offset"], least=0.0, unit="m")
-        drawn = {"slip_offset": np.full(n, spread), "slip_offset_seed": np.arange(n) + float(n * seed)}
+    if "residual_slip_std" in given:
+        spread = validation.number("residual_slip_std", given["residual_slip_std"], least=0.0, unit="m")
+        drawn = {"residual_slip_std": np.full(n, spread), "residual_slip_seed": np.arange(n) + float(n * seed)}
     unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
     # keep away from the ends, where a ppf may be infinite
     unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
@@ -82,7 +82,7 @@ class RobustOptimum:
     kind : {"interior", "end"}
         Whether the preload lies within the range or at one end of it.
     warnings : int
-        Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
+        Draws of which the last optimal curve leaves something open; see :attr:`OptimalCurveUncertainty.warnings`.
     status : str
         "complete"; "incomplete" if the bracket was not narrowed further, or "interrupted", where the preload is known no
         better than ``uncertainty``.  With the reason where the executor ended.
@@ -99,10 +99,11 @@ class RobustOptimum:
 
 @brief
 @dataclass(frozen=True)
-class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncertain", row="preload"):
+class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdamper-optimal-curve-uncertainty",
+    row="preload"):
     """Optimal curves of a sample.
 
-    ``plot`` draws percentile bands (:func:`bdamper.plot.plot_uncertain`).
+    ``plot`` draws percentile bands (:func:`bdamper.plot.plot_optimal_curve_uncertainty`).
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncer
         samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
         return super().columns() | bands | samples
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         if not np.isfinite(self.amplitude).any():
             return f"No peak at any preload of {len(self)} draws."
         _, mid, high = self.percentile([5.0, 50.0, 95.0])
@@ -165,7 +166,7 @@ class UncertainCurve(Plottable, Tabular, Recorded, Storable, kind="bdamper-uncer
 
 
 @validation.spelt
-def uncertain_curve(
+def optimal_curve_uncertainty(
     study: Asking | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
     preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
@@ -176,14 +177,14 @@ def uncertain_curve(
     executor: Executor | None = None,
     resume: str | Path | None = None,
     progress: bool = False,
-) -> UncertainCurve:
+) -> OptimalCurveUncertainty:
     """Optimal curves of a sample of settings.
 
     Parameters
     ----------
     study : Study
     samples : mapping of setting to (n_draws,) float
-        From :func:`draw`, or given otherwise.
+        From :func:`sample`, or given otherwise.
     preload, n, frequency, mode
         As in :func:`bdamper.response.optimal_curve.optimal_curve`; the same preloads serve all draws.
     executor, resume, progress
@@ -195,7 +196,7 @@ def uncertain_curve(
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
     nothing = [np.nan] * len(values)
-    return UncertainCurve(
+    return OptimalCurveUncertainty(
         preload=values,
         amplitude=np.array([v.get("curve_amplitude", nothing) for v in done.values], float),
         frequency=np.array([v.get("curve_frequency", nothing) for v in done.values], float),
@@ -238,7 +239,7 @@ def robust_optimum(
     tolerance : float
         Relative, on the preload.
     frequency, mode, executor, progress
-        As in :func:`uncertain_curve`.
+        As in :func:`optimal_curve_uncertainty`.
 
     Returns
     -------
@@ -260,7 +261,7 @@ def robust_optimum(
     found: RobustOptimum | None = None
     rounds = 0
     while True:
-        curve = uncertain_curve(
+        curve = optimal_curve_uncertainty(
             study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
         left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]

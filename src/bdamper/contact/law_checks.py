@@ -44,7 +44,7 @@ def check(where: str, function: LowLevelCallable, parameters: NDArray, n_state: 
     law, rng = _Law(function, parameters, n_state), np.random.default_rng(0)
     for size in length * np.array(LENGTHS):
         path = size * rng.uniform([-1.0, -1.0, -0.3], 1.0, (STEPS, 3))
-        F, D, states = law.march(path)
+        F, D, states = law.time_response(path)
         if not all(np.isfinite(a).all() for a in (F, D, states)):
             if size > length:
                 return
@@ -61,7 +61,7 @@ def check(where: str, function: LowLevelCallable, parameters: NDArray, n_state: 
 def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, h: float) -> None:
     rounding = 1e3 * np.finfo(float).eps * np.abs(F).max() / h
     for j, shift in enumerate(h * np.eye(path.size).reshape(-1, *path.shape)):
-        slopes = [(law.march(path + sign * shift)[0] - F) / (sign * h) for sign in (1.0, -1.0)]
+        slopes = [(law.time_response(path + sign * shift)[0] - F) / (sign * h) for sign in (1.0, -1.0)]
         slope = min(slopes, key=lambda slope: np.abs(slope - D[:, j]).max())
         error = np.abs(slope - D[:, j])
         if not error.max() <= SLOPE * max(np.abs(D).max(), np.abs(slope).max()) + rounding:
@@ -101,7 +101,7 @@ class _Law:
         self._call(*(a.ctypes.data for a in (x, before, self._parameters, s, *out)), self._data)
         return out
 
-    def march(self, path: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    def time_response(self, path: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Forces (3,) at the end of a path (m, 3) from rest, their derivative (3, 3 m) by it, and states (m, n_state)."""
         n, m = self._n, len(path)
         before, s, by, states = np.zeros(3), np.zeros(n), np.zeros((n, 3 * m + 3)), []

@@ -18,7 +18,7 @@ MAX_SAMPLES = 1 << 20
 
 
 @dataclass(frozen=True)
-class Sampled(validation.Checked):
+class AFT(validation.Checked):
     """Contact forces from samples in time (alternating frequency/time) instead of exact events.
 
     Parameters
@@ -33,10 +33,10 @@ class Sampled(validation.Checked):
     interpolate: bool = True
 
 
-def check_evaluation(evaluation: str | Sampled, harmonics: int) -> None:
+def check_evaluation(contact_forces: str | AFT, harmonics: int) -> None:
     """Refuse what is no evaluation, or too few samples for the highest harmonic."""
-    if isinstance(evaluation, Sampled):
-        expected = f"Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
-        validation.that(evaluation.n_time >= 4 * harmonics + 4, "evaluation", expected, evaluation.n_time)
-    elif not isinstance(evaluation, str) or evaluation != "exact":
-        raise validation.unfit("evaluation", '"exact" or Sampled(n_time)', evaluation)
+    if isinstance(contact_forces, AFT):
+        expected = f"AFT with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
+        validation.that(contact_forces.n_time >= 4 * harmonics + 4, "contact_forces", expected, contact_forces.n_time)
+    elif not isinstance(contact_forces, str) or contact_forces != "event_driven":
+        raise validation.unfit("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)

@@ -58,18 +58,18 @@ class ResidualModes(validation.Checked):
 
     Parameters
     ----------
-    patterns : int or "all"
+    n_vectors : int or "all"
         Force patterns, hence coordinates, for each harmonic: five give five stuck frequencies; beside ten blade modes six
         give the highest peak to 8 %, twelve to 4 % at twice the time (docs/measured.md).  "all" keeps all
         forces that move something: exact, with as many unknowns as the contact points have, meant as a reference.
-    share : float
+    contact_share : float
         Of the point flexibility that stays at the contact point, at most.
     inertia : bool
         Give the coordinates the mass of those left-out modes that the model has.
     """
 
-    patterns: Annotated[int | Literal["all"], _count_or_all] = 6
-    share: Annotated[float, validation.Limits(above=0.0, most=1.0)] = 0.5
+    n_vectors: Annotated[int | Literal["all"], _count_or_all] = 6
+    contact_share: Annotated[float, validation.Limits(above=0.0, most=1.0)] = 0.5
     inertia: bool = True
 
 
@@ -199,7 +199,7 @@ class ResidualSet:
         point = np.where(kept, np.diag(coupling.residual_flexibility(1)).real, 0.0)
         bare = cls(coupling, options, active, point.reshape(-1, 3), 1.0, static)
         largest = max(bare._point_share(l) for l in (0, 1))
-        share = min(options.share, (1.0 - MARGIN) / largest)
+        share = min(options.contact_share, (1.0 - MARGIN) / largest)
         return replace(bare, flexibility=share * bare.flexibility, share=share)
 
     def _matrices(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
@@ -221,7 +221,7 @@ class ResidualSet:
         n_active = int(self.active.sum())
         basis = self.coupling.basis(harmonic)
         kept = self.active.ravel()
-        if self.options.patterns == "all":  # but those that move nothing, where points are more than the nodes below them
+        if self.options.n_vectors == "all":  # but those that move nothing, where points are more than the nodes below them
             size = np.sqrt(np.maximum(np.diag(residual)[kept].real, np.finfo(float).tiny))
             part, W = np.linalg.eigh(residual[np.ix_(kept, kept)] / size[:, None] / size)
             return np.asarray(W[:, part > ROUNDING * part[-1]] / size[:, None])
@@ -247,7 +247,7 @@ class ResidualSet:
                 chosen.append(k)
                 unit = rest[:, k] / size
                 rest = rest - np.outer(unit, unit.conj() @ rest)
-            if len(chosen) == self.options.patterns:
+            if len(chosen) == self.options.n_vectors:
                 break
         return W[:, chosen]
 

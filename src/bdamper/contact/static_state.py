@@ -23,11 +23,9 @@ such a slider to the edge of the admissible disk (``csrc/bd_coulomb.c``).
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import Annotated
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
@@ -38,7 +36,7 @@ from bdamper.util.cost import Cost
 from bdamper.util.display import Plottable
 from bdamper.util.formatting import amount
 from bdamper.util.short_repr import brief
-from bdamper.util.storage import Storable, enter_former
+from bdamper.util.storage import Storable
 from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
@@ -148,7 +146,7 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
     frame: PerRow | None = None
     area: SquareMetres | None = None
     friction: PerRow | None = None
-    _told = ("contact_area",)
+    _summary_fields = ("contact_area",)
 
     @property
     def state(self) -> Kinds:
@@ -156,7 +154,7 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
         stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
         return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         stuck, slipping, apart = (self.state.count(name) for name in ("stick", "slip", "open"))
         open_ = "" if self.converged else f" Not converged: {self.note}."
         forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
@@ -183,25 +181,6 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
             return {}
         names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
         return {str(name): float(self.area[closed & (names == name)].sum()) for name in dict.fromkeys(names)}
-
-
-def _of_map(group: h5py.Group) -> dict[str, Any]:
-    """Fields of the static state that a contact map in a file of version 0.6 or before is."""
-    names = group["interfaces"][()] if "interfaces" in group else group.attrs["interfaces"]
-    names, owner = json.loads(names) if isinstance(names, bytes | str) else names, group["owner"][()]
-    return {
-        "interface": tuple(str(names[i]) for i in owner),
-        "closing": -group["distance"][()],
-        "q": np.zeros(0),
-        "slider": np.full((len(owner), 2), np.nan),
-        "residual": np.nan,
-        "steps": 0,
-        "iterations": 0,
-        "converged": True,
-    }
-
-
-enter_former("bdamper-contact-map", "owner", PreloadState, _of_map)
 
 
 EQUILIBRIUM = 1e-10

@@ -7,7 +7,7 @@ diagonal.
 ``"unit_traction"``
     A uniform traction in one direction over the whole face, forces ``F_i = A_i``:  ``k_i = A_i/(R_res A)_i``.
 
-``"eq4"``
+``"cigeroglu2009"``
     Paper, Eqs (1)-(11).  With the contact forces ``F`` of the static contact problem under the centrifugal load, the
     modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
     ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
@@ -40,7 +40,7 @@ from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.short_repr import brief
 
-METHODS = ("residual_modes", "unit_traction", "eq4")
+METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0
 """Factor from the value of ``"unit_traction"`` beyond which the quotient of Eqs (4), (10) is not used."""
 SMALL_FORCE = 0.05
@@ -141,7 +141,7 @@ def paper_equations(
     usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
     quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
     usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
-    return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "eq4", ~usable)
+    return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "cigeroglu2009", ~usable)
 
 
 def contact_stiffness(
@@ -177,7 +177,7 @@ def contact_stiffness(
     if not isinstance(method, str):
         return Contact(_from_user(coupling, method))
     out = _unit_tractions(coupling)
-    if method == "eq4":
+    if method == "cigeroglu2009":
         forces, left_out = paper_contact(coupling, friction)
         for name in coupling.friction_faces:
             rows = coupling.rows(name)
@@ -197,7 +197,7 @@ def check_method(method: Any) -> None:
 
 def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
     has_load = any(body.load is not None and np.any(body.load.generalised) for body in coupling.model.bodies.values())
-    static = _forces_for_paper(coupling, friction) if has_load and options.patterns != "all" else None
+    static = _forces_for_paper(coupling, friction) if has_load and options.n_vectors != "all" else None
     residual_set = ResidualSet.make(coupling, friction, options, static)
     out = {}
     for name, rest in _unit_tractions(coupling).items():

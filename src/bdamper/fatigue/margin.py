@@ -74,7 +74,7 @@ class Rule(validation.Checked):
 
 @runtime_checkable
 class SteadyAmplitude(Protocol):
-    """Steady-state amplitude from time integration (:class:`bdamper.response.march_result.Marched`)."""
+    """Steady-state amplitude from time integration (:class:`bdamper.response.march_result.TimeResponse`)."""
 
     @property
     def factor(self) -> float: ...
@@ -115,7 +115,7 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
     yield_factor: Numbers
     material: Material
     rule: Rule
-    _told = ("least", "frequency", "preload", "speed", "rule", "material.name")
+    _summary_fields = ("least", "frequency", "preload", "speed", "rule", "material.name")
 
     @property
     def critical(self) -> int:
@@ -153,7 +153,7 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
         return draw(self, "plot_critical", model)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         i = self.critical
         stress = f"{amount(self.amplitude[i], 'Pa')} about a mean of {amount(self.mean[i], 'Pa')}"
         judged = "the vibration is below the limit" if self.least >= 1.0 else "the limit is exceeded"
@@ -217,7 +217,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     best_status: str = ""
     in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
-    _told = ("over", "best_value", "unit", "best_margin", "best_status", "rule", "material.name")
+    _summary_fields = ("over", "best_value", "unit", "best_margin", "best_status", "rule", "material.name")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -255,7 +255,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         """A row for each value; stresses and factors at all points with the dimension "location"."""
         return {self._dimension(): Column(self.values, self.unit), **super().columns()}
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         if np.isnan(self.margin).all():
             return f"No margin against fatigue was found at any of {len(self)} values of {self.over}."
         i, j = self.least, self.greatest
@@ -275,7 +275,7 @@ def margin(
     material: Material,
     index: int | None = None,
     *,
-    kept: SteadyAmplitude | None = None,
+    time_response: SteadyAmplitude | None = None,
     **judged: Any,
 ) -> Margins | MarginCurve:
     """Margins against fatigue, of infinite life.
@@ -283,14 +283,14 @@ def margin(
     Parameters
     ----------
     problem : Problem
-    result : Peak, Curve, OptimalCurve or StressCycle
+    result : Peak, ResponseCurve, OptimalCurve or StressCycle
         Of this problem.
     material : Material
     index : int, optional
         One point of a curve; by default all of them.
-    kept : Marched, optional
-        March in time at the preload of the one solution (:meth:`bdamper.Study.march`): the vibration is scaled by its
-        highest period over the amplitude of the balance, and ``notes`` say so.
+    time_response : TimeResponse, optional
+        March in time at the preload of the one solution (:meth:`bdamper.Study.time_response`): the vibration is scaled by
+        its highest period over the amplitude of the balance, and ``notes`` say so.
     **judged
         ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, as :class:`LeastMargin` has them.
 
@@ -300,22 +300,27 @@ def margin(
         Of one solution, or of every point of a curve.
     """
     judge = LeastMargin(material, **judged)
-    if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or kept is not None):
+    if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or time_response is not None):
         result = over_cycle.stress(problem, result, index, sets=judge.sets, speed=judge.speed)
-    return judge.of_cycle(_as_kept(result, kept)) if isinstance(result, StressCycle) else judge.along(problem, result)
+    return (
+        judge.of_cycle(_as_kept(result, time_response)) if isinstance(result, StressCycle) else judge.along(problem, result)
+    )
 
 
-def _as_kept(found: StressCycle, kept: SteadyAmplitude | None) -> StressCycle:
+def _as_kept(found: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
     """The stress of the largest period of the highest blade in time."""
-    if kept is None:
+    if time_response is None:
         return found
-    validation.instance("kept", kept, SteadyAmplitude)
-    if not np.isfinite(kept.factor) or abs(kept.preload - found.preload) > 1e-6 * found.preload:
-        raise validation.unfit("kept", f"a march at {found.preload:g} N", f"{kept.text} at {kept.preload:g} N")
+    validation.instance("time_response", time_response, SteadyAmplitude)
+    if not np.isfinite(time_response.factor) or abs(time_response.preload - found.preload) > 1e-6 * found.preload:
+        raise validation.unfit(
+            "time_response", f"a march at {found.preload:g} N", f"{time_response.text} at {time_response.preload:g} N"
+        )
     coefficients = found.coefficients.copy()
-    coefficients[..., 1:] *= kept.factor
-    note = f"vibration scaled by {kept.factor:.3g}: the highest blade reaches {amount(kept.highest, 'm')} in time"
-    doubt = () if word(kept.status) == COMPLETE else (f"the amplitude in time is {kept.status}",)
+    coefficients[..., 1:] *= time_response.factor
+    highest = amount(time_response.highest, "m")
+    note = f"vibration scaled by {time_response.factor:.3g}: the highest blade reaches {highest} in time"
+    doubt = () if word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
     return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
 
 
@@ -351,11 +356,13 @@ class LeastMargin(Rule):
     def __call__(self, problem: Problem, unknowns: NDArray, omega: float, preload: float) -> float:
         return self.margins(problem, np.append(unknowns, omega), preload).least
 
-    def margins(self, problem: Problem, y: NDArray, preload: float, kept: SteadyAmplitude | None = None) -> Margins:
+    def margins(
+        self, problem: Problem, y: NDArray, preload: float, time_response: SteadyAmplitude | None = None
+    ) -> Margins:
         """At every point of a solution with its frequency (rad/s), of the motion in time where that is given."""
         found = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
         cycle = over_cycle.of_solution(problem, found, over_cycle.chosen_sets(problem, self.sets), self.speed)
-        return self.of_cycle(_as_kept(cycle, kept))
+        return self.of_cycle(_as_kept(cycle, time_response))
 
     def of_cycle(self, found: StressCycle) -> Margins:
         """The margins of one cycle of stress."""

@@ -108,7 +108,7 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
         """The counted point of largest amplitude by von Mises."""
         return int(np.where(self.counted, self.amplitude, -1.0).argmax())
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         i, cycle = self.critical, self.amplitude_and_mean()
         stress = f"{amount(cycle.amplitude[i], 'Pa')} about a mean of {amount(cycle.mean[i], 'Pa')}"
         at = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
@@ -129,7 +129,7 @@ def stress(
     Parameters
     ----------
     problem : Problem
-    result : Peak, Curve or OptimalCurve
+    result : Peak, ResponseCurve or OptimalCurve
         Of this problem.
     index : int, optional
         Point of a curve; by default the highest of a curve, and the least of an optimal curve.
@@ -152,7 +152,7 @@ def stress(
 
 
 @validation.spelt
-def stress_at(
+def gauge_stress(
     problem: Problem,
     result: SomeResult,
     gauge: str | Sequence[float],
@@ -164,7 +164,7 @@ def stress_at(
     Parameters
     ----------
     problem : Problem
-    result : Peak, Curve or OptimalCurve
+    result : Peak, ResponseCurve or OptimalCurve
         Of this problem.
     gauge : str or (3,) float, m
         Name of a point of a stress set ("root 12", as :class:`StressCycle` names them), or a place whose nearest point is
@@ -309,7 +309,7 @@ class _Rows:
     @classmethod
     def make(cls, problem: Problem, chosen: StressSet, harmonic: int) -> _Rows:
         model = problem.coupling.model
-        order = problem.engine_order * (1 if problem.settings.single_basis else harmonic)
+        order = problem.engine_order * (1 if problem.settings.fundamental_modes_only else harmonic)
         d, conjugate = model.folded_nodal_diameter(order)
         body = model.bodies[chosen.body]
         if body.kind != "constrained":

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from bdamper.fem.sector_matrices import SectorFE
 
 __all__ = [
-    "BladePart", "Geometry", "LocalSizes", "Material", "MeshDensity", "SectorFE", "Wanted", "blade_to_ground", "bladed_disk",
+    "BladePart", "Geometry", "LocalSizes", "Material", "MeshDensity", "SectorFE", "Wanted", "blade_to_ground",
+    "bladed_disk",
     "local_basis",
 ]  # fmt: skip
 

@@ -10,7 +10,7 @@ platform   blade                  ground   friction
 =========  =====================  =======  ========
 
 The structure is acyclic (``n_blades = 1``), so that one basis of real modes serves every harmonic.  There is no
-free body and no load: normal loads and gaps are settings of a study (``fixed_loads``, ``gap``).
+free body and no load: normal loads and gaps are settings of a study (``constant_loads``, ``gap``).
 """
 
 from __future__ import annotations

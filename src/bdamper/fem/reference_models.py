@@ -41,10 +41,10 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
         "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for engine order 5 up to its
         seventh harmonic; with 9 points for engine orders 3 to 10 up to their third, with data over rotor speed, stress
         rows, and a local basis for mistuned wheels.
-        "paper_disk": another disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
-        driven at "tip_trailing_edge") finds the numbers of its Figs 8 and 9; with 9 and 48 points modes of one harmonic.
-        "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
-        settings of a study (``fixed_loads``, ``gap``).
+        "paper_disk": another disk, on which the method of the paper (:data:`bdamper.CIGEROGLU_2009`, friction coefficient
+        0.46, driven at "tip_trailing_edge") finds the numbers of its Figs 8 and 9; with 9 and 48 points modes of one
+        harmonic. "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps
+        are settings of a study (``constant_loads``, ``gap``).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
         "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for engine order 4.
     contact_points : int, optional

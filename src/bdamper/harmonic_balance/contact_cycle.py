@@ -124,7 +124,7 @@ def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[ND
     F[:, 2] = np.where(two_sided[:, None], normal, np.maximum(normal, 0.0))
     coupled = np.isin(p["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT))
     for i in np.flatnonzero(~coupled & (p["law"] != LAW_USER)).tolist():
-        F[i, :2] = _separable(p, i, coefficients[i], forces[i], theta)
+        F[i, :2] = _uncoupled(p, i, coefficients[i], forces[i], theta)
     rests = coupled & (share[:, 0] > 1.0 - 1e-9)  # one of many sliders, that of the equations
     F[rests, :2] = at_angles(forces[rests, :2], theta)
     if (moves := coupled & ~rests).any():
@@ -147,7 +147,7 @@ def _march_own(system: Equations[Sector], X: NDArray, F: NDArray) -> None:
             break
 
 
-def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray) -> NDArray:
+def _uncoupled(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray) -> NDArray:
     """(2, n_theta) friction forces of one point with independent sliders: exact at every angle."""
     law, kt, load = int(p["law"][i]), p["kt"][i], float(p["load"][i])
     if law == LAW_BONDED:
@@ -163,7 +163,7 @@ def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray
 
     out = np.zeros((2, len(theta)))
     # the events are those of the law, also where the equations were solved with samples
-    for d, parts in enumerate(segments(x, kt, kn, mu, n0, p["w"][i], law, "exact", load)):
+    for d, parts in enumerate(segments(x, kt, kn, mu, n0, p["w"][i], law, "event_driven", load)):
         if kt[d] == 0.0 or not parts:  # without friction
             continue
         moving = next((k for k, part in enumerate(parts) if part[2] != STICK), None)

@@ -17,16 +17,16 @@ from bdamper.util.errors import SettingError
 from bdamper.util.formatting import aligned, spaced
 
 AXES = ("X", "Y", "Z")
-LAW_NAMES = ("separable", "coupled", "bonded")
+LAW_NAMES = ("uncoupled", "coupled", "bonded")
 MAX_HARMONIC = 64
 HARMONICS = 3
 """By default: with fewer the peak near the optimal preload is another one (docs/measured.md)."""
 BLADE_MODES = 10
 """By default; fewer where the model has no more.  Residual modes carry what the others would (docs/measured.md)."""
-SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
+SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraint_planes")
 """Effects that are on or off."""
 AS_NAMED = (
-    "harmonics", "bias", "variable_normal_load", "separation", "friction_law", "damper_modes", "constraints",
+    "harmonics", "bias", "variable_normal_load", "separation", "friction_law", "damper_modes", "constraint_planes",
     "contact_points", "stability", "blade_modes",
 )  # fmt: skip
 """Effects that are settings of a study of the same name."""
@@ -53,8 +53,8 @@ class Effects:
         do not separate either.
     separation : bool
         Surfaces may open and close.  Off: friction points that are closed statically stay closed, the others open.
-    friction_law : {"separable", "coupled", "bonded"}, ContactLaw or mapping of interface name to these
-        "separable": each tangential direction slips for itself.  "coupled": the friction force lies in a disk, sampled.
+    friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface name to these
+        "uncoupled": each tangential direction slips for itself.  "coupled": the friction force lies in a disk, sampled.
     rotation, translation : sequence of "X", "Y", "Z"
         Rigid-body motions of free bodies about and along their own axes: Y along the load, Z along that of rotation.
     damper_modes : int or mapping of body name to int
@@ -66,7 +66,7 @@ class Effects:
     contact_points : int, optional
         At most so many on each friction face, by uniting neighbouring patches; the model's own by default.
     stability : bool
-        Stability of every point of a tracking curve.  It changes no solution.
+        Stability of every point of a response curve.  It changes no solution.
     blade_modes : int
         Modes of each constrained body (at most what the model has).
     """
@@ -75,12 +75,12 @@ class Effects:
     bias: bool = _effect(True, "the mean stays at its static value")
     variable_normal_load: bool = _effect(True, "friction limit of the static normal load, no separation")
     separation: bool = _effect(True, "closed points stay closed, open points stay open")
-    friction_law: Law = _effect("separable", "separable: each tangential direction slips for itself")
+    friction_law: Law = _effect("uncoupled", "uncoupled: each tangential direction slips for itself")
     rotation: Axes = _effect(AXES, "the damper does not turn about this axis")
     translation: Axes = _effect(AXES, "the damper does not move along this axis")
     damper_modes: ByBody = _effect(0, "the damper is rigid apart from contact stiffness")
     harmonic_nodal_diameters: bool = _effect(True, "every harmonic has the modes of the first")
-    constraints: bool = _effect(True, "nothing limits the axial motion of the damper")
+    constraint_planes: bool = _effect(True, "nothing limits the axial motion of the damper")
     contact_points: validation.Count | None = _effect(None, "neighbouring patches slip and open together")
     stability: bool = _effect(False, "a curve that runs back between two folds counts as unstable")
     blade_modes: validation.Count = _effect(
@@ -105,14 +105,14 @@ class Effects:
             **{name: getattr(own, name) for name in AS_NAMED},
             rotation=tuple(name[1] for name in own.rigid_modes if name[0] == "R"),
             translation=tuple(name[1] for name in own.rigid_modes if name[0] == "T"),
-            harmonic_nodal_diameters=not own.single_basis,
+            harmonic_nodal_diameters=not own.fundamental_modes_only,
         )
 
     def settings(self) -> dict[str, Any]:
         """The settings of a study that carry these effects, by name."""
         same = {name: getattr(self, name) for name in AS_NAMED}
         rigid = *(f"T{axis}" for axis in self.translation), *(f"R{axis}" for axis in self.rotation)
-        return same | {"rigid_modes": rigid, "single_basis": not self.harmonic_nodal_diameters}
+        return same | {"rigid_modes": rigid, "fundamental_modes_only": not self.harmonic_nodal_diameters}
 
     def without(self, name: str) -> Effects:
         """This set without one effect; the set itself where the effect is off already.

@@ -67,7 +67,7 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
     ----------
     coupling : Coupling
     settings : Settings
-    item : {"loads", "fixed_loads"}
+    item : {"loads", "constant_loads"}
         Newtons per newton of preload, or fixed ones.
     """
     out = np.full(coupling.n_points, np.nan)
@@ -79,7 +79,7 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
     return out
 
 
-def approach(system: StaticSystem, loads: NDArray, touching: NDArray, item: str) -> NDArray:
+def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray, item: str) -> NDArray:
     """(n_points, 3) approach of the undeformed surfaces that gives contact points their loads at rest.
 
     Parameters
@@ -98,7 +98,7 @@ def approach(system: StaticSystem, loads: NDArray, touching: NDArray, item: str)
     SettingError
         If a loaded point has no normal stiffness, or there is no state at rest.
     """
-    out, pressed, kn = np.zeros((len(loads), 3)), ~np.isnan(loads), system.kn
+    out, pressed, kn = np.zeros((len(load_per_preload), 3)), ~np.isnan(load_per_preload), system.kn
     if not pressed.any():
         return out
     expected = "loads of points with a normal stiffness"
@@ -107,12 +107,12 @@ def approach(system: StaticSystem, loads: NDArray, touching: NDArray, item: str)
     # a normal spring that is all but missing keeps N at its value while the structure moves
     held = replace(
         system, own=None, kt=system.kt * ~apart[:, None], kn=np.where(pressed | apart, 1e-12 * kn, kn),
-        n0=np.where(pressed, loads, np.where(apart, -1.0, system.n0)),
+        n0=np.where(pressed, load_per_preload, np.where(apart, -1.0, system.n0)),
         bonded=system.bonded & ~apart,
     )  # fmt: skip
     state = static_state(held, 0.0)
     validation.require(state.converged, item, "a structure that can carry them at rest", state.note)
-    out[pressed, 2] = loads[pressed] / kn[pressed] - (system.G @ state.q)[pressed, 2]
+    out[pressed, 2] = load_per_preload[pressed] / kn[pressed] - (system.G @ state.q)[pressed, 2]
     return out
 
 
@@ -137,7 +137,9 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
                 f"both senses, found {gap.max():.3g} m at the widest of {(gap > 0.0).sum()} points"
             )
         parts.append(gap)
-    unloaded = np.isnan(normal_loads(coupling, settings, "loads") + normal_loads(coupling, settings, "fixed_loads"))
+    unloaded = np.isnan(
+        normal_loads(coupling, settings, "load_per_preload") + normal_loads(coupling, settings, "constant_loads")
+    )
     return np.where(unloaded, np.concatenate(parts), 0.0)
 
 
@@ -163,7 +165,7 @@ def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] 
         counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
         load = np.where(counts, body.load.generalised, 0.0)
         found.append(float(np.linalg.norm(load[kept]) / np.linalg.norm(load)))
-    on_faces = any((settings.loads or {}).get(name, 0.0) > 0.0 for name in settings.constrained_faces)
+    on_faces = any((settings.load_per_preload or {}).get(name, 0.0) > 0.0 for name in settings.constrained_faces)
     return min(found, default=float(on_faces)) > SMALLEST_SHARE
 
 

@@ -8,8 +8,8 @@ number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping 
 the damper: the load belongs to the mass), ``"frequency_factor"`` (all natural frequencies, by the density of all bodies)
 and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`` and ``"gap_factor.left"``, one direction
 of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``, one load,
-``"loads.rear"`` and ``"fixed_loads.shroud"``, or one free body, ``"damper_mass_factor.rear"`` and ``"damper_mass.rear"``;
-the latter has its share of the preload in proportion.
+``"loads.rear"`` and ``"constant_loads.shroud"``, or one free body, ``"damper_mass_factor.rear"`` and
+``"damper_mass.rear"``; the latter has its share of the preload in proportion.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from bdamper.util import validation
 FACTORS = (
     "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor", "frequency_factor", "gap_factor"
 )  # fmt: skip
-OF_LOAD = ("loads", "fixed_loads")
+OF_LOAD = ("load_per_preload", "constant_loads")
 OF_MASS = ("damper_mass_factor", "damper_mass")
 SIDES = ("tangential", "normal")
 
@@ -83,20 +83,20 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         problem = under(problem, speed, Conditions())
     plain = {name: value for name, value in settings.items() if "." not in name and name not in (*FACTORS, "speed")}
     if plain:
-        problem = problem.with_(**plain)
+        problem = problem.replace(**plain)
     for part in ("excitation", "response"):
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
             place: Any = problem.settings.excitation if part == "excitation" else problem.settings.response_location
-            problem = problem.with_(**{part: replace(place, **inner)})
+            problem = problem.replace(**{part: replace(place, **inner)})
     for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
             own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
-            problem = problem.with_(friction_coefficient=own)
+            problem = problem.replace(friction_coefficient=own)
         elif head in OF_LOAD and part:
-            problem = problem.with_(**{head: {**problem.settings.given_loads(head), part: value}})
+            problem = problem.replace(**{head: {**problem.settings.given_loads(head), part: value}})
         elif head in FACTORS:
             problem = _scaled(problem, head, part, value)
     return problem
@@ -107,7 +107,7 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps
         changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
-        return problem.with_(gap=changed)
+        return problem.replace(gap=changed)
     if name in OF_MASS:
         return _of_mass(problem, name, part, factor)
     if part:
@@ -116,16 +116,16 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
         way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
         kinds = problem.settings.law_by_interface()
         values = {f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()}
-        return problem.with_(contact_stiffness=values, contact_stiffness_factor=1.0)
+        return problem.replace(contact_stiffness=values, contact_stiffness_factor=1.0)
     if name == "contact_stiffness_factor":
-        return problem.with_(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
+        return problem.replace(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
     if name == "damping_factor":
         if problem.settings.damping_ratio is not None:
-            return problem.with_(damping_ratio=factor * problem.settings.damping_ratio)
+            return problem.replace(damping_ratio=factor * problem.settings.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
-        return problem.with_(model=as_checked(replace(problem.model, bodies=bodies)))
+        return problem.replace(model=as_checked(replace(problem.model, bodies=bodies)))
     whole = denser(problem.model, factor**-2, tuple(problem.model.bodies), whole=True)  # frequency_factor
-    return problem.with_(model=as_checked(whole))
+    return problem.replace(model=as_checked(whole))
 
 
 def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
@@ -142,10 +142,10 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
         moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
         model = replace(model, bodies=moved if not one else model.bodies)
     elif part and settings.speed is None:
-        loads = settings.given_loads("loads").items()
+        loads = settings.given_loads("load_per_preload").items()
         scaled = {key: factor * share if key == part else share for key, share in loads}
-        return problem.with_(model=as_checked(model), loads=scaled or None)
-    return problem.with_(model=as_checked(model))
+        return problem.replace(model=as_checked(model), load_per_preload=scaled or None)
+    return problem.replace(model=as_checked(model))
 
 
 def _damped(body: Body, factor: float) -> Body:

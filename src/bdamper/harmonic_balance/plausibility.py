@@ -59,7 +59,7 @@ def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
             yield "Body", f"mass.{body.name}", body.mass or 0.0, ""
     given = settings.contact_stiffness
     rows = problem.friction_points
-    if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "patterns")):
+    if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "n_vectors")):
         stiffness = problem.point_stiffness[rows]
         item = f"contact_stiffness of {type(given).__name__}" if isinstance(given, PerArea) else ""
         if stiffness.any() and np.isfinite(sizes.body_stiffness):
@@ -80,11 +80,11 @@ def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequen
 def check_unloaded(problem: Problem) -> None:
     """Warn of fixed loads on all bodies whose load is about to be varied: the optimum is one of the rest of the load."""
     settings = problem.settings
-    varied = {name for name, share in settings.given_loads("loads").items() if share}
-    held = {name: load for name, load in settings.given_loads("fixed_loads").items() if name in varied and np.any(load)}
+    varied = {name for name, share in settings.given_loads("load_per_preload").items() if share}
+    held = {name: load for name, load in settings.given_loads("constant_loads").items() if name in varied and np.any(load)}
     if varied and set(held) == varied:
         found = f"{', '.join(f'{float(np.sum(load)):g} N on {name!r}' for name, load in held.items())}, in addition to it"
-        implausible("fixed_loads", "none on a body whose preload is varied", found)
+        implausible("constant_loads", "none on a body whose preload is varied", found)
 
 
 def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:

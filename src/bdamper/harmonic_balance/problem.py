@@ -61,7 +61,6 @@ def made_once(make: Callable[[Any], T]) -> cached_property[T]:
     return made
 
 
-
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A model with settings, and everything derived from them.
@@ -120,7 +119,7 @@ class Problem:
 
     # ---- other settings ----
 
-    def with_(self, /, **settings: Any) -> Problem:
+    def replace(self, /, **settings: Any) -> Problem:
         """The same problem under other settings, given by name.
 
         Raises
@@ -137,7 +136,7 @@ class Problem:
 
     def with_effects(self, effects: Effects) -> Problem:
         """The same problem with other effects."""
-        return self.with_(**validation.instance("effects", effects, Effects).settings())
+        return self.replace(**validation.instance("effects", effects, Effects).settings())
 
     # ---- parts, made once ----
 
@@ -159,13 +158,15 @@ class Problem:
         blade_modes = min(self.settings.blade_modes, self.settings.most_modes("constrained"))
         modes = blade_modes, self.settings.by_body("damper_modes"), self.settings.rigid_modes
         model, kept = completed(model, self.settings.places, *modes)
-        return Coupling(model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.single_basis)
+        return Coupling(
+            model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.fundamental_modes_only
+        )
 
     @made_once
     def body_loads(self) -> Mapping[str, float] | None:
         """Newtons on bodies per newton of preload; at a rotor speed in proportion to mass times radius."""
         if self.settings.speed is None:
-            return self.settings.loads
+            return self.settings.load_per_preload
         arms = centrifugal_arms(self.model)
         return {name: arm / next(iter(arms.values())) for name, arm in arms.items()}
 
@@ -308,20 +309,20 @@ class Problem:
         arms = centrifugal_arms(self.model)
         if self.settings.speed is not None and arms:
             shift = shift + self.coupling.closing_by_rotation() / next(iter(arms.values()))
-        loads = normal_loads(self.coupling, self.settings, "loads")
-        return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "loads")
+        loads = normal_loads(self.coupling, self.settings, "load_per_preload")
+        return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "load_per_preload")
 
     @made_once
     def fixed_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) and motion (n_points, 3) of the points that the preload does not change."""
-        own = self.settings.fixed_loads or {}
+        own = self.settings.constant_loads or {}
         force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in own.items()})
         if self.settings.speed is not None and not centrifugal_arms(self.model):
             shift = shift + self.settings.speed**2 * self.coupling.closing_by_rotation()
         constant = self._padded(self.coupling.constant_force())
-        loads = normal_loads(self.coupling, self.settings, "fixed_loads")
+        loads = normal_loads(self.coupling, self.settings, "constant_loads")
         beside = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
-        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, beside, "fixed_loads")
+        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, beside, "constant_loads")
         return constant + self._padded(force), shift
 
     def _padded(self, force: NDArray) -> NDArray:
@@ -407,9 +408,13 @@ class Problem:
         key = (preload, *factors)
         if key not in self.static_states:
             watch, system = CostMeter(), self.static_system
-            offset = assembly_offsets(self.settings.slip_offset, self.settings.slip_offset_seed, self.friction)
+            offset = assembly_offsets(self.settings.residual_slip_std, self.settings.residual_slip_seed, self.friction)
             state = None
-            if len(factors) == 1 and preload > 0.0 and not (self.settings.slip_offset or self.settings.fixed_loads):
+            if (
+                len(factors) == 1
+                and preload > 0.0
+                and not (self.settings.residual_slip_std or self.settings.constant_loads)
+            ):
                 # always from one and the same load, so that results do not depend on what was asked before
                 unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), **self._surfaces)
                 self.static_states[(1.0, 1.0)] = unit
@@ -538,10 +543,12 @@ class Problem:
             )
         pressed = np.einsum("pdm,pd->m", self.static_basis.G.real, state.force)
         static = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
-        validation.require(static <= most, "loads", f"static forces on the modes up to {most:g}", f"{static:.3g}")
+        validation.require(
+            static <= most, "load_per_preload", f"static forces on the modes up to {most:g}", f"{static:.3g}"
+        )
         scale = (static or 1.0, vibration or static or 1.0)
         springs = self.point_stiffness * self.coupling.spring_points[:, None]
-        return Sector(bases, points, force, self.response_rows, self.settings.evaluation, scale, springs, self.bases)
+        return Sector(bases, points, force, self.response_rows, self.settings.contact_forces, scale, springs, self.bases)
 
 
 def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = False) -> NDArray:
@@ -561,7 +568,7 @@ def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = Fal
             closed[rows] = touch
             say(
                 f"interface '{name}' touches without a normal load: it counts as stuck where it touches, although it "
-                "carries nothing at rest; loads=, fixed_loads= or a negative gap press it"
+                "carries nothing at rest; load_per_preload=, constant_loads= or a negative gap press it"
             )
     springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
     return springs * closed[:, None]

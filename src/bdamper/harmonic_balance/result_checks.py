@@ -54,7 +54,7 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
     Parameters
     ----------
     problem : Problem
-    result : Curve or Peak
+    result : ResponseCurve or Peak
 
     Raises
     ------
@@ -102,7 +102,7 @@ def response_at(problem: Problem, result: SomeResult, location: str, direction: 
     Parameters
     ----------
     problem : Problem
-    result : Curve or Peak
+    result : ResponseCurve or Peak
         Of this study.
     location : str
     direction : {"tangential", "radial", "axial"} or three floats

@@ -200,4 +200,4 @@ def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
     force = conditions.excitation_at(omega, int(problem.engine_order))
     if force is not None:
         changes["excitation"] = replace(problem.settings.excitation, amplitude=force)
-    return problem.with_(**changes)
+    return problem.replace(**changes)

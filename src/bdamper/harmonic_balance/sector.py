@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.law_codes import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_SEPARABLE, LAW_USER, Sampled, check_evaluation
+from bdamper.contact.law_codes import AFT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_SEPARABLE, LAW_USER, check_evaluation
 from bdamper.contact.point_parameters import PointArrays
 from bdamper.harmonic_balance.equations import Equations, InFrequency, Layout, Rows
 from bdamper.harmonic_balance.linear_limits import Linear
@@ -38,7 +38,7 @@ class Sector:
         Modal excitation and static load, in the layout of the unknowns.
     response_rows : sequence of (n_modes,) complex
         Row of modal amplitudes that gives the response, for each harmonic.
-    evaluation : {"exact"} or Sampled
+    contact_forces : {"event_driven"} or AFT
     force_scale : (2,) float
         Reference modal forces of the mean and of the harmonics, for the relative residual.
     springs : (n_points, 3) float
@@ -51,7 +51,7 @@ class Sector:
     points: PointArrays
     force: NDArray
     response_rows: Sequence[NDArray]
-    evaluation: str | Sampled = "exact"
+    contact_forces: str | AFT = "event_driven"
     force_scale: tuple[float, float] = (1.0, 1.0)
     springs: NDArray | float = 0.0
     spring_bases: list[HarmonicBasis] | None = None
@@ -62,7 +62,7 @@ class Sector:
     @cached_property
     def evaluation_code(self) -> tuple[int, int]:
         """Way of evaluation and number of samples, as the core has them."""
-        return evaluation_code(self.evaluation, len(self.bases) - 1, np.asarray(self.points.law))
+        return evaluation_code(self.contact_forces, len(self.bases) - 1, np.asarray(self.points.law))
 
     @property
     def exact(self) -> bool:
@@ -193,7 +193,7 @@ def segments(
     n0: float,
     slider: NDArray,
     law: int = LAW_SEPARABLE,
-    evaluation: str | Sampled = "exact",
+    contact_forces: str | AFT = "event_driven",
     load: float | None = None,
 ) -> list[list[tuple[float, float, int]]]:
     """Parts of the cycle at one contact point: for each tangential direction a list of (start, end, state).
@@ -202,7 +202,7 @@ def segments(
     ----------
     x : (3, n_coef) float
         Motion (u1, u2, v) as coefficients.
-    evaluation : {"exact"} or Sampled
+    contact_forces : {"event_driven"} or AFT
         Coupled laws need samples.
     load : float, N, optional
         Normal load that limits friction under the laws of constant load; ``n0`` by default.
@@ -214,17 +214,17 @@ def segments(
     """
     F = np.empty_like(x)
     J = np.empty(x.shape + x.shape)
-    mode, n_time = evaluation_code(evaluation, x.shape[1] // 2, np.array(law))
+    mode, n_time = evaluation_code(contact_forces, x.shape[1] // 2, np.array(law))
     _, parts = _core.evaluate_contact(
         np.ascontiguousarray(x), kt, kn, mu, n0, slider, F, J, law, mode, n_time, n0 if load is None else load
     )
     return list(parts)
 
 
-def evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) -> tuple[int, int]:
-    if evaluation == "exact" and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_USER)).any():
-        raise SettingError('evaluation: expected Sampled(n_time) with friction that has no closed form, found "exact"')
-    check_evaluation(evaluation, harmonics)
-    if isinstance(evaluation, Sampled):
-        return (1 if evaluation.interpolate else 2), evaluation.n_time
+def evaluation_code(contact_forces: str | AFT, harmonics: int, law: NDArray) -> tuple[int, int]:
+    if contact_forces == "event_driven" and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_USER)).any():
+        raise SettingError('contact_forces: expected AFT(n) with a law that has no closed form, found "event_driven"')
+    check_evaluation(contact_forces, harmonics)
+    if isinstance(contact_forces, AFT):
+        return (1 if contact_forces.interpolate else 2), contact_forces.n_time
     return 0, 0

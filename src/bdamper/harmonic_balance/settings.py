@@ -15,7 +15,7 @@ from typing import Annotated, Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.law_codes import LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, LAW_USER, Sampled, check_evaluation
+from bdamper.contact.law_codes import AFT, LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, LAW_USER, check_evaluation
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.contact.stiffness import PerArea
 from bdamper.contact.user_laws import ContactLaw
@@ -38,10 +38,12 @@ from bdamper.util.short_repr import brief
 from bdamper.util.storage import typed
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
-PAPER: Mapping[str, Any] = {
-    "contact_stiffness": "eq4", "blade_modes": 10, "damper_modes": 0, "harmonics": 1, "single_basis": True
+CIGEROGLU_2009: Mapping[str, Any] = {
+    "contact_stiffness": "cigeroglu2009", "blade_modes": 10, "damper_modes": 0, "harmonics": 1,
+    "fundamental_modes_only": True
 }  # fmt: skip
-"""Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **PAPER)``, ``study.with_(**PAPER)``."""
+"""Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **CIGEROGLU_2009)``,
+``study.replace(**CIGEROGLU_2009)``."""
 
 
 @partial(validation.spelt, name="Study")
@@ -62,7 +64,8 @@ class Settings:
         Location and direction of the excitation by default.
     harmonics : int or tuple of int
         Harmonics of the response besides the mean: how many, or which.
-    contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea, mapping, None
+    contact_stiffness : {"residual_modes", "unit_traction", "cigeroglu2009", "model"}, ResidualModes, float, PerArea,
+    mapping, None
         Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
         By default residual modes where the model carries the static flexibility that they need; else the values that the
         model carries, or unit tractions, with a note in ``stiffness_report`` and a
@@ -77,9 +80,9 @@ class Settings:
     rigid_modes : sequence of str
         Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ" (rotation), along and about
         the damper's own axes.
-    constraints : bool
+    constraint_planes : bool
         Whether constraint planes (front and back of a damper) take part.
-    single_basis : bool
+    fundamental_modes_only : bool
         Describe every harmonic by the modes of the fundamental's nodal diameter, as the paper does.
     damping_ratio : float, optional
         For all elastic modes, instead of the model's.
@@ -95,13 +98,13 @@ class Settings:
         :func:`bdamper.influence_coefficients` gives them from a few blades.
     damper_drag : float or mapping of body name to float, N s/m
         Viscous force on the translation of free bodies over its velocity, in proportion to mass on all their motions.
-    evaluation : {"exact"} or Sampled
+    contact_forces : {"event_driven"} or AFT
         How contact forces are found over a cycle.
-    friction_law : {"separable", "coupled", "bonded"}, ContactLaw or mapping of interface to these
-        "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
-        radius mu N (the static analysis uses the separable law, see :mod:`bdamper.contact.static_state`).  "bonded": linear
+    friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface to these
+        "uncoupled": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
+        radius mu N (the static analysis uses the uncoupled law, see :mod:`bdamper.contact.static_state`).  "bonded": linear
         springs in all directions and both senses.  A :class:`~bdamper.ContactLaw` is a compiled function, with springs of
-        its own in place of the contact stiffness.  It and "coupled" are sampled, at 128 instants unless ``evaluation``
+        its own in place of the contact stiffness.  It and "coupled" are sampled, at 128 instants unless ``contact_forces``
         says otherwise.
     bias, variable_normal_load, separation : bool
         Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
@@ -110,12 +113,12 @@ class Settings:
         At most so many contact points on each friction face, by uniting neighbouring patches; no more than the model has.
     gap : mapping of interface name to float or (n_points,) float, optional
         Initial distance of the surfaces in m, instead of the model's, negative for interference; see
-        :func:`bdamper.misfit`.  None under the law "bonded".
-    loads : mapping of name to float, optional
+        :func:`bdamper.face_gap`.  None under the law "bonded".
+    load_per_preload : mapping of name to float, optional
         Newtons per newton of preload: on free bodies, by name, and of normal load on friction interfaces between
         constrained bodies (shrouds, roots); nothing on those that are not named.  By default 1 on every loaded body.  At a
         rotor speed mass times radius of the bodies decides, and the preload is that of the first one.
-    fixed_loads : mapping of name to float or (n_points,) float, optional
+    constant_loads : mapping of name to float or (n_points,) float, optional
         Newtons that do not change with the preload, on the same bodies and interfaces; one value for each contact point
         of an interface, or their sum, which is shared by area.  Normal loads of an interface are those of the assembly:
         after the structure has given way to them, and before the free bodies are loaded.  A negative load of a point is a
@@ -123,14 +126,14 @@ class Settings:
     load_history : tuple of float
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
     stability : bool
-        Whether tracking curves come with the stability of every point.
+        Whether response curves come with the stability of every point.
     speed : float, rad/s, optional
         Rotor speed that the model belongs to, as :meth:`bdamper.Study.at_speed` sets it.  The static analysis then takes
         the displacement of the faces by rotation, per newton of the damper's own centrifugal load.
-    slip_offset : float, m
+    residual_slip_std : float, m
         Standard deviation of the displacements from assembly at which friction has no force, drawn for every contact point;
         the static analysis starts from them.
-    slip_offset_seed : int
+    residual_slip_seed : int
         Equal seeds draw equal offsets.
 
     Raises
@@ -149,28 +152,28 @@ class Settings:
     blade_modes: validation.Count = BLADE_MODES
     damper_modes: ByBody = 0
     rigid_modes: Annotated[tuple[str, ...], partial(validation.names, choices=RIGID_NAMES)] = RIGID_NAMES
-    constraints: bool = True
-    single_basis: bool = False
+    constraint_planes: bool = True
+    fundamental_modes_only: bool = False
     damping_ratio: validation.Share | None = None
     damper_damping_ratio: Annotated[
         float | Mapping[str, float], validation.each(validation.Limits(least=0.0, below=1.0))
     ] = 0.0
     damper_drag: Annotated[float | Mapping[str, float], validation.each(validation.Limits(least=0.0, unit="N s/m"))] = 0.0
-    evaluation: str | Sampled = "exact"
-    friction_law: Law = "separable"
+    contact_forces: str | AFT = "event_driven"
+    friction_law: Law = "uncoupled"
     bias: bool = True
     variable_normal_load: bool = True
     separation: bool = True
     contact_points: validation.Count | None = None
     gap: Mapping[str, float | NDArray] | None = None
-    loads: Mapping[str, float] | None = None
-    fixed_loads: Mapping[str, float | NDArray] | None = None
+    load_per_preload: Mapping[str, float] | None = None
+    constant_loads: Mapping[str, float | NDArray] | None = None
     load_history: Annotated[tuple[float, ...], check_history] = (1.0,)
     stability: bool = False
     contact_stiffness_factor: validation.Positive = 1.0
     speed: validation.Speed | None = None
-    slip_offset: validation.Length = 0.0
-    slip_offset_seed: validation.Natural = 0
+    residual_slip_std: validation.Length = 0.0
+    residual_slip_seed: validation.Natural = 0
     aerodynamic_damping: complex | Mapping[int, complex] | None = None
 
     def __post_init__(self) -> None:
@@ -186,7 +189,7 @@ class Settings:
         most = max(self.most_points, 1)
         expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
         validation.that((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
-        check_evaluation(self.evaluation, self.harmonic_numbers[-1])
+        check_evaluation(self.contact_forces, self.harmonic_numbers[-1])
         validation.require(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
         for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
             given = getattr(self, name)
@@ -293,28 +296,30 @@ class Settings:
         return (*(name for name, body in self.model.bodies.items() if body.load is not None), *self.constrained_faces)
 
     def given_loads(self, item: str) -> dict[str, Any]:
-        """``loads`` (1 on every loaded body where none are given) or ``fixed_loads``, by name."""
+        """``load_per_preload`` (1 on every loaded body where none are given) or ``constant_loads``, by name."""
         given = getattr(self, item)
-        if given is None and item == "loads":
+        if given is None and item == "load_per_preload":
             return {name: 1.0 for name in self.loaded if name in self.model.bodies}
         return dict(given or {})
 
     def _check_loads(self) -> None:
         bodies = [name for name in self.loaded if name in self.model.bodies]
-        for item in ("loads", "fixed_loads"):
+        for item in ("load_per_preload", "constant_loads"):
             given = getattr(self, item)
             words = "bodies with a load and friction interfaces between constrained bodies"
             names = () if given is None else validation.mapping(item, given, self.loaded, words)
             for name in names:
-                if np.ndim(given[name]) == 0 or item == "loads" or name in bodies:
+                if np.ndim(given[name]) == 0 or item == "load_per_preload" or name in bodies:
                     validation.number(f"{item} of '{name}'", given[name], least=0.0)
-        if self.loads is not None:
-            validation.require(any(self.loads.values()), "loads", "at least one above 0", dict(self.loads))
+        if self.load_per_preload is not None:
+            validation.require(
+                any(self.load_per_preload.values()), "load_per_preload", "at least one above 0", dict(self.load_per_preload)
+            )
         if self.speed is not None:
             expected = "none at a rotor speed, where mass times radius of the bodies decides (vary damper_mass there)"
-            validation.require(self.loads is None, "loads", expected, self.loads)
-            held = [name for name in self.fixed_loads or () if name in bodies]
-            validation.require(not held, "fixed_loads", "those of interfaces alone at a rotor speed", held)
+            validation.require(self.load_per_preload is None, "load_per_preload", expected, self.load_per_preload)
+            held = [name for name in self.constant_loads or () if name in bodies]
+            validation.require(not held, "constant_loads", "those of interfaces alone at a rotor speed", held)
 
     @property
     def holds_preload(self) -> bool:
@@ -355,8 +360,10 @@ class Settings:
         for name, value in served.items() if self.own_laws() else ():
             validation.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
         sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
-        if sampled and isinstance(self.evaluation, str) and self.evaluation == "exact":  # neither has a closed form
-            object.__setattr__(self, "evaluation", Sampled(max(128, 8 * self.harmonic_numbers[-1] + 8)))
+        if (
+            sampled and isinstance(self.contact_forces, str) and self.contact_forces == "event_driven"
+        ):  # neither has a closed form
+            object.__setattr__(self, "contact_forces", AFT(max(128, 8 * self.harmonic_numbers[-1] + 8)))
         _ = self.friction_by_interface()
 
     def _laws(self) -> dict[str, str | ContactLaw]:
@@ -379,7 +386,9 @@ class Settings:
 
     def interface_names(self) -> tuple[str, ...]:
         """Interfaces that take part, constraint planes only if they are asked for."""
-        return tuple(name for name, face in self.model.interfaces.items() if self.constraints or face.kind != "constraint")
+        return tuple(
+            name for name, face in self.model.interfaces.items() if self.constraint_planes or face.kind != "constraint"
+        )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
         """Friction coefficient of each interface that takes part, or those (n_points,) of its points in the model; none but
@@ -419,7 +428,7 @@ class Settings:
     @property
     def needed_diameters(self) -> set[int]:
         """Nodal diameters of the mean and of the harmonics."""
-        orders = {self.engine_order * (1 if self.single_basis else l) for l in {1, *self.active_harmonics}} | {0}
+        orders = {self.engine_order * (1 if self.fundamental_modes_only else l) for l in {1, *self.active_harmonics}} | {0}
         return {self.model.folded_nodal_diameter(order)[0] for order in orders}
 
     def record(self, stiffness_method: object, options: object = None) -> dict[str, Any]:
@@ -448,8 +457,8 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
         raise SettingError('friction_axes: expected "contact", the axes of this version, found "major"')
     hints = get_type_hints(Settings)
     given = {f.name: typed(hints[f.name], record[f.name]) for f in fields(Settings) if f.name in record}
-    if isinstance(given["evaluation"], Mapping):
-        given["evaluation"] = Sampled(**given["evaluation"])
+    if isinstance(given["contact_forces"], Mapping):
+        given["contact_forces"] = AFT(**given["contact_forces"])
     if isinstance(given["contact_stiffness"], Mapping):
         ((kind, value),) = given["contact_stiffness"].items()
         plain: Any = tuple(value) if isinstance(value, list) else _arrays(value)
@@ -461,7 +470,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
         given["friction_law"] = ContactLaw.of_record(law) if "contact_law" in law else laws
     if given.get("aerodynamic_damping") is not None:
         given["aerodynamic_damping"] = {int(d): complex(*z) for d, z in given["aerodynamic_damping"].items()}
-    return given | {name: _arrays(given.get(name)) for name in ("gap", "fixed_loads")}
+    return given | {name: _arrays(given.get(name)) for name in ("gap", "constant_loads")}
 
 
 def _arrays(value: Any) -> Any:

@@ -22,8 +22,8 @@ class Asking(Protocol):
     def problem(self) -> Problem: ...
     @property
     def model(self) -> Model: ...
-    def with_(self, **settings: Any) -> Self: ...
-    def another(self, problem: Problem) -> Self: ...
+    def replace(self, **settings: Any) -> Self: ...
+    def _with_problem(self, problem: Problem) -> Self: ...
 
 
 P = ParamSpec("P")
@@ -47,7 +47,7 @@ def like(study: A, problem: Problem) -> A:
     """A problem as what was asked has it: a study of the problem, or the problem."""
     made: Any = problem
     if not isinstance(study, Problem):
-        made = study if problem is study.problem else study.another(problem)
+        made = study if problem is study.problem else study._with_problem(problem)
     return made
 
 

@@ -118,7 +118,7 @@ def build_model(
         One of ``bdamper.importers.UNITS`` or factors; axis of rotation, direction to the blade and a point on the axis, in
         the axes and the unit of length of the files.
     expected_frequencies, strict : mapping of nodal diameter to frequencies (Hz), bool
-        Of another program, compared to 1 %; such a comparison that fails, also with modes of a file, warns, or is refused.
+        Of another program, compared to 1 %; a comparison that fails, also with modes of a file, warns or (strict) is refused.
     check_units : bool
         Whether sizes and densities far from anything built are refused.
     wheel, wheel_shapes : set, LocalSizes, optional
@@ -131,7 +131,6 @@ def build_model(
     Raises
     ------
     ModelError, SettingError
-        At the first thing that is wrong, naming it, what was expected and what was found.
     """
     damping_ratio = validation.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
     bodies = _prepared(blade, damper, Placement(axis, radial, origin, units), validation.flag("strict", strict))
@@ -146,7 +145,7 @@ def build_model(
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies, forces)
     rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
-    with _told(progress, bodies, ring, wheel is not None):
+    with _shown(progress, bodies, ring, wheel is not None):
         made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes, rows)
     return _assembled(bodies, laid, places, made, rows, n_blades, check_units)
 
@@ -309,7 +308,7 @@ def _location(name: str, body: PreparedBody, place: Place) -> Location:
 
 
 @contextmanager
-def _told(progress: bool | None, bodies: Mapping[str, PreparedBody], ring: Ring, wheel: bool) -> Iterator[None]:
+def _shown(progress: bool | None, bodies: Mapping[str, PreparedBody], ring: Ring, wheel: bool) -> Iterator[None]:
     """The steps of the work on a bar, each as it begins."""
     if not (sys.stderr.isatty() if progress is None else validation.flag("progress", progress)):
         yield

@@ -1,6 +1,6 @@
 """Bladed disks whose blades and dampers differ: harmonic balance of all sectors, samples and their statistics.
 
-A `Wheel` solves a problem whose model has a sector-local basis, for one `Mistuning` and `DamperVariation`;
+A `BladedDisk` solves a problem whose model has a sector-local basis, for one `Mistuning` and `DamperVariation`;
 `mistuned_sample` solves many random ones and fits the distribution of the highest blade amplitude.
 """
 
@@ -13,4 +13,4 @@ from bdamper.mistuning.sample import mistuned_sample as mistuned_sample
 from bdamper.mistuning.sample_result import Audit as Audit
 from bdamper.mistuning.sample_result import BestPreload as BestPreload
 from bdamper.mistuning.sample_result import MistunedSample as MistunedSample
-from bdamper.mistuning.wheel import Wheel as Wheel
+from bdamper.mistuning.wheel import BladedDisk as BladedDisk

@@ -116,5 +116,5 @@ def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, respo
         shift = shift + structure.motion(state.mean).reshape(-1, 3)
     return WheelScene(
         structure, replace(state.points, shift=shift), tuned.settings.active_harmonics, state.load, excitation,
-        response_row, state.missing, (largest, scale), state.mean, tuned.settings.evaluation,
+        response_row, state.missing, (largest, scale), state.mean, tuned.settings.contact_forces,
     ).equations  # fmt: skip

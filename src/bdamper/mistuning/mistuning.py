@@ -116,7 +116,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     @classmethod
     @validation.spelt
-    def drawn(
+    def random(
         cls,
         n_blades: int,
         standard_deviation: float,
@@ -259,7 +259,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
 
     @classmethod
     @validation.spelt
-    def drawn(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
+    def random(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
         """Dampers drawn independently.
 
         Parameters

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import h5py
-import numpy as np
-
-from bdamper.analyses.sweep import SweepResult, sweep, sweep_fields
+from bdamper.analyses.sweep import SweepResult, sweep
 from bdamper.mistuning.peak import WheelPeakOptions, peak
 from bdamper.mistuning.peak_result import WheelPeak
 from bdamper.mistuning.wheel_problem import WheelProblem
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError
-from bdamper.util.status import COMPLETE, FAILED, because
-from bdamper.util.storage import enter_former
 
 OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
 """What sweeps and samples keep of a peak."""
@@ -57,7 +51,7 @@ def optimal_curve(
 
     Parameters
     ----------
-    wheel : Wheel
+    wheel : BladedDisk
     preloads : sequence of float, N
     options : WheelPeakOptions
     executor, progress
@@ -73,14 +67,3 @@ def optimal_curve(
     task = partial(_highest, wheel=wheel, options=options)
     found = sweep(wheel.study, {"preload": values}, task, executor=executor, progress=progress)
     return replace(found, **wheel.record())
-
-
-def _of_0_6(group: h5py.Group) -> dict[str, Any]:
-    """Fields of the sweep that the optimal curve of a wheel in a file of version 0.6 or before is."""
-    numbers = {name: group[name][()].tolist() for name in (*OF_PEAKS, "tuned_amplitude")}
-    preloads, reasons = group["preload"][()].tolist(), json.loads(group["reason"][()])
-    status = [COMPLETE if np.isfinite(a) else because(FAILED, why) for a, why in zip(numbers["amplitude"], reasons)]
-    return sweep_fields({"preload": preloads}, numbers, status, np.full(len(preloads), np.nan)) | {"cost": ()}
-
-
-enter_former("bdamper-wheel-optimal-curve", "bdamper-wheel-optimal-curve", SweepResult, _of_0_6)

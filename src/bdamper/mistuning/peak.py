@@ -8,7 +8,8 @@ the peaks that may be the highest are then found anew on the whole wheel, and wh
 
 A peak need not be what a blade keeps: the curve of a lumped wheel of six blades (300 N,
 ``tests/mistuning/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4 to
-12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods (``Wheel.kept``).
+12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods
+(``BladedDisk.time_response``).
 """
 
 from __future__ import annotations
@@ -118,7 +119,7 @@ def peak(
 
     Parameters
     ----------
-    wheel : Wheel
+    wheel : BladedDisk
     preload : float, N
     frequency : (low, high), Hz, optional
         Of the sweep; ``bdamper.mistuning.frequency_band.band`` by default, and where no blade has a peak in it up to 1.5

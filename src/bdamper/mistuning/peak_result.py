@@ -77,7 +77,7 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     error: float = 0.0
     interval: tuple[float, float] = (np.nan, np.nan)
     cost: Cost = field(default_factory=Cost)
-    _told = ("status", "amplitude", "frequency", "blade", "amplification", "error", "springs")
+    _summary_fields = ("status", "amplitude", "frequency", "blade", "amplification", "error", "springs")
 
     @property
     def converged(self) -> bool:
@@ -108,7 +108,7 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         """Draw the wheel from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "plot_wheel", model, *arguments, **options)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         if not np.isfinite(self.amplitude):
             return f"No peak of the wheel at a preload of {amount(self.preload, 'N')}: {self.reason}."
         top = height(self.amplitude, self.frequency)

@@ -1,12 +1,9 @@
-"""Tracking curve of a wheel: its branches over frequency, followed as those of a sector are."""
+"""Response curve of a wheel: its branches over frequency, followed as those of a sector are."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,11 +14,10 @@ from bdamper.mistuning.wheel_problem import WheelProblem
 from bdamper.response.branches import Coverage, ending, evaluation_budget, in_order
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.response_curve import as_curve
 from bdamper.util import validation
 from bdamper.util.cost import CostMeter
-from bdamper.util.storage import enter_former
 from bdamper.util.threading import one_thread
 
 
@@ -42,25 +38,25 @@ def first_point(system: WheelSystem, omega: float) -> NDArray | None:
 
 @validation.spelt
 @one_thread
-def track(
+def frequency_response(
     wheel: WheelProblem,
     preload: float,
     frequency: tuple[float, float],
     *,
     options: ContinuationOptions | None = None,
-) -> Curve:
+) -> ResponseCurve:
     """Response of all blades over a frequency interval at one preload.
 
     Parameters
     ----------
-    wheel : Wheel
+    wheel : BladedDisk
     preload : float, N
     frequency : (low, high), Hz
     options : ContinuationOptions
 
     Returns
     -------
-    Curve
+    ResponseCurve
         Of the highest blade, with the response of all in ``blades`` and without unknowns: from one end, and from the other
         where that branch does not lead through; outside of the interval, where a branch may turn and come back; and from
         solutions within what is left.
@@ -90,18 +86,3 @@ def track(
 def highest_blade(blades: NDArray) -> NDArray:
     """(n, n_harmonics + 1) response of the highest blade at each point, of those of all blades."""
     return np.asarray(blades[np.arange(len(blades)), np.abs(blades[..., 1]).argmax(axis=1)])
-
-
-def _of_0_6(group: h5py.Group) -> dict[str, Any]:
-    """Fields of the curve that one of a wheel in a file of version 0.6 or before is."""
-    blades = group["response"][()]
-    n = len(blades)
-    return {
-        "kind": "tracking", "blades": blades, "harmonics": highest_blade(blades), "unknowns": np.zeros((n, 0)),
-        "shares": np.full((n, 3), np.nan), "backward": np.zeros(n, bool), "rank_deficiency": np.zeros(n, int),
-        "branch": group["branch"][()] if "branch" in group else np.zeros(n, int), "left_out": (),
-        "notes": tuple(json.loads(group["left_out"][()])) if "left_out" in group else (),
-    }  # fmt: skip
-
-
-enter_former("bdamper-wheel-curve", "bdamper-wheel-curve", Curve, _of_0_6)

@@ -1,8 +1,8 @@
 """Many wheels: the highest blade of each, on any executor, in a file that survives an interruption, with its own audit.
 
-Wheel ``k`` has the deviations (and dampers) that are drawn with the seed ``(seed, k)``: one unit pattern, scaled to every
-standard deviation, so that wheels are the same at every preload and every standard deviation, and the same in a study with
-more harmonics.  A sample can be continued with more wheels in the same results file.
+BladedDisk ``k`` has the deviations (and dampers) that are drawn with the seed ``(seed, k)``: one unit pattern, scaled to
+every standard deviation, so that wheels are the same at every preload and every standard deviation, and the same in a
+study with more harmonics.  A sample can be continued with more wheels in the same results file.
 
 **Audit.**  The highest peak is that of a coarse sweep and local searches (:mod:`bdamper.mistuning.peak_search`), which can
 miss it. So a share of the wheels, drawn by their numbers before any result is known, is searched again with half the
@@ -32,7 +32,7 @@ from bdamper.mistuning.mistuning import DamperVariation, Mistuning
 from bdamper.mistuning.optimal import OF_PEAKS, answers
 from bdamper.mistuning.peak import WheelPeakOptions
 from bdamper.mistuning.sample_result import MistunedSample, highest_wheels
-from bdamper.mistuning.wheel import Wheel
+from bdamper.mistuning.wheel import BladedDisk
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.checkpoint_file import ResultsFile
@@ -50,11 +50,11 @@ class _Sample:
 
     Parameters
     ----------
-    wheel : Wheel
+    wheel : BladedDisk
         Without mistuning.
     mistuning : callable
         Deviations of a standard deviation and a seed.
-    drawn : mapping
+    random : mapping
         How wheels are drawn, as their result keeps it.
     options : WheelPeakOptions
         Of the search.
@@ -62,9 +62,9 @@ class _Sample:
         Wheels, standard deviations and preloads.
     """
 
-    wheel: Wheel
+    wheel: BladedDisk
     mistuning: Callable[..., Mistuning]
-    drawn: Mapping[str, Any]
+    random: Mapping[str, Any]
     options: WheelPeakOptions
     over: Mapping[str, Sequence[Any]]
 
@@ -72,11 +72,11 @@ class _Sample:
     def shape(self) -> tuple[int, ...]:
         return tuple(len(values) for values in self.over.values())
 
-    def draw(self, k: int, standard_deviation: float) -> Wheel:
-        """Wheel k."""
-        seed, dampers = (self.drawn["seed"], k), self.drawn["dampers"]
-        wheel = self.wheel.with_(mistuning=self.mistuning(standard_deviation, seed=seed))
-        return wheel.with_(dampers=DamperVariation.drawn(wheel.n_blades, **dampers, seed=seed)) if dampers else wheel
+    def draw(self, k: int, standard_deviation: float) -> BladedDisk:
+        """BladedDisk k."""
+        seed, dampers = (self.random["seed"], k), self.random["dampers"]
+        wheel = self.wheel.replace(mistuning=self.mistuning(standard_deviation, seed=seed))
+        return wheel.replace(dampers=DamperVariation.random(wheel.n_blades, **dampers, seed=seed)) if dampers else wheel
 
     def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
         """Numbers of the points that are searched again: of wheels drawn before, and of the highest once all are known."""
@@ -102,7 +102,7 @@ class _Sample:
         over = {name: values for name, values in self.over.items() if name != "wheel"}
         return {
             "format": "bdamper-wheel-sample", "version": 4, **HERE.attributes(),
-            "study": study_fingerprint(problem_of(self.wheel.study)), **self.drawn, **over,
+            "study": study_fingerprint(problem_of(self.wheel.study)), **self.random, **over,
             "options": repr(self.options),
         }  # fmt: skip
 
@@ -149,10 +149,10 @@ def mistuned_sample(
     wheels : int or sequence of int
         How many, or which: wheel ``k`` is the same whichever others there are.
     distribution : {"normal", "uniform"} or Mistuning
-        As in :meth:`bdamper.mistuning.Mistuning.drawn`; a measured pattern is drawn from with repetition.
+        As in :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is drawn from with repetition.
     dampers : mapping, optional
         Relative standard deviations of "mass", "friction_coefficient" and "contact_stiffness", mean of "gap" (m), numbers
-        of the dampers "missing", as in :meth:`bdamper.mistuning.DamperVariation.drawn`; all alike by default.
+        of the dampers "missing", as in :meth:`bdamper.mistuning.DamperVariation.random`; all alike by default.
     options : WheelPeakOptions
         Of the search for each peak.
     audit : float
@@ -174,7 +174,7 @@ def mistuned_sample(
     BdamperError
         If the results file is of another sample, or the tuned wheel has no peak at a preload.
     """
-    wheel = Wheel(study)
+    wheel = BladedDisk(study)
     deviations = validation.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validation.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
     numbers = validation.wholes("wheels", wheels if np.ndim(wheels) else range(validation.whole("wheels", wheels, least=1)))
@@ -186,7 +186,7 @@ def mistuned_sample(
     check_executor(executor)
     validation.flag("progress", progress)
     over = {"wheel": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
-    mistuning = partial(Mistuning.drawn, wheel.n_blades, distribution=distribution)
+    mistuning = partial(Mistuning.random, wheel.n_blades, distribution=distribution)
     asked = _Sample(wheel, mistuning, drawn, options, over)
     asked.draw(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
     audited = audit_wheels(numbers, audit, seed)
@@ -234,7 +234,7 @@ def _result(
         curve_status=tuple(str(r.get("status", "not asked")) for r in curves),
         processor=array(peaks, "processor", "cost", 0.0),
         curve_processor=array(curves, "processor", "cost", 0.0),
-        drawn=dict(asked.drawn),
+        drawn=dict(asked.random),
         settings=asked.wheel.structure.tuned.record(),
         model_hash=asked.wheel.study.model.hash,
     )

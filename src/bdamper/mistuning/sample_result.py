@@ -81,7 +81,7 @@ class Audit(Summarised, Tabular, row="search"):
         open_still = np.setdiff1d(self.wheel[self.undecided], missed)
         return share(len(missed), len(np.setdiff1d(self.wheel, open_still)))
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         n, missed, found = len(np.unique(self.wheel)), self.missed, self.share
         named = ", ".join(map(str, np.unique(self.wheel[missed])))
         return (
@@ -302,7 +302,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     def _grid(self) -> dict[str, Any]:
         return {"wheel": self.wheels, "standard_deviation": self.standard_deviation, "preload": self.preload}
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """Number of wheels, the amplification factors of every cell, and what the audits say."""
         middle, upper = self.percentile(50.0)[1], self.percentile(95.0)
         cells = [
@@ -319,7 +319,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
             Fact("processor", f"{spent[0]:.0f} s, {spent[1]:.0f} s for the audit"),
         )
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 95.0))
         spread, load = f"{100.0 * float(self.standard_deviation[-1]):.3g} %", amount(self.preload[-1], "N")
         ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if np.isfinite(upper).all() else " (no upper bound from so few)"

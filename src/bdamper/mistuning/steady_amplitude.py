@@ -21,7 +21,7 @@ from bdamper.mistuning.peak_result import WheelPeak
 from bdamper.mistuning.wheel_equations import WheelSystem
 from bdamper.mistuning.wheel_problem import WheelProblem
 from bdamper.model.kinematics import HarmonicBasis
-from bdamper.response.march_result import Marched
+from bdamper.response.march_result import TimeResponse
 from bdamper.time_domain.integration import STEPS, MarchFailed, Ring
 from bdamper.time_domain.march import March
 from bdamper.time_domain.steady_amplitude import RULES, stay
@@ -83,12 +83,12 @@ class OneStructure:
 
 @validation.spelt
 @one_thread
-def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> Marched:
+def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> TimeResponse:
     """Steady-state amplitude of the highest blade in time, of all blades from the peak.  Ctrl-C leaves no result.
 
     Parameters
     ----------
-    wheel : Wheel
+    wheel : BladedDisk
     peak : WheelPeak
         Of this wheel; its dampers are free in time, also where springs have held them.
     steps_per_period : int, optional
@@ -96,7 +96,7 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
 
     Returns
     -------
-    Marched
+    TimeResponse
         "not found" where the motion leaves the peak: the amplitudes are NaN, the status says where
         it comes to, and ``blades`` has those of all.  Also where the march fails: then ``blades`` is NaN.
 
@@ -121,7 +121,7 @@ def kept(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None =
         raise SettingError("kept: expected a peak of this wheel on whole blades")
     one = OneStructure(system, peak.blade)
     steps, limit = STEPS if steps_per_period is None else steps_per_period, RULES.drop * peak.amplitude
-    none = Marched(
+    none = TimeResponse(
         *(np.nan,) * 3, peak.frequency, peak.preload, peak.amplitude, settings=settings, model_hash=model_hash,
         blade=peak.blade, blades=np.full((1, wheel.n_blades), np.nan),
     )  # fmt: skip

@@ -233,7 +233,7 @@ def tuned_problem(study: Problem) -> Problem:
     blades: divided by ``(1 + eps)**2`` as it should be, what is left out moves the stuck frequencies of wheels of five to
     eight blades with deviations of 5 % by at most 0.05 % (family 1: 0.01 %).
     """
-    served = {"single_basis": False, "separation": True, "variable_normal_load": True}
+    served = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
     for name, value in served.items():
         if getattr(study.settings, name) != value:
             raise SettingError(f"{name}: expected {value!r} for a wheel, found {getattr(study.settings, name)!r}")
@@ -243,7 +243,7 @@ def tuned_problem(study: Problem) -> Problem:
     given = study.settings.contact_stiffness
     if given is None or given == "residual_modes" or isinstance(given, ResidualModes):
         given = "model" if local.flexibility is None else "unit_traction"
-    return study.with_(model=model, blade_modes=local.n, contact_stiffness=given)
+    return study.replace(model=model, blade_modes=local.n, contact_stiffness=given)
 
 
 def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from bdamper.mistuning.optimal import optimal_curve
 from bdamper.mistuning.peak import peak
-from bdamper.mistuning.response_curve import track
-from bdamper.mistuning.steady_amplitude import kept
+from bdamper.mistuning.response_curve import frequency_response
+from bdamper.mistuning.steady_amplitude import time_response
 from bdamper.mistuning.wheel_problem import WheelProblem
 from bdamper.util import validation
 from bdamper.util.short_repr import brief
@@ -16,7 +16,7 @@ from bdamper.util.short_repr import brief
 @validation.spelt
 @brief
 @dataclass(frozen=True, eq=False)
-class Wheel(WheelProblem):
+class BladedDisk(WheelProblem):
     """All blades and dampers of a wheel at once, blades mistuned and dampers different.
 
     Laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local basis of the
@@ -38,7 +38,7 @@ class Wheel(WheelProblem):
         If a setting does not fit a wheel, or the model has no local basis.
     """
 
-    track = track
+    frequency_response = frequency_response
     peak = peak
-    kept = kept
+    time_response = time_response
     optimal_curve = optimal_curve

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.law_codes import Sampled
+from bdamper.contact.law_codes import AFT
 from bdamper.contact.point_parameters import PointArrays
 from bdamper.harmonic_balance.equations import Equations, InFrequency, Layout, Rows, WheelCore
 from bdamper.harmonic_balance.sector import evaluation_code, row_scale
@@ -79,7 +79,7 @@ class WheelScene:
         Forces of the mean and of the harmonics to which the residual is related.
     mean : (n_blades, n_sector) float
         Of the static state, where springs on dampers are at rest.
-    evaluation : {"exact"} or Sampled
+    contact_forces : {"event_driven"} or AFT
     holding : float
         Springs on the mean of dampers, relative to their stiffness when stuck.
     """
@@ -93,7 +93,7 @@ class WheelScene:
     missing: NDArray
     force_scale: tuple[float, float]
     mean: NDArray
-    evaluation: str | Sampled = "exact"
+    contact_forces: str | AFT = "event_driven"
     holding: float = 0.0
 
     @property
@@ -159,7 +159,7 @@ class WheelScene:
         """The core's equations, from arrays of the types that it asks for."""
         s, points, half = self.structure, self.points, self.structure.n_blades // 2 + 1
         stuck = self.stuck
-        mode, n_time = evaluation_code(self.evaluation, self.shape[1] // 2, np.asarray(points.law))
+        mode, n_time = evaluation_code(self.contact_forces, self.shape[1] // 2, np.asarray(points.law))
         kinds: dict[str, type] = {"law": np.intc, "next": bool, "active": bool, "pinned": bool}
         kinds |= {"disk_stiffness": complex, "disk_mass": complex, "damping": complex}
         arrays = {

@@ -26,7 +26,7 @@ from bdamper.util.threading import one_thread
 @brief
 @dataclass(frozen=True, eq=False)
 class WheelProblem:
-    """A wheel with its equations at a preload; parameters are those of :class:`~bdamper.mistuning.wheel.Wheel`."""
+    """A wheel with its equations at a preload; parameters are those of :class:`~bdamper.mistuning.wheel.BladedDisk`."""
 
     study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None
@@ -52,7 +52,7 @@ class WheelProblem:
         object.__setattr__(self, "_structure", nominal)
         object.__setattr__(self, "structure", nominal.varied(mistuning, mass))
 
-    def with_(self, **changes: Any) -> Self:
+    def replace(self, **changes: Any) -> Self:
         """The same wheel with another ``mistuning`` or other ``dampers``; what does not change is shared."""
         for name in changes:
             validation.choice("settings of a wheel", name, ("mistuning", "dampers"))

@@ -151,7 +151,7 @@ class Coupling:
     modes : mapping of body name to (n,) int
         Retained modes of each body.
     engine_order : int
-    single_basis : bool
+    fundamental_modes_only : bool
         Use the modes of the fundamental's nodal diameter for every harmonic, as the paper does.
     """
 
@@ -159,7 +159,7 @@ class Coupling:
     interfaces: tuple[str, ...]
     modes: Mapping[str, NDArray]
     engine_order: int
-    single_basis: bool = False
+    fundamental_modes_only: bool = False
 
     @cached_property
     def n_points(self) -> int:
@@ -199,7 +199,7 @@ class Coupling:
                 yield body, self._basis(body, harmonic), np.asarray(self.modes[body.name])
 
     def _nodal_diameter(self, harmonic: int) -> tuple[int, bool]:
-        return self.model.folded_nodal_diameter(self.engine_order * (1 if self.single_basis else harmonic))
+        return self.model.folded_nodal_diameter(self.engine_order * (1 if self.fundamental_modes_only else harmonic))
 
     def _basis(self, body: Body, harmonic: int) -> ModalBasis:
         if body.kind == "free":
@@ -209,7 +209,7 @@ class Coupling:
             raise SettingError(
                 f"body '{body.name}': harmonic {harmonic} of engine order {self.engine_order} needs nodal diameter "
                 f"{d}, the model has {sorted(body.bases)}; set engine_order, or use fewer harmonics, or "
-                "single_basis=True to describe every harmonic by the modes of the first"
+                "fundamental_modes_only=True to describe every harmonic by the modes of the first"
             )
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 

@@ -174,13 +174,13 @@ class ContactStiffness:
     stiffness : (n_points, 3) float, N/m
         Along t1, t2, n.
     source : str
-        Method: "eq4", "unit_traction", "residual_modes" or "user".
+        Method: "cigeroglu2009", "unit_traction", "residual_modes" or "user".
     fallback : (n_points, 3) bool, optional
         Where the method could not be applied and its stated substitute was used.
     """
 
     stiffness: Annotated[NDArray, Data("N/m", ("n_points", 3), limits=validation.Limits(least=0.0))]
-    source: Literal["eq4", "unit_traction", "residual_modes", "user"]
+    source: Literal["cigeroglu2009", "unit_traction", "residual_modes", "user"]
     fallback: Annotated[NDArray, Data("1", ("n_points", 3), "bool")] | None = None
 
 

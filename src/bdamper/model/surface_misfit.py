@@ -10,7 +10,7 @@ from bdamper.util import validation
 
 
 @validation.spelt
-def misfit(
+def face_gap(
     interface: Interface,
     *,
     angle: float = 0.0,

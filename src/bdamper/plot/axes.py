@@ -35,7 +35,7 @@ from bdamper.util.storage import writing
 MARKERS = "osD^v<>pP*hX"
 MINUS = "\N{MINUS SIGN}"
 SHEET = Path(__file__).with_name("style.mplstyle")
-PAPER: dict[Any, Any] = matplotlib.rc_params_from_file(SHEET, use_default_template=False)
+STYLE: dict[Any, Any] = matplotlib.rc_params_from_file(SHEET, use_default_template=False)
 """The style of this room, for ``plt.rc_context``."""
 OPTIMUM = "#c0392b"
 """Colour of the optimum and of what is least or highest among several."""
@@ -58,7 +58,7 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 def new_axes(width: float = 5.6, height: float = 3.6, rows: int = 1, **options: Any) -> Any:
     """Empty axes in the style of this room (size in inches), or several below each other over the same quantity."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         return plt.subplots(rows, 1, figsize=(width, height), sharex=True, **options)[1]
 
 
@@ -79,7 +79,7 @@ def drawing(
     rows : int
         Axes below each other.
     """
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
         if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
             raise validation.unfit(
@@ -191,7 +191,7 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
     """Write a figure, or that of some axes, to a file, and close it; ``options`` as matplotlib's ``savefig`` takes them."""
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
-    with writing(path), plt.rc_context(PAPER):
+    with writing(path), plt.rc_context(STYLE):
         figure.savefig(path, **options)
     plt.close(figure)
 

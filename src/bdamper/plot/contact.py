@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.static_state import PreloadState
 from bdamper.model.structure import Model
-from bdamper.plot.axes import NEW, PAPER, drawing, fit_units, legend_beside, picture
+from bdamper.plot.axes import NEW, STYLE, drawing, fit_units, legend_beside, picture
 from bdamper.plot.motion import STATES, ContactStatus
 from bdamper.response.peak import Peak
 from bdamper.util import validation
@@ -118,7 +118,7 @@ def plot_faces(
 ) -> NDArray:
     """Values over several faces as coloured patches, one row for each title, one column for each face."""
     n = len(places)
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(len(titles), n, figsize=(3.4 * n, 1.7 * len(titles) + 0.3), squeeze=False)
         for row, title in enumerate(titles):
             block = values[row * n : (row + 1) * n]
@@ -145,7 +145,7 @@ def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
     """Shares of the cycle that contacts stick, slip and are open at the peak."""
     shares = 100.0 * peak.shares
     ax.barh(["contacts"] * 3, shares, left=np.cumsum(shares) - shares, color=STATUS_COLOURS, **EDGE)
-    ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0), title=peak.bottom_line())
+    ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0), title=peak._headline())
     _status_legend(ax)
 
 

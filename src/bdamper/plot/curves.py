@@ -30,8 +30,8 @@ from bdamper.plot.axes import (
 )
 from bdamper.plot.column_plot import draw_table
 from bdamper.plot.speed import SPEED
-from bdamper.response.curve import Curve
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve
+from bdamper.response.march_result import TimeResponse
 from bdamper.response.optimal_curve_result import NEAR_BEST, OptimalCurve
 from bdamper.response.rattle_detection import NO_STEADY
 from bdamper.response.sensitivity import CurveSensitivity
@@ -54,19 +54,19 @@ SHOWN = ("amplitude", "shift")
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Hysteresis, name) for name in ("frequency", "amplitude", "preload"))
 
 
-def amplitude_label(*results: Curve | OptimalCurve) -> str:
+def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
     """Label of an axis that says where the amplitude is, "Tip amplitude (m)", where all results have the same place."""
     seen = [r.settings["response"]["location"] for r in results if "response" in r.settings]
     known = len(seen) == len(results) > 0 and all(place == seen[0] for place in seen)
     return f"{seen[0].replace('_', ' ').capitalize()} amplitude (m)" if known else AMPLITUDE
 
 
-def unstable_points(curve: Curve) -> NDArray:
+def unstable_points(curve: ResponseCurve) -> NDArray:
     """(n,) bool: from the stability analysis where there is one, else where the curve runs back in frequency."""
     return curve.backward if curve.stable is None else ~np.asarray(curve.stable, bool)
 
 
-def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> None:
+def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | None) -> None:
     f, a = curve.frequency if curve.speed is None else curve.speed * RPM, curve.amplitude
     unstable = unstable_points(curve)
     if curve.blades is not None:
@@ -86,29 +86,29 @@ def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> No
     ax.plot([], [], color=colour, label=label)
 
 
-def _only_highest(curve: Curve) -> bool:
+def _only_highest(curve: ResponseCurve) -> bool:
     """Whether the highest point lies at the end of what was followed, so that there may be a higher one."""
     f = curve.peak.frequency
     at_edge = 1e-6  # relative distance in frequency within which a point lies at the edge of a part
-    return curve.peak_at_end or any(part.low - at_edge * f <= f <= part.high + at_edge * f for part in curve.left_out)
+    return curve.peak_at_end or any(part.low - at_edge * f <= f <= part.high + at_edge * f for part in curve.missing_ranges)
 
 
 @picture()
-def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str] | None = None) -> None:
+def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequence[str] | None = None) -> None:
     """Amplitude over frequency for several curves in one picture, over speed for run-ups.
 
     Parameters
     ----------
-    curves : sequence of Curve
-        Tracking curves and, as thin grey lines, the free and stuck limits; or run-ups alone.
+    curves : sequence of ResponseCurve
+        Response curves and, as thin grey lines, the free and stuck limits; or run-ups alone.
     labels : sequence of str, optional
-        One for each tracking curve; the preload by default.
+        One for each response curve; the preload by default.
     """
-    validation.that(isinstance(curves, Iterable), "curves", "a sequence of Curve (plot_curve draws one)", curves)
+    validation.that(isinstance(curves, Iterable), "curves", "a sequence of ResponseCurve (plot_curve draws one)", curves)
     curves = tuple(curves)
-    tracking = [c for c in curves if validation.instance("curves", c, Curve).kind not in LIMITS]
+    tracking = [c for c in curves if validation.instance("curves", c, ResponseCurve).kind not in LIMITS]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
-        raise validation.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
+        raise validation.unfit("labels", f"{len(tracking)} texts, one for each response curve", labels)
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
@@ -119,7 +119,7 @@ def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str
         own = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
         named = labels[i] if labels is not None else own
         _draw_tracking(ax, curve, colour, None if many else named)
-        for part in curve.left_out:
+        for part in curve.missing_ranges:
             ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not followed"))
     labels_of = (label for c in tracking for label in c.labels[unstable_points(c)])
     dashed = {label.partition(" with")[0] or "unstable" for label in labels_of}
@@ -136,19 +136,21 @@ def plot_curves(curves: Sequence[Curve], ax: Axes = NEW, *, labels: Sequence[str
         ax.figure.colorbar(bar, ax=ax, label=PRELOAD)
 
 
-@draws(Curve)
-def plot_curve(curve: Curve, ax: Axes | None = None, **style: Any) -> Axes:
+@draws(ResponseCurve)
+def plot_curve(curve: ResponseCurve, ax: Axes | None = None, **style: Any) -> Axes:
     """Amplitude over frequency for one curve, over speed for a run-up; ``style`` as for :func:`plot_curves`."""
     return plot_curves([curve], ax, **style)
 
 
 @picture()
-def plot_band(curve: Curve, found: Mapping[str, CurveSensitivity], deviations: Mapping[str, float], ax: Axes = NEW) -> None:
-    """A tracking curve with a band of two standard deviations to both sides, from derivatives along the curve.
+def plot_band(
+    curve: ResponseCurve, found: Mapping[str, CurveSensitivity], deviations: Mapping[str, float], ax: Axes = NEW
+) -> None:
+    """A response curve with a band of two standard deviations to both sides, from derivatives along the curve.
 
     Parameters
     ----------
-    curve : Curve
+    curve : ResponseCurve
     found : mapping of name to CurveSensitivity
         As :meth:`bdamper.Study.curve_sensitivities` returns it.
     deviations : mapping of name to float
@@ -257,10 +259,10 @@ def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDA
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     """What marches in time and more harmonics have found at some preloads."""
-    for march in result.kept:
+    for march in result.time_response:
         if np.isfinite(march.mean):
             _mark_march(ax, march.preload, march)
-    if k := result.least_in_time:
+    if k := result.optimum_in_time:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
     if result.convergence is not None and len(result.convergence.peaks) > 1:
         low, high = result.convergence.range
@@ -294,9 +296,9 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
         return
     edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
-    kind[missing & (result.preload <= result.no_steady_below)] = 3
+    kind[missing & (result.preload <= result.lowest_steady_preload)] = 3
     reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
-               3: ("xxxx", f"{NO_STEADY} below {amount(result.no_steady_below, 'N')}")}  # fmt: skip
+               3: ("xxxx", f"{NO_STEADY} below {amount(result.lowest_steady_preload, 'N')}")}  # fmt: skip
     for first, last in runs(kind):
         if missing[first]:
             hatch, reason = reasons[int(kind[first])]
@@ -307,20 +309,25 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
         ax.plot(result.preload, result.lower_bound, "^", label="lower bound", **look)
 
 
-@picture(Marched, "mark")
-def mark_kept(kept: Marched, ax: Axes) -> None:
+@picture(TimeResponse, "mark")
+def mark_time_response(time_response: TimeResponse, ax: Axes) -> None:
     """Mean and range of the highest blade in time as a point with a bar over response curves."""
-    _mark_march(ax, kept.frequency, kept)
+    _mark_march(ax, time_response.frequency, time_response)
 
 
-def _mark_march(ax: Axes, x: float, kept: Marched) -> None:
+def _mark_march(ax: Axes, x: float, time_response: TimeResponse) -> None:
     look = {**MARCHED, "label": once(ax, MARCHED["label"])}
-    ax.errorbar(x, kept.mean, [[kept.mean - kept.lowest], [kept.highest - kept.mean]], **look)
+    ax.errorbar(
+        x,
+        time_response.mean,
+        [[time_response.mean - time_response.lowest], [time_response.highest - time_response.mean]],
+        **look,
+    )
 
 
 @picture(TimeSweep)
-def plot_time_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any) -> None:
-    """Amplitude over frequency of a sweep in time; ``ax`` may be those of tracking curves, ``style`` is for the line."""
+def plot_frequency_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any) -> None:
+    """Amplitude over frequency of a sweep in time; ``ax`` may be those of response curves, ``style`` is for the line."""
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
     line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9, "marker": "", **style}

@@ -18,19 +18,18 @@ from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.plot.axes import ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
-from bdamper.plot.curves import with_optimum
+from bdamper.plot.curves import PRELOAD, with_optimum
 from bdamper.plot.explorer_worker import FORCE, Answer, Answers, Question
 from bdamper.plot.motion import STATES, LineDrawing
-from bdamper.response.curve import Curve
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve
+from bdamper.response.march_result import TimeResponse
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.study import Study
 from bdamper.util.display import draw
 from bdamper.util.errors import needed
 from bdamper.util.formatting import amount, height, percent
 
-PRELOAD = "Preload (N)"
-LOGARITHMIC = ("preload", FORCE, "mass")
+LOGARITHMIC_SLIDERS = ("preload", FORCE, "mass")
 EDGES = ("left", "right", "bottom", "top")
 HERE = "#c0392b"
 """Colour of the point and of the preload that are looked at, and of nothing else."""
@@ -140,10 +139,14 @@ class Page:
             (FORCE, "Excitation (N)", 0.01 * self.force, 100.0 * self.force, self.force),
             ("harmonics", "Harmonics", 1, 9, study.settings.harmonic_numbers[-1], 1),
         ]
-        shares, fixed = (study.settings.given_loads(item) for item in ("loads", "fixed_loads"))
+        shares, fixed = (study.settings.given_loads(item) for item in ("load_per_preload", "constant_loads"))
         shares = {} if study.settings.speed is not None else shares
-        each = [(f"loads.{name}", f"Load on {name} (N per N)", share) for name, share in list(shares.items())[1:]]
-        each += [(f"fixed_loads.{name}", f"Load on {name} (N)", load) for name, load in fixed.items() if np.ndim(load) == 0]
+        each = [
+            (f"load_per_preload.{name}", f"Load on {name} (N per N)", share) for name, share in list(shares.items())[1:]
+        ]
+        each += [
+            (f"constant_loads.{name}", f"Load on {name} (N)", load) for name, load in fixed.items() if np.ndim(load) == 0
+        ]
         rows += [(name, title, 0.01 * load, 100.0 * load, load) for name, title, load in each if load > 0.0]
         if study.problem.carries_load and any(body.kind == "free" for body in model.bodies.values()):
             rows.append(("mass", "Damper mass (factor)", 0.1, 10.0, 1.0))
@@ -237,7 +240,7 @@ class Page:
             settings["engine_order"] = int(self.order.value)
         turning = "speed" in self.numbers and self.value("speed") > 0.0
         if turning:  # where mass times radius of the bodies decides
-            settings = {name: value for name, value in settings.items() if not name.startswith("loads.")}
+            settings = {name: value for name, value in settings.items() if not name.startswith("load_per_preload.")}
             settings["speed"] = self.value("speed") / RPM
         if "mass" in self.numbers and self.numbers["mass"].value != self.first["mass"]:
             settings["damper_mass" if turning else "damper_mass_factor"] = self.value("mass")
@@ -400,9 +403,9 @@ class Page:
         loads = [*x, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))
         star = "★ " if np.isfinite(o.preload) else ""
-        self.told["optimal"] = star + html.escape(found.bottom_line())
+        self.told["optimal"] = star + html.escape(found._headline())
 
-    def _marched(self, found: Marched) -> None:
+    def _marched(self, found: TimeResponse) -> None:
         """The steady-state amplitude in time, beside the peak."""
         if not np.isfinite(found.mean):
             self.told["march"] = f"In time: {html.escape(found.status)}."
@@ -412,8 +415,8 @@ class Page:
         doubt = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
         self.told["march"] = f"◇ In time {found.text}{doubt}."
 
-    def _curve(self, answer: Answer, curve: Curve) -> None:
-        """The tracking curve with its limits and the chosen point."""
+    def _curve(self, answer: Answer, curve: ResponseCurve) -> None:
+        """The response curve with its limits and the chosen point."""
         here = height(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
         at = f" Chosen point: {here}." if here and answer.full and answer.question.point is not None else ""
         whole = answer.full or curve.complete
@@ -421,7 +424,7 @@ class Page:
             peak, load = height(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
             told = f"{DOT} <b>Peak {peak}</b>" + (f" at a preload of {load}." if curve.preload else ".")
         else:
-            told = html.escape(curve.bottom_line()) if whole else "the curve ends early, as long as the slider moves."
+            told = html.escape(curve._headline()) if whole else "the curve ends early, as long as the slider moves."
         self.told["curve"] = ("" if answer.full else COARSE) + told + at
         self.glyphs["curve"].line_dash = [] if answer.full else [6]
         turns = np.flatnonzero(np.diff(curve.branch)) + 1  # a gap between branches
@@ -547,7 +550,7 @@ class Page:
                 "from bdamper.harmonic_balance.parameters import vary",
                 f"study = vary(study, {dict(question.settings)!r})",
             ]
-        lines.append(f"curve = study.track({question.preload!r}, ({low!r}, {high!r}))")
+        lines.append(f"curve = study.frequency_response({question.preload!r}, ({low!r}, {high!r}))")
         if question.preloads:
             lines.append(f"optimal = study.optimal_curve({question.preloads!r}, mode={question.mode})")
         self.code.update(text="\n".join(lines), visible=True)
@@ -555,4 +558,4 @@ class Page:
 
 def logarithmic(name: str) -> bool:
     """Whether a number has a logarithmic slider."""
-    return name in LOGARITHMIC or "loads." in name
+    return name in LOGARITHMIC_SLIDERS or "load_per_preload." in name

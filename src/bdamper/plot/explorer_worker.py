@@ -1,6 +1,6 @@
 """What the page asks and what it is answered: one thread, the newest question first, finished answers kept.
 
-A question is answered in steps: the tracking curve with one harmonic in long steps, which is never cancelled so that
+A question is answered in steps: the response curve with one harmonic in long steps, which is never cancelled so that
 something follows the hand; the curve with all harmonics; the optimal curve; the steady-state amplitude in time at the peak.
 A newer question ends every step but the first.  There is never more than one question waiting.  Where preload and
 excitation keep their ratio, and no gap closes, curves are multiplied and not computed again
@@ -22,8 +22,8 @@ from bdamper.harmonic_balance.parameters import vary
 from bdamper.plot.force_scaling import rescaled_curve, rescaled_optimal
 from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve
+from bdamper.response.march_result import TimeResponse
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.resonance_interval import peak_interval
 from bdamper.study import Study
@@ -32,7 +32,7 @@ from bdamper.util.progress import LongWork, ended_by
 from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
 
 T = TypeVar("T")
-R = TypeVar("R", Curve, OptimalCurve)
+R = TypeVar("R", ResponseCurve, OptimalCurve)
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
 """Of the curve that follows the hand: peaks within 0.2 % of those of ordinary steps, in two thirds of the time; the few
 curves with an open damper that use up the budget (ordinary ones take up to twenty times as much) end early."""
@@ -52,7 +52,7 @@ class Question:
         Of the optimal curve; none where nothing is loaded.
     mode : int
     point : int, optional
-        Of the tracking curve, of which contacts and loop are shown; the highest one by default.
+        Of the response curve, of which contacts and loop are shown; the highest one by default.
     """
 
     settings: tuple[tuple[str, Any], ...]
@@ -72,8 +72,8 @@ class Answer:
     full : bool
         With all harmonics.
     study : Study
-    curve : Curve, optional
-    limits : tuple of Curve
+    curve : ResponseCurve, optional
+    limits : tuple of ResponseCurve
         Free and stuck.
     optimal : OptimalCurve, optional
     contacts : ContactStatus, optional
@@ -81,21 +81,21 @@ class Answer:
     drawing : LineDrawing or str, optional
         Of the motion, or why there is none.  All three are of the chosen point of the curve, number ``point``.
     point : int
-    marched : Marched, optional
+    marched : TimeResponse, optional
         Steady-state amplitude in time at the peak of the curve.
     """
 
     question: Question
     full: bool
     study: Study
-    curve: Curve | None = None
-    limits: tuple[Curve, ...] = ()
+    curve: ResponseCurve | None = None
+    limits: tuple[ResponseCurve, ...] = ()
     optimal: OptimalCurve | None = None
     contacts: ContactStatus | None = None
     loops: Hysteresis | None = None
     drawing: LineDrawing | str | None = None
     point: int = 0
-    marched: Marched | None = None
+    marched: TimeResponse | None = None
 
 
 class Answers:
@@ -151,7 +151,7 @@ class Answers:
     def _answer(self, question: Question) -> None:
         asks: list[Callable[[Question, int | None], Answer]] = [self.curve]
         asks += [self.optimal] if question.preloads else []
-        for ask, harmonics in ((self.curve, 1), *((ask, None) for ask in (*asks, self.march))):
+        for ask, harmonics in ((self.curve, 1), *((ask, None) for ask in (*asks, self.time_response))):
             if harmonics and self._key(ask, question, None) in self.kept:
                 continue
             with LongWork() as work, ended_by(self.ended if harmonics else self.stop):
@@ -168,7 +168,7 @@ class Answers:
     def _at_any_force(
         self,
         question: Question,
-        loads: Sequence[float],
+        load_per_preload: Sequence[float],
         make: Callable[[], R],
         rescale: Callable[[Study, R, float], R | None],
     ) -> R:
@@ -177,7 +177,7 @@ class Answers:
         force = settings.pop(FORCE, self.study.excitation.amplitude)
         if self.study.excitation.beside:  # which the force does not change
             return make()
-        ratios: list[float] = [float(f"{load / force:.6g}") for load in loads]
+        ratios: list[float] = [float(f"{load / force:.6g}") for load in load_per_preload]
         key: Hashable = (rescale, tuple(settings.items()), question.mode, *ratios)
         known: R
         before, known = self.once(key, lambda: (force, make()))
@@ -206,16 +206,16 @@ class Answers:
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
-        """The tracking curve with its limits, or with one harmonic between the frequencies of the study's own damper."""
+        """The response curve with its limits, or with one harmonic between the frequencies of the study's own damper."""
         still = tuple(item for item in question.settings if item[0] == "engine_order")
         study, own = self.varied(question, harmonics), replace(question, settings=still)
         band = self.band(own if harmonics else question)
         key, load = self._key(self.curve, question, harmonics), question.preload
 
-        def followed() -> Curve:
-            return _whole(study.track(load, band, options=MOVING if harmonics else None))
+        def followed() -> ResponseCurve:
+            return _whole(study.frequency_response(load, band, options=MOVING if harmonics else None))
 
-        def found() -> Curve:
+        def found() -> ResponseCurve:
             return followed() if harmonics else self._at_any_force(question, [load], followed, rescaled_curve)
 
         curve = self.once(key, found)
@@ -245,22 +245,22 @@ class Answers:
         found = self.once(key, lambda: self._at_any_force(question, preloads, searched, rescaled_optimal))
         return Answer(question, True, study, optimal=found)
 
-    def march(self, question: Question, harmonics: int | None = None) -> Answer:
-        """The steady-state amplitude in time at the peak of the tracking curve."""
+    def time_response(self, question: Question, harmonics: int | None = None) -> Answer:
+        """The steady-state amplitude in time at the peak of the response curve."""
         answer = self.curve(question, None)
         curve, study = answer.curve, answer.study
-        none = Marched(*(np.nan,) * 4, question.preload, np.nan)
+        none = TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
 
-        def marched() -> Marched:
+        def marched() -> TimeResponse:
             try:
-                found = study.march(curve) if curve is not None and len(curve) else replace(none, status=NOT_FOUND)
+                found = study.time_response(curve) if curve is not None and len(curve) else replace(none, status=NOT_FOUND)
             except BdamperError as error:
                 return replace(none, status=because(NOT_FOUND, error))
             if found.status == INTERRUPTED:
                 raise KeyboardInterrupt
             return found
 
-        return replace(answer, marched=self.once(self._key(self.march, question, None), marched))
+        return replace(answer, marched=self.once(self._key(self.time_response, question, None), marched))
 
 
 def _whole(found: Any) -> Any:

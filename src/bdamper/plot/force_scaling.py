@@ -21,26 +21,26 @@ from scipy.linalg import null_space
 
 from bdamper.contact.law_codes import LAW_CUBIC
 from bdamper.plot.motion import modal_amplitudes
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import Limit, OptimalCurve
 from bdamper.study import Study
 
 
-def rescaled_curve(study: Study, curve: Curve, factor: float) -> Curve | None:
-    """A tracking curve at an excitation and a preload that are both multiplied by a factor.
+def rescaled_curve(study: Study, curve: ResponseCurve, factor: float) -> ResponseCurve | None:
+    """A response curve at an excitation and a preload that are both multiplied by a factor.
 
     Parameters
     ----------
     study : Study
         At the excitation that is asked for.
-    curve : Curve
+    curve : ResponseCurve
         Of the same study at its own excitation.
     factor : float
         Ratio of the excitations.
 
     Returns
     -------
-    Curve or None
+    ResponseCurve or None
         None where a gap closes, or the equations are not homogeneous.
     """
     load = np.full(len(curve), curve.preload)
@@ -73,7 +73,7 @@ def rescaled_optimal(study: Study, found: OptimalCurve, factor: float) -> Optima
     )  # fmt: skip
 
 
-def _settings(study: Study, result: Curve | OptimalCurve) -> dict[str, object]:
+def _settings(study: Study, result: ResponseCurve | OptimalCurve) -> dict[str, object]:
     return {**result.settings, "excitation": study.problem.record()["excitation"]}
 
 
@@ -104,7 +104,7 @@ def origins(study: Study, unknowns: NDArray, preload: NDArray, factor: float) ->
     problem, settings = study.problem, study.settings
     gaps = problem.point_gaps
     own = (problem.point_laws == LAW_CUBIC).any() or not problem.static_system.scales or problem.own_laws is not None
-    if own or settings.speed is not None or settings.slip_offset or not settings.bias:
+    if own or settings.speed is not None or settings.residual_slip_std or not settings.bias:
         return None
     far, basis = gaps > 0.0, problem.bases[0]
     mean, *waves = modal_amplitudes(problem, unknowns)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bdamper.importers.import_report import BuiltModel
 from bdamper.model.structure import Model
-from bdamper.plot.axes import PAPER, drawing, looks
+from bdamper.plot.axes import STYLE, drawing, looks
 from bdamper.plot.motion import VIEW, sectors_shown
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validation
@@ -45,7 +45,7 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     corner, shade = np.concatenate(corners), np.concatenate(shades)
     order = np.argsort(corner[..., 2].mean(axis=1))
     new = ax is None
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         ax = plt.subplots(figsize=(4.2, 4.6))[1] if ax is None else ax
         look = {"edgecolors": "0.35", "linewidths": 0.15}
         ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]

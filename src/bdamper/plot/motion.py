@@ -180,7 +180,7 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
     for at, i in zip(*np.unique(index, return_index=True)):  # of two elements of a point the first
         found = segments(
             X[i], p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
-            problem.settings.evaluation, float(p["load"][i]),
+            problem.settings.contact_forces, float(p["load"][i]),
         )  # fmt: skip
         two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
         pieces = (listed or _without_friction(X[i], p["kn"][i], p["n0"][i], two_sided) for listed in found)

@@ -15,13 +15,13 @@ from bdamper.plot.axes import LIMITS, NEW, looks, once, picture
 from bdamper.plot.column_plot import draw_table
 from bdamper.plot.curves import plot_curves, plot_measurement
 from bdamper.plot.hysteresis import OF_WHOLE
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.util import validation
 from bdamper.util.display import draws
 
 OF: dict[type, tuple[str, dict[str, str]]] = {
-    Curve: ("frequency", {"amplitude": "amplitude"}),
+    ResponseCurve: ("frequency", {"amplitude": "amplitude"}),
     OptimalCurve: ("preload", {"amplitude": "amplitude", "shift": "shift_percent"}),
     Hysteresis: ("amplitude", {"damping_ratio": "damping_ratio", "stiffness": "stiffness"}),
 }
@@ -31,22 +31,22 @@ OPTIMA = {True: "optimum", False: "least value, not verified"}
 
 @picture()
 def plot_together(
-    results: Mapping[str, Curve] | Mapping[str, OptimalCurve] | Mapping[str, Hysteresis],
+    results: Mapping[str, ResponseCurve] | Mapping[str, OptimalCurve] | Mapping[str, Hysteresis],
     quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = (),
 ) -> None:  # fmt: skip
     """Several results of one kind on the same axes.
 
-    Stars mark optima, filled where whole tracking curves have verified them; lines end where there is no value.
+    Stars mark optima, filled where whole response curves have verified them; lines end where there is no value.
 
     Parameters
     ----------
     results : mapping of name to result
-        Tracking curves over frequency, optimal curves over preload, dissipation over amplitude, or loops of all contacts
+        Response curves over frequency, optimal curves over preload, dissipation over amplitude, or loops of all contacts
         over the response.
     quantity : str, optional
         "amplitude" or "shift" (of frequency) of optimal curves, "damping_ratio" or "stiffness" of dissipation.
     measured : sequence of Measurement
-        Laid over tracking curves.
+        Laid over response curves.
     """
     validation.that(
         isinstance(results, Mapping) and results, "results", "a mapping of one or more names to results", results
@@ -54,19 +54,19 @@ def plot_together(
     kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
     if kind is None:
         found = [type(result).__name__ for result in results.values()]
-        kinds = "tracking curves, optimal curves or hysteresis, all of one kind"
+        kinds = "response curves, optimal curves or hysteresis, all of one kind"
         raise validation.unfit("results", kinds, found)
     x, columns = OF[kind]
     quantity = validation.choice("quantity", quantity or next(iter(columns)), columns)
-    if isinstance(measured, Measurement) or (measured and kind is not Curve):
-        raise validation.unfit("measured", "a sequence of Measurement, over tracking curves", measured)
-    if kind is Curve:
-        curves = cast(Mapping[str, Curve], results)
+    if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
+        raise validation.unfit("measured", "a sequence of Measurement, over response curves", measured)
+    if kind is ResponseCurve:
+        curves = cast(Mapping[str, ResponseCurve], results)
         plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
         for one in measured:
             plot_measurement(one, ax)
     result: Any
-    for (name, result), look in zip(results.items(), looks(len(results))) if kind is not Curve else ():
+    for (name, result), look in zip(results.items(), looks(len(results))) if kind is not ResponseCurve else ():
         if isinstance(result, Hysteresis) and result.single:
             ax.plot(*result.loop(), **{**look, "marker": ""}, label=name)
             ax.set(**OF_WHOLE)

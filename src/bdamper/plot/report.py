@@ -22,7 +22,7 @@ from bdamper.harmonic_balance.result_checks import check_result
 from bdamper.harmonic_balance.study_dispatch import Asking, problem_of
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import ENDS, NEAR_BEST, OptimalCurve
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from bdamper.response.setting_derivatives import peak_sensitivities
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw, draws
@@ -40,7 +40,7 @@ SAFE = 1.5
 BELONG = "harmonics", "blade_modes", "contact_points", "friction_coefficient", "contact_stiffness_factor"
 """Settings that a curve and the fit beside it have in common."""
 NOT_MODELLED = (
-    "Blades and dampers are all alike (a wheel of unequal ones: Wheel); the disk is cyclic.",
+    "Blades and dampers are all alike (a wheel of unequal ones: BladedDisk); the disk is cyclic.",
     "One temperature; friction does not heat.",
     "No wear and no running-in: faces, gaps and friction stay as they are given.",
     "Friction is Coulomb's, one coefficient for each face, equal at rest and in sliding.",
@@ -87,7 +87,7 @@ def write_report(
     )
     asked = curve.settings.get("frequency")
     band = f", frequency=({asked[0]:.12g}, {asked[1]:.12g})" if asked else ""
-    check = "" if curve.kept else ", check=False"
+    check = "" if curve.time_response else ", check=False"
     low, high = curve.preloads_within(NEAR_BEST * best.amplitude)
     text = page.render(
         curve=curve, fit=fit, figures=figures, lights=lights(curve, fit), sensitivities=rows, left_out=NOT_MODELLED,
@@ -119,7 +119,7 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     best = curve.optimum
     time_rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red beyond, white if not run"
     inside = best.kind not in ENDS
-    missing = int(np.count_nonzero(~np.isfinite(curve.amplitude) & (curve.preload > curve.no_steady_below)))
+    missing = int(np.count_nonzero(~np.isfinite(curve.amplitude) & (curve.preload > curve.lowest_steady_preload)))
     out = [
         Light("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, f"inside, {best.kind}"),
               "red at an end of the range of preloads"),
@@ -128,7 +128,7 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
         Light("red" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
               "red if a curve was not followed to its ends"),
     ]  # fmt: skip
-    marched = [k for k in curve.kept if np.isfinite(k.mean) and word(k.status) == COMPLETE]
+    marched = [k for k in curve.time_response if np.isfinite(k.mean) and word(k.status) == COMPLETE]
     if marched:
         at = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
         found = f"{at.text} in time, {amount(at.balance, 'm')} by harmonic balance"
@@ -136,8 +136,8 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
         colour = "green" if off < GOOD else "amber" if off < FAIR else "red"
         out.append(Light(colour, "Harmonic balance against time", found, time_rule))
     else:
-        why = curve.kept[0].status if curve.kept else "not run"
-        out.append(Light("red" if curve.kept else "white", "Harmonic balance against time", why, time_rule))
+        why = curve.time_response[0].status if curve.time_response else "not run"
+        out.append(Light("red" if curve.time_response else "white", "Harmonic balance against time", why, time_rule))
     more = curve.convergence
     agrees = more is not None and len(more.settled) == len(more.peaks) > 1
     colour = "white" if more is None else "green" if more.converged else "amber" if agrees else "red"
@@ -168,7 +168,7 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
     best, mode = curve.optimum, max(0.25 * abs(curve.stuck.frequency - curve.free.frequency), 0.03 * curve.free.frequency)
     ends = [f for f in (curve.free.frequency, best.frequency, curve.stuck.frequency) if np.isfinite(f)]
     band = (min(ends) - mode, max(ends) + mode)
-    tracked = track(problem, best.preload, band)
+    tracked = frequency_response(problem, best.preload, band)
     peak = highest_peak(problem, best.preload, band)
     where = amount(best.preload, "N")
     figures = [(f"Response over frequency at {where}", _picture(tracked))]
@@ -178,7 +178,7 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
     loop = _picture(hysteresis(problem, peak))
     figures.append((f"Contact forces over the motion of the response in a cycle of the peak at {where}", loop))
     rows: list[tuple[str, ...]] = []
-    if not peak.corner and problem.settings.evaluation == "exact":
+    if not peak.corner and problem.settings.contact_forces == "event_driven":
         for s in peak_sensitivities(problem, peak).values():
             size, shift = s.value * s.amplitude / peak.amplitude, s.value * s.frequency / peak.frequency
             cells = (f"{size:+.3f} %", f"{shift:+.4f} %") if np.isfinite(size) else ("not known", s.reason)

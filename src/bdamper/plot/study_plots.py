@@ -10,9 +10,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
 from bdamper.analyses.accuracy_cost import COMBINED, AccuracyCost
-from bdamper.analyses.effect_selection import Advice
+from bdamper.analyses.effect_selection import EffectSignificance
 from bdamper.analyses.sweep import SweepResult, as_words
-from bdamper.analyses.uncertainty import UncertainCurve
+from bdamper.analyses.uncertainty import OptimalCurveUncertainty
 from bdamper.plot.axes import NEW, colours, legend_beside, looks, lost, once, picture, plain_number
 from bdamper.response.convergence_result import Convergence
 from bdamper.util.errors import SettingError
@@ -59,13 +59,13 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
 
 
-@picture(UncertainCurve)
-def plot_uncertain(result: UncertainCurve, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
+@picture(OptimalCurveUncertainty)
+def plot_optimal_curve_uncertainty(result: OptimalCurveUncertainty, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
     """Percentile bands of optimal curves over the preload.
 
     Parameters
     ----------
-    result : UncertainCurve
+    result : OptimalCurveUncertainty
     quantity : {"amplitude", "frequency"}
     """
     for low, high, shade in ((5.0, 95.0, "0.85"), (25.0, 75.0, "0.7")):
@@ -76,8 +76,8 @@ def plot_uncertain(result: UncertainCurve, ax: Axes = NEW, *, quantity: str = "a
     ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
 
 
-@picture(Advice, legend=None)
-def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
+@picture(EffectSignificance, legend=None)
+def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None:
     """Bars of the changes that leaving out single effects makes to a peak.
 
     Changes of amplitude and frequency in per cent, on a scale that is linear within the tolerance and logarithmic beyond;
@@ -101,12 +101,12 @@ def plot_advice(advice: Advice, ax: Axes = NEW) -> None:
     ax.set_yticks(place, [e.name for e in effects])
     left_out = "0.55"  # colour of the name of an effect that may be left out
     for y, e, text in zip(place, effects, ax.get_yticklabels()):
-        text.set_color("k" if e.called_for else left_out)
+        text.set_color("k" if e.significant else left_out)
         if e.source == "unknown":
             ax.text(0.1 * tolerance, float(y), "not known", va="center", fontsize=7.0)
     ax.axvline(0.0, color="k", linewidth=0.6)
-    for called_for, said in ((True, "black names: needed"), (False, "grey: all together\nmay be left out")):
-        handles += [Patch(alpha=0.0, label=said)] * any(e.called_for == called_for for e in effects)
+    for significant, said in ((True, "black names: needed"), (False, "grey: all together\nmay be left out")):
+        handles += [Patch(alpha=0.0, label=said)] * any(e.significant == significant for e in effects)
     title = f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}"
     ax.set(xlabel="Change of the peak without the effect (%)", title=title)
     legend_beside(ax, handles=handles)
@@ -124,7 +124,7 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
     ax.axhspan(low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
     ax.plot(harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label="amplitude")
     ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="answer")
-    met = [m.harmonic for m in convergence.meetings if m.harmonic <= harmonics[-1]]
+    met = [m.harmonic for m in convergence.internal_resonances if m.harmonic <= harmonics[-1]]
     if met:
         ax.plot(met, [0.985] * len(met), "|", color="k", transform=ax.get_xaxis_transform(), label="near a stuck mode")
     ax.set(xlabel="Highest harmonic", ylabel="Resonance amplitude (m)", xticks=harmonics)

@@ -17,8 +17,8 @@ from bdamper.model.structure import Model, turn
 from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, looks, picture
 from bdamper.plot.column_plot import draw_table
 from bdamper.plot.vtu import shown_shapes
-from bdamper.response.curve import Curve
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve
+from bdamper.response.march_result import TimeResponse
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import amount
@@ -41,19 +41,19 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 
 
 @picture()
-def plot_wheel_map(curve: Curve, ax: Axes = NEW) -> None:
+def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     """Amplitude of every blade over frequency as a map, light where it is high.
 
     Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
 
     Parameters
     ----------
-    curve : Curve
-        As ``Wheel.track`` returns it.
+    curve : ResponseCurve
+        As ``BladedDisk.frequency_response`` returns it.
     """
-    response = validation.instance("curve", curve, Curve).blades
+    response = validation.instance("curve", curve, ResponseCurve).blades
     if response is None:
-        raise validation.unfit("curve", "a curve of Wheel.track", curve)
+        raise validation.unfit("curve", "a curve of BladedDisk.track", curve)
     top, blades = curve.peak, np.abs(response[..., 1])
     frequency = np.linspace(curve.frequency.min(), curve.frequency.max(), 400)
     amplitude, _ = highest_on(frequency, curve.frequency, blades, curve.branch)
@@ -64,7 +64,7 @@ def plot_wheel_map(curve: Curve, ax: Axes = NEW) -> None:
     highest = int(blades[top.index].argmax())
     ax.plot(top.frequency, highest, "o", **circle, clip_on=False)
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
-    ax.set(xlabel=label(Curve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))
+    ax.set(xlabel=label(ResponseCurve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))
 
 
 def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
@@ -86,8 +86,8 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes = NEW) -> None:
     ax.set_title(f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {factor}")
 
 
-@picture(Marched)
-def plot_blades(found: Marched, ax: Axes = NEW) -> None:
+@picture(TimeResponse)
+def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     """Bars of the mean amplitudes of all blades in time, with their ranges over the last periods; the highest is dark.
 
     The peak of the harmonic balance is a line.  One motion is drawn as the amplitude of each period, with mean and range of
@@ -107,7 +107,7 @@ def plot_blades(found: Marched, ax: Axes = NEW) -> None:
     ax.set(ylabel="Amplitude in time, mean and range (m)", title=title)
 
 
-def _plot_periods(ax: Axes, found: Marched) -> None:
+def _plot_periods(ax: Axes, found: TimeResponse) -> None:
     half = [len(found.period) // 2, len(found.period) - 1]
     ax.fill_between(half, found.lowest, found.highest, color="0.85", label="range")
     draw_table(ax, found, "period", "amplitude", color="0.2", linewidth=0.9, marker="", label="each period")

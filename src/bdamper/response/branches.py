@@ -26,7 +26,7 @@ GAP = 1e-3
 NO_SOLUTION = "no solution found"
 OPERATIONS = 1.5e6
 """Million operations (:attr:`bdamper.util.cost.Cost.work`) that a budget comes to, within bounds; some half a minute."""
-FEWEST, MOST = 10_000, 60_000
+FEWEST_EVALUATIONS, MOST_EVALUATIONS = 10_000, 60_000
 """Bounds of a budget in evaluations."""
 SHARE = 0.5
 """Part of what is left of the budget that one path may take, so that a tangle of folds leaves something for other parts.
@@ -47,10 +47,11 @@ FindStart = Callable[[float], NDArray | None]
 def evaluation_budget(system: Equations) -> int:
     """Evaluations of the equations that a curve may take if its options name no budget.
 
-    So many that they come to OPERATIONS by the sizes of the problem, but at least FEWEST and at most MOST.  A plain curve
+    So many that they come to OPERATIONS by the sizes of the problem,
+    but at least FEWEST_EVALUATIONS and at most MOST_EVALUATIONS.  A plain curve
     of some 100 points takes 300 to 700.
     """
-    return int(min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST), MOST))
+    return int(min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST_EVALUATIONS), MOST_EVALUATIONS))
 
 
 class LeftOut(NamedTuple):

@@ -73,7 +73,7 @@ class Convergence(Plottable, Tabular):
         Relative, on the amplitude.
     peaks : tuple of HarmonicPeak
         The answer first, then those with more harmonics.
-    meetings : tuple of Meeting
+    internal_resonances : tuple of Meeting
         Of all harmonics up to the highest that could be asked for.
     limit : str
         What ends the numbers of harmonics before the highest that was asked for; empty where nothing does.
@@ -85,11 +85,11 @@ class Convergence(Plottable, Tabular):
     preload: float
     tolerance: float
     peaks: tuple[HarmonicPeak, ...]
-    meetings: tuple[Meeting, ...] = ()
-    limit: str = ""
+    internal_resonances: tuple[Meeting, ...] = ()
+    highest_harmonic: str = ""
     status: str = COMPLETE
     cost: Cost = field(default_factory=Cost)
-    _told = ("preload", "status", "meetings")
+    _summary_fields = ("preload", "status", "internal_resonances")
 
     def columns(self) -> dict[str, Column]:
         """A row for each number of harmonics."""
@@ -139,9 +139,9 @@ class Convergence(Plottable, Tabular):
         """Answer, verdict, and what ended the harmonics."""
         own = self.peaks[0]
         text = f"{amount(own.amplitude, 'm')} with {own.harmonics} harmonic{'s' * (own.harmonics != 1)}, {self.verdict}"
-        text += f"; {self.limit}" if self.limit else ""
+        text += f"; {self.highest_harmonic}" if self.highest_harmonic else ""
         text += f"; {self.status}" if self.status != COMPLETE else ""
         return text
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         return f"{self.note}."

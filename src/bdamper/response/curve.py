@@ -73,7 +73,7 @@ class Fold:
 
 @brief
 @dataclass(frozen=True)
-class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-curve"):
+class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-curve"):
     """A response curve; every point of it is a converged solution.
 
     ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
@@ -105,7 +105,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     status, reason : str
         "complete", "incomplete", "not found" where there is no solution to begin with, or "interrupted".
     cost : Cost
-    left_out : tuple of LeftOut
+    missing_ranges : tuple of LeftOut
         What was not followed: frequencies (Hz) without solution, tangles of folds in which a path was left, paths that
         broke off; each ``(low, high, why)``.  A complete curve has such gaps only below a thousandth of its interval.
     settings : mapping
@@ -145,7 +145,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     status: str
     reason: str
     cost: Cost
-    left_out: tuple[LeftOut, ...] = ()
+    missing_ranges: tuple[LeftOut, ...] = ()
     start_log: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     stable: Numbers | None = None
@@ -155,9 +155,9 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     closed: tuple[int, ...] = ()
     speed: RadiansPerSecond | None = None
     blades: Annotated[NDArray, Quantity("m", dims=(ROW, "blade", "harmonic"))] | None = None
-    _told = (
+    _summary_fields = (
         "preload", "kind", "status", "peak.kind", "peak.amplitude", "peak.frequency", "at_peak", "unstable",
-        "stability_note", "folds", "left_out", "detached", "separate", "error",
+        "stability_note", "folds", "missing_ranges", "detached", "separate", "error",
     )  # fmt: skip
 
     @property
@@ -184,7 +184,7 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
     @property
     def gap(self) -> tuple[float, float] | None:
         """Widest part of the interval without solutions, Hz; None if there is none."""
-        gaps = [(part.low, part.high) for part in self.left_out if part.why == NO_SOLUTION]
+        gaps = [(part.low, part.high) for part in self.missing_ranges if part.why == NO_SOLUTION]
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
     def _jump(self, fold: Fold, reached: NDArray) -> tuple[float, float]:
@@ -293,11 +293,11 @@ class Curve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="
         """Estimated error in one line."""
         return "error not estimated" if self.error_estimates is None else self.error_estimates.line
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """Highest point of the curve and how it was found; empty for a curve without points."""
-        return super().facts() if len(self) else ()
+        return super()._facts() if len(self) else ()
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         if not len(self):
             return f"No point of this curve was found: {self.reason}."
         top, low, high = self.peak, float(self.frequency.min()), float(self.frequency.max())
@@ -336,12 +336,12 @@ def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[ND
 class InterruptedCurve(KeyboardInterrupt):
     """Ctrl-C while a curve was followed for something else; the curve so far is kept."""
 
-    def __init__(self, curve: Curve) -> None:
+    def __init__(self, curve: ResponseCurve) -> None:
         super().__init__(curve.reason)
         self.curve = curve
 
 
-def uninterrupted(curve: Curve) -> Curve:
+def uninterrupted(curve: ResponseCurve) -> ResponseCurve:
     """The curve; what is made of it must not go on as if it were whole.
 
     Raises

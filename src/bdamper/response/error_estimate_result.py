@@ -68,7 +68,7 @@ class ErrorEstimates(Summarised):
     frequency: float
     amplitude: float
     sources: tuple[SourceError, ...]
-    _told = ("sources",)
+    _summary_fields = ("sources",)
 
     def __getitem__(self, source: str) -> SourceError:
         by_name = {item.source: item for item in self.sources}
@@ -94,6 +94,6 @@ class ErrorEstimates(Summarised):
         text = f"{percent(self.total)} ({named})" if self.total > 1e-5 else "below 0.001 %"
         return f"estimated error {text}" + (f", not estimated: {', '.join(self.unknown)}" if self.unknown else "")
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         peak = f"{height(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
         return f"{self.line[0].upper()}{self.line[1:]} of the peak of {peak}."

@@ -3,8 +3,9 @@
 It is the greatest maximum of the response over the branches that count: at smooth maxima, at corners, at folds, and where
 the mean position drifts.  An end of the interval is no maximum, it may be a flank of the next resonance: it counts only
 where there is no maximum at all, and is told where it is higher.  Closed branches do not count, and if a branch leads from
-end to end of the interval, those that enter and leave at the same end do not (``Curve.apart``); ``Curve.detached`` and
-``Curve.separate`` name the highest point of each.  Any other branch counts, also one whose path broke off.
+end to end of the interval, those that enter and leave at the same end do not (``ResponseCurve.apart``);
+``ResponseCurve.detached`` and ``ResponseCurve.separate`` name the highest point of each.  Any other branch counts, also
+one whose path broke off.
 
 Points of a curve are converged, but may be coarse.  So the highest ones are refined: smooth maxima by their own equations
 (:func:`bdamper.response.peak.find_peak`), others by a corrector at the point itself.
@@ -25,10 +26,10 @@ from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import MANY_FOLDS
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve, uninterrupted
+from bdamper.response.curve import ResponseCurve, uninterrupted
 from bdamper.response.peak import AT_END, LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak, same_peak
 from bdamper.response.resonance_interval import peak_interval
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from bdamper.util import validation
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
@@ -77,14 +78,14 @@ class Highest:
         return because(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note)))) if self.kind == "end" else self.peak.status
 
 
-def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | None = None) -> Highest:
+def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:
     """The highest point of a curve, as the head of this module defines it.
 
     Parameters
     ----------
     system : Equations
         Equations that the curve solves.
-    curve : Curve
+    curve : ResponseCurve
     options : PeakOptions
         How exactly maxima are refined.
 
@@ -114,8 +115,8 @@ def highest_of_curve(system: Equations, curve: Curve, *, options: PeakOptions | 
     return replace(best, note="; ".join(notes))
 
 
-def maxima(system: Equations, curve: Curve, share: float = 0.0) -> tuple[Peak, ...]:
-    """All maxima of a tracking curve within its interval from a share of the highest on, each once, the highest first."""
+def maxima(system: Equations, curve: ResponseCurve, share: float = 0.0) -> tuple[Peak, ...]:
+    """All maxima of a response curve within its interval from a share of the highest on, each once, the highest first."""
     search = _Refined(system, curve, PeakOptions())
     found: list[Peak] = []
     for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
@@ -147,7 +148,7 @@ class _Refined:
     """Refines points of one curve; parameters are those of :func:`highest_of_curve`."""
 
     system: Equations
-    curve: Curve
+    curve: ResponseCurve
     options: PeakOptions
 
     @cached_property
@@ -203,9 +204,9 @@ class _Refined:
         )  # fmt: skip
 
 
-def given_up(curve: Curve) -> str:
+def given_up(curve: ResponseCurve) -> str:
     """Where a path of a curve ended among many folds, so that its branch may be higher; empty without such a path."""
-    parts = (f"{part.low:.6g} to {part.high:.6g} Hz" for part in curve.left_out if part.why.startswith(MANY_FOLDS))
+    parts = (f"{part.low:.6g} to {part.high:.6g} Hz" for part in curve.missing_ranges if part.why.startswith(MANY_FOLDS))
     where = " and ".join(parts)
     return f"a branch was given up among many folds from {where}" if where else ""
 
@@ -217,7 +218,7 @@ class AtPreload:
     Parameters
     ----------
     preload : float, N
-    curve : Curve
+    curve : ResponseCurve
         Of an optimal curve without its unknowns.
     top : Highest, optional
         Its highest point, None where nothing was found.
@@ -229,7 +230,7 @@ class AtPreload:
     """
 
     preload: float
-    curve: Curve
+    curve: ResponseCurve
     top: Highest | None
     slope: float
     rattles: str
@@ -309,7 +310,7 @@ def found_at(
         meter.watch(system)  # which the curves use as well
     for continuation in (coarse_options(), ContinuationOptions()):
         continuation = continuation if budget is None else replace(continuation, budget=budget)
-        curve = uninterrupted(track(problem, preload, frequency, options=continuation))
+        curve = uninterrupted(frequency_response(problem, preload, frequency, options=continuation))
         top: Highest | None = None
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
         if len(curve) and system is not None:
@@ -336,8 +337,8 @@ def highest_peak(
 ) -> Peak:
     """The highest point of the response at one preload (:mod:`bdamper.response.highest_peak`).
 
-    ``corner`` says that it is no smooth maximum, ``scan`` whether an end of the interval is higher.  Where the interval
-    holds no maximum, the peak is "incomplete": its amplitude is the highest response, at an end, and no resonance.
+    ``corner`` says that it is no smooth maximum, ``search_status`` whether an end of the interval is higher.  Where the
+    interval holds no maximum, the peak is "incomplete": its amplitude is the highest response, at an end, and no resonance.
 
     Raises
     ------
@@ -356,7 +357,7 @@ def highest_peak(
     settings = problem.record() | {"frequency": list(frequency)}
     status = found.top.status if word(found.status) == COMPLETE else found.status
     return replace(
-        found.top.peak, cost=found.cost, scan=found.status, status=status, settings=settings,
+        found.top.peak, cost=found.cost, search_status=found.status, status=status, settings=settings,
         model_hash=problem.model.hash,
     )  # fmt: skip
 

@@ -15,14 +15,14 @@ from scipy.optimize import minimize_scalar
 from bdamper.harmonic_balance.linear_limits import NEAREST, around
 from bdamper.harmonic_balance.plausibility import check_interval
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.cost import CostMeter
 from bdamper.util.threading import one_thread
 
 
 @one_thread
-def free(problem: Problem, frequency: tuple[float, float]) -> Curve:
+def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
     """Response without any contact: the limit of no preload.
 
     Parameters
@@ -33,7 +33,7 @@ def free(problem: Problem, frequency: tuple[float, float]) -> Curve:
 
 
 @one_thread
-def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0) -> Curve:
+def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0) -> ResponseCurve:
     """Response with every point stuck that the preload closes: the limit of high preload.
 
     Parameters
@@ -49,7 +49,9 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
     return _linear(problem, "stuck", preload, frequency, springs)
 
 
-def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
+def _linear(
+    problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None
+) -> ResponseCurve:
     """The linear response over an interval (Hz), with springs of shape (n_points, 3) in N/m in place of the contact."""
     watch = CostMeter()
     low, high = (2.0 * np.pi * f for f in validation.interval("frequency", frequency))
@@ -83,7 +85,7 @@ def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float,
         u[:, cosine], u[:, sine] = q.real, -q.imag
         wrong = [np.abs(linear.matrix(w, springs, l) @ a - force).max() for w, a in zip(omega, q)]
         error, largest = np.maximum(error, wrong), max(largest, float(np.abs(force).max()))
-    return Curve(
+    return ResponseCurve(
         kind=kind,
         frequency=omega / (2.0 * np.pi),
         harmonics=system.response(u),

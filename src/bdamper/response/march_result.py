@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from bdamper.util.short_repr import brief
 from bdamper.util.status import COMPLETE
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Amplitude, Column, Cycles, Metre, Newton, Numbers, Quantity, Tabular
-from bdamper.util.warn import say
 
 ALIKE = 0.05
 """Relative difference of the means of two blades up to which blades vibrate alike, and part of the largest wave below which
@@ -24,8 +23,8 @@ others are not named."""
 
 @brief
 @dataclass(frozen=True)
-class Marched(
-    Plottable, Tabular, Recorded, Storable, kind="bdamper-kept", former=("bdamper-wheel-kept",), row="period"
+class TimeResponse(
+    Plottable, Tabular, Recorded, Storable, kind="bdamper-time-response", row="period"
 ):
     """What was marched in time at one preload: the highest amplitude toward the tip of the response, or one motion.
 
@@ -44,7 +43,7 @@ class Marched(
     direction : {"down", "up", ""}
         Way of the frequency; empty where nothing had to be marched.
     periods : int
-        Marched in all.
+        TimeResponse in all.
     diameters : tuple of int
         Nodal diameters that took part.
     status : str
@@ -104,7 +103,7 @@ class Marched(
     verdict: str = ""
     reason: str = ""
     distance: float = field(default=float("nan"), compare=False)
-    _told = (
+    _summary_fields = (
         "mean", "lowest", "highest", "balance", "frequency", "fall", "preload", "direction", "diameters", "answers",
         "growth", "verdict", "distance", "status",
     )  # fmt: skip
@@ -167,10 +166,10 @@ class Marched(
         return f"{amount(self.mean, 'm')} ({span(self.lowest, self.highest, 'm', near=self.mean).rpartition(' ')[0]})"
 
     def mark(self, ax: object) -> object:
-        """Draw mean and range as one point with a bar over response curves (:func:`bdamper.plot.mark_kept`)."""
+        """Draw mean and range as one point with a bar over response curves (:func:`bdamper.plot.mark_time_response`)."""
         return draw(self, "mark", ax)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         at = f"At {amount(self.preload, 'N')}"
         if self.mean != self.mean:
             why = self.status.partition(": ")[2] or self.status
@@ -196,10 +195,10 @@ class Marched(
             return f"{comes}; {self.status}.{alike}"
         return f"time {self.verdict} with the solution of {amount(self.balance, 'm')}: {comes} ({self.reason}).{alike}"
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """Facts of the time integration, with the energy of a period and the waves."""
         unequal = self.blades.size and not self.waves.size
-        out = [Fact("blade", self.blade)] * bool(unequal) + list(super().facts())
+        out = [Fact("blade", self.blade)] * bool(unequal) + list(super()._facts())
         if self.energy:
             work = self.energy[0]
             shares = [f"{name} {percent(x / work)}" for name, x in zip(("damping", "contacts"), self.energy[1:])]
@@ -211,11 +210,3 @@ class Marched(
             ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in told]
             out.append(Fact("waves, nodal diameters", ", ".join(ways)))
         return tuple(out)
-
-
-def __getattr__(name: str) -> Any:
-    """The former name of the result, for one version."""
-    if name == "Kept":
-        say("bdamper.response.march_result.Kept is Marched now; the former name goes with the next version")
-        return Marched
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -17,7 +17,7 @@ import numpy as np
 
 GAIN = 2e-3
 """By which the function may be lower for the search to go on: in ln(amplitude) a fifth of what an optimum may be off by."""
-LEVEL = 1e-4
+LEVEL_SLOPE = 1e-4
 """Slope at most at a minimum that was settled: where it is larger another branch is the highest there."""
 AGREE = 0.2
 """Share of the larger change along either tangent by which the tangents of one smooth branch may miss the values."""
@@ -158,7 +158,7 @@ def least(known: Sequence[Place], ask: Ask, settle: Settle) -> tuple[list[Place]
 def _open(places: Sequence[Place], tried: set[tuple[float, float]]) -> list[Open]:
     """Neighbours between which the function may be lower by GAIN than anywhere known, the lowest bound first.
 
-    Beside the least place the smallest bound counts, until its slope is LEVEL or the minimum was refined (``tried``):
+    Beside the least place the smallest bound counts, until its slope is LEVEL_SLOPE or the minimum was refined (``tried``):
     from neighbours a third apart the search for it may fail, and succeed from nearer ones.
     """
     least_ = min(places, key=lambda p: p.value)
@@ -168,7 +168,8 @@ def _open(places: Sequence[Place], tried: set[tuple[float, float]]) -> list[Open
         there = promise(a, b)
         if there is None:
             continue
-        beside = a.slope < 0.0 < b.slope and least_ in (a, b) and abs(least_.slope) > LEVEL and (a.x, b.x) not in tried
+        beside = a.slope < 0.0 < b.slope and least_ in (a, b) and abs(least_.slope) > LEVEL_SLOPE and (a.x,
+            b.x) not in tried
         if there.value < lowest - GAIN or (beside and there.value < lowest):
             out.append(((a, b), there))
     return sorted(out, key=lambda item: item[1].value)
@@ -179,7 +180,7 @@ def _judged(places: Sequence[Place], settled: set[float], open_: Sequence[Open])
     k = min(range(len(places)), key=lambda i: places[i].value)
     here = places[k]
     where = None if not open_ else (open_[0][0][0].x, open_[0][0][1].x)
-    if here.x in settled and abs(here.slope) <= LEVEL:
+    if here.x in settled and abs(here.slope) <= LEVEL_SLOPE:
         return Least(k, "smooth", 0.0, where)
     toward = k + (1 if here.slope < 0.0 else -1)
     if not 0 <= toward < len(places):

@@ -124,7 +124,7 @@ def optimal_curve(
     return OptimalCurve(
         **_columns(known, values, edge, problem.n_unknowns),
         curves=tuple(known[p].curve for p in sorted(known)), free=free, stuck=stuck, optimum=optimum,
-        cost=curves.cost(start), settings=settings, model_hash=problem.model.hash, no_steady_below=edge,
+        cost=curves.cost(start), settings=settings, model_hash=problem.model.hash, lowest_steady_preload=edge,
     )  # fmt: skip
 
 
@@ -160,13 +160,13 @@ class Curves:
     def __enter__(self) -> Curves:
         self.stack, self.work = ExitStack(), LongWork()
         self.report: Callable[[str, int, int], None] | None = None
-        self.file, self.kept = None, dict[int | str, dict[str, Any]]()
+        self.file, self.stored = None, dict[int | str, dict[str, Any]]()
         if self.resume is not None:
             header = {"format": "bdamper-optimal-search", "version": 3, "study": study_fingerprint(self.problem)}
             header |= HERE.attributes() | {"frequency": self.frequency} | self.asked
             self.file = ResultsFile(self.resume, header, "search for an optimal curve")
             self.stack.enter_context(closing(self.file))
-            self.kept = self.file.records
+            self.stored = self.file.records
         if self.executor is None:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
         if self.progress:
@@ -192,8 +192,8 @@ class Curves:
         out: list[AtPreload] = []
         try:
             for p in preloads:
-                if p not in self.known and repr(p) in self.kept:
-                    self.known[p] = AtPreload.of(self.kept[repr(p)])
+                if p not in self.known and repr(p) in self.stored:
+                    self.known[p] = AtPreload.of(self.stored[repr(p)])
                 elif p not in self.known:
                     threads = isinstance(self.executor, ThreadPoolExecutor)
                     job = at_preload, self.problem, p, self.frequency, self.options, budget, stop if threads else None

@@ -12,8 +12,8 @@ from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.study_dispatch import Asking
 from bdamper.response.convergence_result import Convergence
-from bdamper.response.curve import NOT_IN_TIME, Curve
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import NOT_IN_TIME, ResponseCurve
+from bdamper.response.march_result import TimeResponse
 from bdamper.util import validation
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
@@ -23,7 +23,6 @@ from bdamper.util.short_repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, word
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
-from bdamper.util.warn import say
 
 ENDS = {
     "end": "end of the range, the optimum may lie beyond",
@@ -126,17 +125,17 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         Of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty without a value.
     convergence : Convergence or None
         The peak at the optimum with more harmonics.
-    curves : tuple of Curve
+    curves : tuple of ResponseCurve
         The whole curves that the values are from, and those between them that the search for the optimum took, by rising
         preload; followed coarsely, and without their unknowns.
-    no_steady_below : float, N
+    lowest_steady_preload : float, N
         No steady periodic response is expected up to this preload, by the sign of
         :mod:`bdamper.response.rattle_detection`: the damper rattles.  There are no values there and nothing was searched
         below; 0 where nothing shows it.
     margins : tuple of MarginCurve
         Margins against fatigue along the curve, where they were asked for.
-    kept : tuple of Marched
-        Marches in time at the optimum, and wherever :meth:`bdamper.Study.with_kept` was asked.
+    time_response : tuple of TimeResponse
+        Marches in time at the optimum, and wherever :meth:`bdamper.Study.with_time_response` was asked.
     """
 
     preload: Newtons
@@ -154,12 +153,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     goes_on: PerRow
     kind: Kinds
     convergence: Convergence | None = None
-    curves: tuple[Curve, ...] = ()
-    no_steady_below: float = 0.0
+    curves: tuple[ResponseCurve, ...] = ()
+    lowest_steady_preload: float = 0.0
     margins: tuple[MarginCurve, ...] = ()
-    kept: tuple[Marched, ...] = ()
-    _told = (
-        "optimum", "kept", "least_in_time", "convergence", "free", "stuck", "ratio", "stuck_shift_percent",
+    time_response: tuple[TimeResponse, ...] = ()
+    _summary_fields = (
+        "optimum", "time_response", "optimum_in_time", "convergence", "free", "stuck", "ratio", "stuck_shift_percent",
         "margins", "detached",
     )  # fmt: skip
 
@@ -179,7 +178,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings: preloads without a value, an optimum that is not verified."""
-        low = self.status[0] if self.no_steady_below else ""
+        low = self.status[0] if self.lowest_steady_preload else ""
         gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("complete", low)]
         out = [low] * bool(low) + [f"{p:.6g} N: {s}" for p, s in gone]
         o = self.optimum
@@ -230,20 +229,14 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return ends[0], ends[1]
 
     @property
-    def least_in_time(self) -> Marched | None:
+    def optimum_in_time(self) -> TimeResponse | None:
         """The least amplitude in time among complete marches at several preloads; None of fewer than two."""
         return min(self._known, key=lambda k: k.mean) if len(self._known) > 1 else None
 
     @property
-    def least_kept(self) -> Marched | None:
-        """Former name of ``least_in_time``."""
-        say("least_kept is least_in_time now; the former name goes with the next version")
-        return self.least_in_time
-
-    @property
-    def _known(self) -> list[Marched]:
+    def _known(self) -> list[TimeResponse]:
         """Marches that leave nothing open."""
-        return [k for k in self.kept if np.isfinite(k.mean) and word(k.status) == COMPLETE]
+        return [k for k in self.time_response if np.isfinite(k.mean) and word(k.status) == COMPLETE]
 
     @property
     def detached(self) -> tuple[str, ...]:
@@ -270,7 +263,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         """
         draw(self, "report", path, study, fit)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         o = self.optimum
         if not np.isfinite(o.preload):
             at = height(o.amplitude, o.frequency)
@@ -279,13 +272,16 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
         free = self.free.amplitude
         gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
-        force, shares = self.settings.get("excitation", {}).get("amplitude", 0.0), shares_of(self.settings.get("loads"))
+        force, shares = (
+            self.settings.get("excitation", {}).get("amplitude", 0.0),
+            shares_of(self.settings.get("load_per_preload")),
+        )
         per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
         per = f" ({shares}){per}" if shares else per
         where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")
         out = [f"Optimum: {where}. Peak {height(o.amplitude, o.frequency)}{gain}."]
-        out += [self._said_of(kept) for kept in self.kept] or [NOT_IN_TIME]
-        if least := self.least_in_time:
+        out += [self._said_of(kept) for kept in self.time_response] or [NOT_IN_TIME]
+        if least := self.optimum_in_time:
             last = least in (self._known[0], self._known[-1])
             beyond = ", the last preload on that side: it may be lower beyond" if last else ""
             out.append(f"In time the amplitude is lowest at {amount(least.preload, 'N')}{beyond}.")
@@ -296,17 +292,17 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
             out.append(f"More harmonics: {self.convergence.verdict}.")
         return " ".join(filter(None, out))
 
-    def _said_of(self, kept: Marched) -> str:
+    def _said_of(self, time_response: TimeResponse) -> str:
         """The steady-state amplitude in time, beside that of the harmonic balance."""
-        at = "" if kept.preload == self.optimum.preload else f" at {amount(kept.preload, 'N')}"
-        if not np.isfinite(kept.mean):
-            return kept.bottom_line()
-        if word(kept.status) != COMPLETE:
-            return f"Time integration{at} gives {kept.text}, {kept.status}."
-        more = 100.0 * (kept.mean / kept.balance - 1.0)
+        at = "" if time_response.preload == self.optimum.preload else f" at {amount(time_response.preload, 'N')}"
+        if not np.isfinite(time_response.mean):
+            return time_response._headline()
+        if word(time_response.status) != COMPLETE:
+            return f"Time integration{at} gives {time_response.text}, {time_response.status}."
+        more = 100.0 * (time_response.mean / time_response.balance - 1.0)
         change = f"{abs(more):.0f} % {'more' if more > 0.0 else 'less'}"
-        alike = f" Blades do not vibrate alike: {span(*kept.spread, 'm')}." if kept.parted else ""
-        return f"Time integration{at} gives {amount(kept.mean, 'm')} ({change}).{alike}"
+        alike = f" Blades do not vibrate alike: {span(*time_response.spread, 'm')}." if time_response.parted else ""
+        return f"Time integration{at} gives {amount(time_response.mean, 'm')} ({change}).{alike}"
 
     def _recommended(self) -> str:
         """The preloads to build, and the rise of the amplitude to the preloads on either side of half the optimum."""

@@ -108,10 +108,10 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     corner : bool
         The curve has a corner at the peak: slopes on both sides differ in sign but do not vanish.
     status : str
-        "complete"; "incomplete: ..." for the end of an interval that holds no maximum, or if ``scan`` is incomplete; "not
-        found: ..." with the reason.
+        "complete"; "incomplete: ..." for the end of an interval that holds no maximum, or if ``search_status`` is
+        incomplete; "not found: ..." with the reason.
     cost : Cost, optional
-    scan : str
+    search_status : str
         How the curve ended on which it is the highest peak, if there is one: unless "complete", there may be a higher one.
     settings : mapping
         Of the problem; none of a peak on equations that stand by themselves (:func:`find_peak`).
@@ -134,24 +134,28 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     corner: bool = False
     status: str = COMPLETE
     cost: Cost | None = None
-    scan: str = ""
-    _told = ("parameter", "amplitude", "frequency", "shares", "scan")
+    search_status: str = ""
+    _summary_fields = ("parameter", "amplitude", "frequency", "shares", "search_status")
 
     @property
     def converged(self) -> bool:
         """Whether this is a maximum that solves the equations, even if an incomplete curve may have a higher one."""
         return self.status == COMPLETE or (word(self.status) == INCOMPLETE and AT_END not in self.status)
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """The peak and how far it is to be trusted; nothing but the reason where none was found."""
-        return super().facts() if self.converged else (Fact("peak", self.status),)
+        return super()._facts() if self.converged else (Fact("peak", self.status),)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         if not self.converged:
             top = f" The highest response is {height(self.amplitude, self.frequency)}."
             return f"No peak: {self.status}.{top if word(self.status) == INCOMPLETE else ''}"
         load = f" under {preloaded(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
-        open_ = "" if self.scan in ("", "complete") else f" There may be a higher one, the curve ended as: {self.scan}."
+        open_ = (
+            ""
+            if self.search_status in ("", "complete")
+            else f" There may be a higher one, the curve ended as: {self.search_status}."
+        )
         return f"Resonance of {height(self.amplitude, self.frequency)}{load}. {NOT_IN_TIME}{open_}"
 
 

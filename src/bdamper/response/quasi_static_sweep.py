@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.response.curve import Curve, crossed
+from bdamper.response.curve import ResponseCurve, crossed
 from bdamper.util import validation
 
 
@@ -68,7 +68,7 @@ class _Landing(NamedTuple):
 class _Sweep:
     """The points of a curve, by a coordinate that rises along the sweep."""
 
-    def __init__(self, sense: float, curve: Curve) -> None:
+    def __init__(self, sense: float, curve: ResponseCurve) -> None:
         self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch
         stable = ~curve.backward if curve.stable is None else np.asarray(curve.stable, bool)
         self.fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
@@ -96,14 +96,14 @@ class _Sweep:
         return new if self.held[new] and self.x[new] >= self.x[point] else None
 
 
-def sweep_of(curve: Curve, direction: str) -> SlowSweep:
-    """The response that a slow sweep of frequency shows of a tracking curve.
+def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
+    """The response that a slow sweep of frequency shows of a response curve.
 
     Points count as stable by ``curve.stable``, or by the sign between folds where that has not been determined.
 
     Parameters
     ----------
-    curve : Curve
+    curve : ResponseCurve
     direction : {"up", "down"}
 
     Returns

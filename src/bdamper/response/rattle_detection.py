@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 
 NO_STEADY = "no steady periodic response"
 FOLDS = 14
@@ -31,12 +31,12 @@ def open_at_rest(problem: Problem, preload: float) -> float:
     return 1.0 - float(closed.mean()) if closed.any() else 0.0
 
 
-def rattles(curve: Curve, at_rest: float = 0.0) -> str:
+def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
     """Why no steady periodic response is expected at the preload of a curve; "" without the sign.
 
     Parameters
     ----------
-    curve : Curve
+    curve : ResponseCurve
         Points of different branches are not connected.
     at_rest : float
         Share that is open without vibration (:func:`open_at_rest`).

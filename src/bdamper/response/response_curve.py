@@ -1,4 +1,4 @@
-"""A tracking curve: all branches that are found over a frequency interval at one preload.
+"""A response curve: all branches that are found over a frequency interval at one preload.
 
 From the end where it starts; from the other end if it does not lead through; beyond both ends as far as the free and the
 stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations.
@@ -20,7 +20,7 @@ from bdamper.harmonic_balance.problem import Problem, stuck_springs
 from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluation_budget, in_order
 from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.continuation_options import ContinuationOptions, Path
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.initial_solution import first_point
 from bdamper.response.mean_position import notes, why_no_solution
 from bdamper.response.rattle_detection import NO_STEADY, open_at_rest, rattles
@@ -36,15 +36,15 @@ ELASTIC = 1e-3
 """Of the lowest frequency of a curve: resonances below it are rigid motions, or too far away."""
 
 
-def track(
+def frequency_response(
     problem: Problem,
     preload: float,
     frequency: tuple[float, float],
     *,
     options: ContinuationOptions | None = None,
     progress: bool = False,
-) -> Curve:
-    """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
+) -> ResponseCurve:
+    """Response curve: the response over a frequency interval at one preload, with all branches on the way.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def track(
 
     Returns
     -------
-    Curve
+    ResponseCurve
         ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
         found so far are there, and in any case what was looked for.  A branch that does not reach the other end is
         complemented by one from there.
@@ -88,8 +88,8 @@ def track(
         if problem.own_laws is not None and len(curve):
             problem.own_laws.warn_below(search.system.contact(curve.unknowns[curve.peak.index])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
-        reason, left_out = _explained(problem, search, curve), (*curve.left_out, *search.lost)
-        return replace(curve, reason=reason, left_out=left_out, notes=(*curve.notes, *locked))
+        reason, left_out = _explained(problem, search, curve), (*curve.missing_ranges, *search.lost)
+        return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
 
 
 def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
@@ -121,7 +121,7 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     return found
 
 
-def _explained(problem: Problem, search: Coverage, curve: Curve) -> str:
+def _explained(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
     """The reason of a curve with what was looked for, and advice where it is not complete."""
     reason = curve.reason
     if curve.complete:
@@ -143,9 +143,11 @@ def _explained(problem: Problem, search: Coverage, curve: Curve) -> str:
     return f"{reason}; study.settle marches in time where no solution was found"
 
 
-def without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
+def without_points(
+    problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost
+) -> ResponseCurve:
     """An empty curve, for preloads without static equilibrium."""
-    return Curve(
+    return ResponseCurve(
         kind="tracking",
         frequency=np.zeros(0),
         harmonics=np.zeros((0, len(problem.bases)), complex),
@@ -165,7 +167,7 @@ def without_points(problem: Problem, preload: float, reason: str, options: Conti
     )
 
 
-def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **own: Any) -> Curve:
+def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **own: Any) -> ResponseCurve:
     """The curve of what was followed.
 
     Parameters
@@ -182,7 +184,7 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
     onward = [p.tangent[-1] * (1.0 if way.up else -1.0) for p, way in ordered]
     backward = np.array([p.kind != "drift" and to < 0.0 for p, to in zip(points, onward)], bool)
-    return Curve(
+    return ResponseCurve(
         frequency=y[:, -1] / TWO_PI,
         harmonics=system.response(y[:, :-1]),
         unknowns=y[:, :-1],
@@ -195,7 +197,7 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
         point_kind=tuple(p.kind for p in points),
         status=ended[0],
         reason=ended[1],
-        left_out=ended[2],
+        missing_ranges=ended[2],
         cost=search.meter.read(),
         start_log=tuple(search.log),
         notes=() if "blades" in own else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
@@ -204,10 +206,11 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
     )
 
 
-def check_curve(problem: Problem, curve: Curve, name: str = "curve") -> None:
-    """Refuse what is no tracking curve of this problem."""
-    validation.instance(name, curve, Curve, "a tracking curve")
-    validation.require(curve.kind == "tracking", name, "a tracking curve (study.track)", f"a {curve.kind} curve")
+def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> None:
+    """Refuse what is no response curve of this problem."""
+    validation.instance(name, curve, ResponseCurve, "a response curve")
+    validation.require(curve.kind == "tracking", name, "a response curve (study.frequency_response)",
+        f"a {curve.kind} curve")
     validation.require(curve.model_hash == problem.model.hash, name, "one of this model", "one of another")
     system = problem.system(curve.preload)
     n = system.n_unknowns

@@ -15,7 +15,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.residual_mode_alignment import like
 from bdamper.harmonic_balance.result_checks import check_result
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.peak import Family, Peak
 from bdamper.response.response_curve import check_curve
 from bdamper.response.sensitivity import CurveSensitivity, PeakSensitivity, across, sensitivities
@@ -62,15 +62,15 @@ def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] =
 
 @one_thread
 def curve_sensitivities(
-    problem: Problem, curve: Curve, parameters: Sequence[str] = PARAMETERS
+    problem: Problem, curve: ResponseCurve, parameters: Sequence[str] = PARAMETERS
 ) -> dict[str, CurveSensitivity]:
-    """Derivatives of a whole tracking curve with respect to the preload and to settings, finite at its folds.
+    """Derivatives of a whole response curve with respect to the preload and to settings, finite at its folds.
 
     Parameters
     ----------
     problem : Problem
-    curve : Curve
-        A tracking curve of this problem.
+    curve : ResponseCurve
+        A response curve of this problem.
     parameters : sequence of str
         As for :func:`peak_sensitivities`.
 
@@ -84,7 +84,7 @@ def curve_sensitivities(
     SettingError
         If the curve is another one, or the evaluation is sampled.
     """
-    check_curve(problem, validation.instance("curve", curve, Curve))
+    check_curve(problem, validation.instance("curve", curve, ResponseCurve))
     system, n = problem.system(curve.preload), len(curve)
     y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
     width = max(float(np.pi * np.ptp(curve.frequency)), 1e-300) if n else 1.0
@@ -100,13 +100,13 @@ def curve_sensitivities(
 
 
 def band(
-    curve: Curve, found: Mapping[str, CurveSensitivity], deviations: Mapping[str, float]
+    curve: ResponseCurve, found: Mapping[str, CurveSensitivity], deviations: Mapping[str, float]
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Standard deviation of a curve whose parameters scatter independently, to first order.
 
     Parameters
     ----------
-    curve : Curve
+    curve : ResponseCurve
     found : mapping of name to CurveSensitivity
         Of this curve.
     deviations : mapping of name to float
@@ -138,8 +138,8 @@ def band(
 
 def families(problem: Problem, parameters: Sequence[str], preload: float) -> dict[str, tuple[Family, float]]:
     """The equations at one preload as functions of each parameter with its value; those that mean nothing are left out."""
-    if (given := problem.settings.evaluation) != "exact":
-        raise SettingError(f'sensitivities: expected evaluation="exact", found {given}: the peak has ripples')
+    if (given := problem.settings.contact_forces) != "event_driven":
+        raise SettingError(f'sensitivities: expected contact_forces="event_driven", found {given}: the peak has ripples')
     out: dict[str, tuple[Family, float]] = {}
     for name in validation.names("parameters", parameters, ("preload", *setting_names(problem))):
         if name == "preload":

@@ -1,4 +1,4 @@
-"""The tracking curve without a preload: nothing holds the dampers in their seats, so the response is the free one.
+"""The response curve without a preload: nothing holds the dampers in their seats, so the response is the free one.
 
 A damper that its load presses against its neighbours leaves them against that load.  With its mean position so far off
 that no contact point closes in a cycle, the free response satisfies all equations exactly, wherever beyond that it rests.
@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.linear_curve import free
 
 NOTE = "without a preload nothing holds the damper: this is the free response (study.free), with the damper off its seat"
 
 
-def free_of_contact(problem: Problem, frequency: tuple[float, float], options: Any) -> Curve | None:
-    """The free response as a tracking curve at no preload, with the dampers away from their seats.
+def free_of_contact(problem: Problem, frequency: tuple[float, float], options: Any) -> ResponseCurve | None:
+    """The free response as a response curve at no preload, with the dampers away from their seats.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
 
     Returns
     -------
-    Curve or None
+    ResponseCurve or None
         None where these points do not satisfy the equations: a structure without a loaded damper, surfaces that press each
         other without a load, springs of a bonded contact, a mean that is held.
     """

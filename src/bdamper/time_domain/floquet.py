@@ -52,7 +52,7 @@ from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.response.continuation import TWO_PI
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.response.response_curve import check_curve
 from bdamper.time_domain.integration import ring_of
 from bdamper.time_domain.time_domain_labels import judged_in_time
@@ -109,7 +109,7 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     Parameters
     ----------
     system : Equations[Sector]
-        With one real basis, separable law, exact evaluation.
+        With one real basis, uncoupled law, exact evaluation.
     u : (n_unknowns,) float
     omega : float, rad/s
 
@@ -201,17 +201,17 @@ def _positive_determinant(system: Equations[Sector], u: NDArray, omega: float) -
 @one_thread
 def with_stability(
     problem: Problem,
-    curve: Curve,
+    curve: ResponseCurve,
     in_time: bool = False,
     progress: bool = False,
-) -> Curve:
-    """The same tracking curve with the stability of every point; see :mod:`bdamper.time_domain.floquet` for what it
+) -> ResponseCurve:
+    """The same response curve with the stability of every point; see :mod:`bdamper.time_domain.floquet` for what it
     covers.
 
     Parameters
     ----------
     problem : Problem
-    curve : Curve
+    curve : ResponseCurve
         Tracked with this problem.
     in_time : bool
         Ask the motion in time which solutions a blade keeps (:mod:`bdamper.time_domain.time_domain_labels`): a point is

@@ -2,7 +2,8 @@
 
 The equations of all sectors (:mod:`bdamper.time_domain.integration`) are marched while the frequency of the excitation
 goes linearly in time from one end of an interval to the other.  Each turn of the excitation has response amplitudes of its
-own (:mod:`bdamper.time_domain.march`).  Where several stable solutions exist, the sweep stays on the one on which
+own (:mod:`bdamper.time_domain.steady_amplitude`).  Where several stable solutions exist,
+the sweep stays on the one on which
 it is until that ends, and then jumps; what is unstable it leaves.
 
 A transient of the least damped mode, whose half bandwidth is ``b = zeta f``, falls to 1/e within ``1/(2 pi b)``.  The rate
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.quasi_static_sweep import Jump
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from bdamper.time_domain.integration import ring_of
 from bdamper.time_domain.march import BOUNDS, March
 from bdamper.util import validation
@@ -53,7 +54,7 @@ NEAR = 1e-4
 class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"):
     """The response while the frequency goes slowly from one end of an interval to the other, turn by turn.
 
-    ``plot`` draws amplitude over frequency, also over tracking curves (:func:`bdamper.plot.plot_time_sweep`).
+    ``plot`` draws amplitude over frequency, also over response curves (:func:`bdamper.plot.plot_frequency_sweep`).
 
     Parameters
     ----------
@@ -123,20 +124,20 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
     def _turns(self, memories: float) -> int:
         return max(1, round(memories * self.memory * float(self.frequency.mean())))
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         f, a = self.highest
         way = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
         jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
         return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {height(a, f)}{jumps}."
 
-    def facts(self) -> tuple[Fact, ...]:
+    def _facts(self) -> tuple[Fact, ...]:
         """Rate and jumps."""
         return (Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps))
 
 
 @validation.spelt
 @one_thread
-def sweep_in_time(
+def frequency_sweep(
     problem: Problem,
     preload: float,
     frequency: tuple[float, float],
@@ -190,7 +191,7 @@ def sweep_in_time(
     march = March(ring, TWO_PI * begin, u, steps_per_period)
     least = ring.least_damping
     if not 0.0 < least < np.inf:
-        raise SettingError("sweep_in_time: expected damping in every mode of the structure, found a mode without")
+        raise SettingError("frequency_sweep: expected damping in every mode of the structure, found a mode without")
     memory, usual = 2.0 / least, RATE * least**2 / (8.0 * np.pi)
     rate = usual if rate is None else rate
     turns = max(1, round(0.5 * (low + high) * (high - low) / rate))
@@ -211,7 +212,7 @@ def sweep_in_time(
 
 def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, float]:
     """Solution and its frequency (Hz) from which the march starts."""
-    start = track(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
+    start = frequency_response(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
     if not len(start):
         raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
     i = int(np.where(start.backward, np.inf, start.amplitude).argmin())

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.law_codes import LAW_BONDED, LAW_CUBIC, Sampled
+from bdamper.contact.law_codes import AFT, LAW_BONDED, LAW_CUBIC
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
@@ -82,7 +82,7 @@ class Motion(NamedTuple):
     a: NDArray | None = None
 
 
-class Marched(NamedTuple):
+class Trajectory(NamedTuple):
     """Where a march has come to.
 
     Parameters
@@ -170,7 +170,9 @@ class Ring:
             orders = [l * engine_order for l in used]
             diameters = {min(order % n_blades, -order % n_blades) for order in orders}
             if len(diameters) > 1:
-                raise SettingError("verify: expected single_basis=False, found one basis for several nodal diameters")
+                raise SettingError(
+                    "verify: expected fundamental_modes_only=False, found one basis for several nodal diameters"
+                )
         k = np.arange(self.n)
         self.blocks = []  # (harmonic, slice of coordinates, phases, factor)
         start = 0
@@ -278,7 +280,7 @@ class Ring:
         self.core.follow(q[:1], w)
         return w
 
-    def march(
+    def integrate(
         self,
         motion: Motion,
         omega: float,
@@ -290,7 +292,7 @@ class Ring:
         omega_end: float | None = None,
         trace: bool = False,
         tolerance: float = TOLERANCE,
-    ) -> Marched:
+    ) -> Trajectory:
         """March a state over whole periods of the excitation or any number of steps.
 
         The steps are equal in the angle of the excitation; that of the first is ``2 pi first/n_steps``.
@@ -322,14 +324,16 @@ class Ring:
         harmonics = np.zeros((1, count // n_steps, len(self.rows), self.system.n_harmonics + 1), complex)
         energy = np.zeros((1, count // n_steps, 4))
         path = np.zeros((1, count, q.shape[1])) if trace else None
-        status, *effort = self.core.march(
+        status, *effort = self.core.integrate(
             q, v, a, w, count, n_steps, omega, omega if omega_end is None else omega_end, self.radius, tolerance,
             motion.a is None, harmonics, path, first, energy,
         )  # fmt: skip
         self.effort = self.effort + effort
         cost = self.cost
         self.cost = replace(
-            cost, march=cost.march + time.thread_time() - started, evaluations=cost.evaluations + count + 1
+            cost,
+            time_integration=cost.time_integration + time.thread_time() - started,
+            evaluations=cost.evaluations + count + 1,
         )
         if status:
             raise MarchFailed(
@@ -337,7 +341,7 @@ class Ring:
                 "period, nor in parts of it; raise steps_per_period"
             )
         trace_ = np.zeros((0, q.shape[1])) if path is None else path[0]
-        return Marched(Motion(q[0], v[0], w[0], a[0]), harmonics[0], energy[0], trace_, (first + count) % n_steps)
+        return Trajectory(Motion(q[0], v[0], w[0], a[0]), harmonics[0], energy[0], trace_, (first + count) % n_steps)
 
     def energy(self, motion: Motion) -> float:
         """Kinetic and strain energy of a motion (J), with the most that its contacts can hold in their springs.
@@ -466,15 +470,15 @@ def every_diameter(problem: Problem) -> Problem:
     order, blades = int(problem.engine_order), problem.model.n_blades
     n, own = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
     more = set(range(1, (n // 2 if n <= MOST_SECTORS else MOST_HARMONIC) + 1)) - own
-    if problem.settings.single_basis or not more:
+    if problem.settings.fundamental_modes_only or not more:
         return problem
 
-    evaluation = "exact" if isinstance(problem.settings.evaluation, str) else Sampled(8 * max(own | more) + 128)
+    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * max(own | more) + 128)
 
     def carried(harmonics: set[int]) -> Problem | None:
         try:
             with quiet():  # about methods that replace residual modes
-                wide = problem.with_(harmonics=tuple(sorted(harmonics)), evaluation=evaluation)
+                wide = problem.replace(harmonics=tuple(sorted(harmonics)), contact_forces=contact_forces)
                 _ = wide.bases
                 return wide if wide.contact.note == problem.contact.note else None
         except BdamperError:
@@ -508,8 +512,8 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
         sizes = [n for n in range(least, N + 1, least) if N % n == 0]
         raise validation.unfit("blades", f"one of {sizes}, rings that repeat on {N} blades at engine order {order}", blades)
     across = N // blades
-    evaluation = "exact" if isinstance(problem.settings.evaluation, str) else Sampled(8 * blades + 128)
-    wide = problem.with_(engine_order=across, harmonics=tuple(range(1, blades // 2 + 1)), evaluation=evaluation)
+    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * blades + 128)
+    wide = problem.replace(engine_order=across, harmonics=tuple(range(1, blades // 2 + 1)), contact_forces=contact_forces)
     contact, others = problem.contact, wide.contact.residual  # point springs are those of the problem's own first harmonic
     if contact.residual is not None and others is not None:
         others = replace(others, flexibility=contact.residual.flexibility, _bases={})

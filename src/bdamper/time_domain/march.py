@@ -108,7 +108,7 @@ class March:
     harmonics : list of (n_blades, n_harmonics + 1) complex, m
         Response amplitudes of all blades in each turn; the first is the mean.
     energy : list of (4,) float, J
-        Of each turn (:class:`~bdamper.time_domain.integration.Marched`).
+        Of each turn (:class:`~bdamper.time_domain.integration.TimeResponse`).
     memory : float
         Periods in which a transient of the least damped mode falls to 1/e; of free bodies contacts take energy alone.
 
@@ -172,7 +172,7 @@ class March:
         """
         end_if_asked()
         begin, end = ends or (self.omega, None)
-        marched = self.ring.march(self.motion, begin, self.steps, turns, omega_end=end)
+        marched = self.ring.integrate(self.motion, begin, self.steps, turns, omega_end=end)
         self.motion = marched.motion
         self.harmonics.extend(marched.harmonics)
         self.energy.extend(marched.energy)

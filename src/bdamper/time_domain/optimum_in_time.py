@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import Curve, uninterrupted
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve, uninterrupted
+from bdamper.response.march_result import TimeResponse
 from bdamper.response.optimal_curve import BUDGET
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
-from bdamper.response.response_curve import track
+from bdamper.response.response_curve import frequency_response
 from bdamper.time_domain import steady_amplitude as in_time
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError
@@ -25,17 +25,17 @@ from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
 from bdamper.util.threading import one_thread
 
 
-def march(
-    problem: Problem, result: Curve | Peak, *, steps_per_period: int | None = None, blades: int | None = None,
+def time_response(
+    problem: Problem, result: ResponseCurve | Peak, *, steps_per_period: int | None = None, blades: int | None = None,
     starts: int = 1,
-) -> Marched:  # fmt: skip
-    """The highest amplitude in time at the preload of a tracking curve or of a peak
+) -> TimeResponse:  # fmt: skip
+    """The highest amplitude in time at the preload of a response curve or of a peak
     (``bdamper.time_domain.steady_amplitude``).
 
     Parameters
     ----------
     problem : Problem
-    result : Curve or Peak
+    result : ResponseCurve or Peak
         Of this study.  For a peak the curve is tracked over the interval in which it was searched.
     steps_per_period : int, optional
         256 by default; the steady-state motion is integrated again with twice as many.
@@ -44,7 +44,7 @@ def march(
 
     Returns
     -------
-    Marched
+    TimeResponse
 
     Raises
     ------
@@ -57,15 +57,15 @@ def march(
         found, what = result, "the highest peak of this study at its preload"
         if found.model_hash != problem.model.hash:
             raise validation.unfit("result", what, "one of another model")
-        result = track(problem, found.parameter, tuple(found.settings["frequency"]))
+        result = frequency_response(problem, found.parameter, tuple(found.settings["frequency"]))
         if not (len(result) and np.isclose(result.peak.amplitude, found.amplitude, rtol=1e-3, atol=0.0)):
             raise validation.unfit("result", what, f"{amount(found.amplitude, 'm')} at {found.frequency:.6g} Hz")
-    return in_time.kept(problem, result, steps_per_period=steps_per_period, blades=blades, starts=starts)
+    return in_time.time_response(problem, result, steps_per_period=steps_per_period, blades=blades, starts=starts)
 
 
 @validation.spelt
 @one_thread
-def with_kept(
+def with_time_response(
     problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False
 ) -> OptimalCurve:
     """The optimal curve with the steady-state amplitude in time at some preloads.
@@ -83,9 +83,9 @@ def with_kept(
     Returns
     -------
     OptimalCurve
-        With a ``bdamper.response.march_result.Marched`` for each in ``kept``, by rising preload, besides those that it
-        had; one that says why where nothing can be marched, none where the curve has no optimum.  After Ctrl-C those at
-        the preloads that were not finished say "interrupted".
+        With a ``bdamper.response.march_result.TimeResponse`` for each in ``time_response``, by rising preload, besides
+        those that it had; one that says why where nothing can be marched, none where the curve has no optimum.  After
+        Ctrl-C those at the preloads that were not finished say "interrupted".
 
     Raises
     ------
@@ -100,15 +100,15 @@ def with_kept(
         places = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
     else:
         places = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
-    none = {p: Marched(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places}
-    found, cost = none | {k.preload: k for k in curve.kept}, curve.cost
+    none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places}
+    found, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
     with LongWork():
         for p in each(places, progress, "marching in time", "preload"):
             try:
-                tracked = uninterrupted(track(problem, p, curve.settings["frequency"], options=options))
+                tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"], options=options))
                 cost += tracked.cost
-                found[p] = in_time.kept(problem, tracked)
+                found[p] = in_time.time_response(problem, tracked)
                 cost += found[p].cost
             except BdamperError as error:
                 found[p] = replace(none[p], status=because(NOT_FOUND, error))
-    return replace(curve, kept=tuple(found[p] for p in sorted(found)), cost=cost)
+    return replace(curve, time_response=tuple(found[p] for p in sorted(found)), cost=cost)

@@ -1,13 +1,13 @@
-"""What a motion comes to that starts at a point of a tracking curve: where it settles, and whether it stays there.
+"""What a motion comes to that starts at a point of a response curve: where it settles, and whether it stays there.
 
-All sectors are marched from the solution (:mod:`bdamper.time_domain.march`) with a disturbance of every nodal diameter.  If
-the response amplitudes of the periods stay the same the response is periodic; if they repeat after some periods it is
-subharmonic; otherwise, as for a damper that rattles in its seat, it is irregular and is described by a mean and a range.
-Both are those of the highest blade over the second half of the periods.
+All sectors are marched from the solution (:mod:`bdamper.time_domain.steady_amplitude`) with a disturbance of every nodal
+diameter.  If the response amplitudes of the periods stay the same the response is periodic; if they repeat after some
+periods it is subharmonic; otherwise, as for a damper that rattles in its seat, it is irregular and is described by a mean
+and a range. Both are those of the highest blade over the second half of the periods.
 
 :func:`settle` marches a number of periods, for frequencies at which harmonic balance has no solution or none that is
-stable.  :func:`verify` marches until ``bdamper.time_domain.march.judged`` says whether the amplitude stays that of the
-solution; a growth that shows only after hundreds of periods is beyond it, as it is beyond a test.
+stable.  :func:`verify` marches until ``bdamper.time_domain.march.judged`` says whether the amplitude stays that of
+the solution; a growth that shows only after hundreds of periods is beyond it, as it is beyond a test.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.curve import Curve
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve
+from bdamper.response.march_result import TimeResponse
 from bdamper.response.response_curve import check_curve
 from bdamper.time_domain.integration import Ring, ring_of
 from bdamper.time_domain.march import BOUNDS, UNDECIDED, March, judged, repeats_after, second_half, to_come
@@ -39,17 +39,17 @@ def march_from(ring: Ring, u: NDArray, omega: float, steps: int | None = None) -
     return March(ring, omega, ring.seeded(march.motion, RULES.seed, 0), march.steps)
 
 
-def described(march: March, preload: float, status: str, **more: Any) -> Marched:
+def described(march: March, preload: float, status: str, **more: Any) -> TimeResponse:
     """The result of a march, with mean and range over the second half of its periods."""
     amplitude = second_half(march.amplitude)
-    return Marched(
+    return TimeResponse(
         float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), march.omega / (2.0 * np.pi), preload,
         status=status, periods=len(march.harmonics), diameters=march.ring.nodal_diameters, harmonics=march.response,
         repeats_after=repeats_after(march.response), **of_blades(march, len(amplitude)), **{"balance": np.nan, **more},
     )  # fmt: skip
 
 
-def settled(march: March, preload: float, periods: int = 200, progress: bool = False, **more: Any) -> Marched:
+def settled(march: March, preload: float, periods: int = 200, progress: bool = False, **more: Any) -> TimeResponse:
     """What a march over whole periods of the excitation comes to; ``more`` are fields of the result.
 
     Raises
@@ -75,7 +75,7 @@ def settled(march: March, preload: float, periods: int = 200, progress: bool = F
 def verified(
     march: March, expected: NDArray, preload: float = np.nan, tolerance: float = BOUNDS.tolerance,
     periods: int = BOUNDS.most, progress: bool = False, **more: Any,
-) -> Marched:  # fmt: skip
+) -> TimeResponse:  # fmt: skip
     """March until it is clear whether the motion keeps to a response (n_harmonics + 1,) complex, m.
 
     Raises
@@ -105,13 +105,13 @@ def verified(
 @one_thread
 def settle(
     problem: Problem,
-    start: Curve,
+    start: ResponseCurve,
     frequency: float | None = None,
     *,
     periods: int = 200,
     steps_per_period: int | None = None,
     progress: bool = False,
-) -> Marched:
+) -> TimeResponse:
     """March in time for a number of periods, and say what the response comes to.
 
     This is for frequencies at which no solution was found, or none that is stable: a damper that rattles may have no
@@ -120,8 +120,8 @@ def settle(
     Parameters
     ----------
     problem : Problem
-    start : Curve
-        A tracking curve, from whose solution nearest in frequency the march starts.
+    start : ResponseCurve
+        A response curve, from whose solution nearest in frequency the march starts.
     frequency : float, Hz, optional
         By default the middle of the widest part of the curve without solutions.
     periods : int
@@ -133,7 +133,7 @@ def settle(
 
     Returns
     -------
-    Marched
+    TimeResponse
         "incomplete" while the mean still moves; after Ctrl-C that of the periods marched by then, if these are 16.
 
     Raises
@@ -157,15 +157,15 @@ def settle(
 @one_thread
 def verify(
     problem: Problem,
-    curve: Curve,
+    curve: ResponseCurve,
     index: int | None = None,
     *,
     tolerance: float = BOUNDS.tolerance,
     periods: int = BOUNDS.most,
     steps_per_period: int | None = None,
     progress: bool = False,
-) -> Marched:
-    """March in time from a point of a tracking curve and say whether the motion agrees with it.
+) -> TimeResponse:
+    """March in time from a point of a response curve and say whether the motion agrees with it.
 
     All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
     (:mod:`bdamper.time_domain.settling`).  The march ends as soon as it is decided, most often after 48 to 200 periods.
@@ -173,7 +173,7 @@ def verify(
     Parameters
     ----------
     problem : Problem
-    curve : Curve
+    curve : ResponseCurve
         Tracked with this problem.
     index : int, optional
         Of the point; the largest response by default.
@@ -188,7 +188,7 @@ def verify(
 
     Returns
     -------
-    Marched
+    TimeResponse
         With the ``verdict`` "agrees", "does not agree" or "undecided"; after Ctrl-C that of the periods marched by then.
 
     Raises

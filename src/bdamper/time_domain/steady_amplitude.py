@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import TWO_PI
-from bdamper.response.curve import Curve, crossed
-from bdamper.response.march_result import Marched
+from bdamper.response.curve import ResponseCurve, crossed
+from bdamper.response.march_result import TimeResponse
 from bdamper.response.response_curve import check_curve
 from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.time_domain.march import March, second_half, to_come
@@ -161,18 +161,20 @@ def stay(march: March, own: float, limit: float, alone: bool = False, long: bool
         march.run(len(march.harmonics) + rules.brief // 2)
         n, amplitude = len(march.harmonics), march.amplitude
         if n >= (2 if long else 1) * rules.brief and _brief(march, limit, rules, long):
-            kept, drift = amplitude[-rules.brief :], 0.0
+            last, drift = amplitude[-rules.brief :], 0.0
             break
         if n < 2 * window:
             continue
-        last, before = float(amplitude[-window:].mean()), float(amplitude[-2 * window : -window].mean())
-        drift = last / before - 1.0
-        gone = (last < limit and before < limit) or (last > most and before > most)
+        latest, before = float(amplitude[-window:].mean()), float(amplitude[-2 * window : -window].mean())
+        drift = latest / before - 1.0
+        gone = (latest < limit and before < limit) or (latest > most and before > most)
         enough = n >= fewest and abs(drift) <= rules.drift
         if gone or n >= rules.most or (enough and not (long and growth(march, window)[0] > rules.grows)):
-            kept = amplitude[-(2 if long else 1) * window :]
+            last = amplitude[-(2 if long else 1) * window :]
             break
-    return Place(march.omega / TWO_PI, kept, bool(limit <= kept.mean() <= most), march.motion, drift, march)
+    return Place(
+        march.omega / TWO_PI, last, bool(limit <= last.mean() <= most), march.motion, drift, march
+    )
 
 
 def _brief(march: March, limit: float, rules: Rules, long: bool) -> bool:
@@ -198,9 +200,9 @@ def growth(march: March, window: int, least: float = 0.1 * RULES.seed) -> tuple[
 
 
 class Levels:
-    """The amplitudes (m) of a tracking curve over frequency, without closed branches and separate ones above its peak."""
+    """The amplitudes (m) of a response curve over frequency, without closed branches and separate ones above its peak."""
 
-    def __init__(self, curve: Curve) -> None:
+    def __init__(self, curve: ResponseCurve) -> None:
         points = np.flatnonzero(~curve.out_of_reach)
         self.frequency, self.amplitude, self.branch, self.unknowns = (
             np.asarray(x)[points] for x in (curve.frequency, curve.amplitude, curve.branch, curve.unknowns)
@@ -453,17 +455,22 @@ class Walk:
 
 
 @one_thread
-def kept(
-    problem: Problem, curve: Curve, *, steps_per_period: int | None = None, blades: int | None = None, starts: int = 1
-) -> Marched:
-    """The highest amplitude in time at the preload of a tracking curve.
+def time_response(
+    problem: Problem,
+    curve: ResponseCurve,
+    *,
+    steps_per_period: int | None = None,
+    blades: int | None = None,
+    starts: int = 1,
+) -> TimeResponse:
+    """The highest amplitude in time at the preload of a response curve.
 
     Amplitudes are those of the highest blade (:mod:`bdamper.time_domain.steady_amplitude`).
 
     Parameters
     ----------
     problem : Problem
-    curve : Curve
+    curve : ResponseCurve
         Tracked with this problem, from one flank of the resonance to the other.
     steps_per_period : int, optional
         256 by default; the highest motion is marched again with twice as many.
@@ -475,7 +482,7 @@ def kept(
 
     Returns
     -------
-    Marched
+    TimeResponse
         "not found" where no motion stays or a march fails; "incomplete" where answers differ, the mean still drifts or the
         curve ends before the motion falls; after Ctrl-C the highest motion so far that stays.
 
@@ -490,7 +497,7 @@ def kept(
         raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
     watch, levels, top = CostMeter(), Levels(curve), curve.peak
     sides = [levels.side(sign) for sign in (1.0, -1.0)]
-    found = Marched(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
+    found = TimeResponse(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
     part = "" if curve.complete else f"there may be a higher peak, as the curve is {curve.status}"
     none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
     ways = [side for side in sides if np.isfinite(side[1])]
@@ -516,7 +523,7 @@ def kept(
     return _found(none, walk, best, part, work.interrupted)
 
 
-def _found(none: Marched, walk: Walk, best: Place | None, part: str, interrupted: bool) -> Marched:
+def _found(none: TimeResponse, walk: Walk, best: Place | None, part: str, interrupted: bool) -> TimeResponse:
     """The result of a walk, from one without amplitudes; ``part`` says what the curve leaves open."""
     left = walk.astray or (walk.open_end(best) or part if best is not None else "")
     if best is None:

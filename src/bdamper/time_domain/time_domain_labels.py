@@ -2,9 +2,9 @@
 
 Harmonic balance gives a motion of ``H`` harmonics; the motion that the equations have next to it in time has a sequence of
 stick, slip and separation of its own.  It is started at the solution with a disturbance of every nodal diameter and
-marched until ``bdamper.time_domain.march.judged`` decides (``bdamper.time_domain.settling.verified``).  A damper without
-damping of its own chatters at many points next to separated peaks, without any period; what counts there is the amplitude
-to which this leads, averaged over many periods.
+marched until ``bdamper.time_domain.march.judged`` decides (``bdamper.time_domain.settling.verified``).  A damper
+without damping of its own chatters at many points next to separated peaks, without any period; what counts there is the
+amplitude to which this leads, averaged over many periods.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.response.continuation import TWO_PI
-from bdamper.response.curve import Curve
+from bdamper.response.curve import ResponseCurve
 from bdamper.time_domain.integration import MarchFailed, Ring
 from bdamper.time_domain.march import AGREES, BOUNDS, UNDECIDED
 from bdamper.time_domain.settling import march_from, verified
@@ -24,7 +24,7 @@ from bdamper.util.cost import CostMeter
 from bdamper.util.progress import LongWork, each
 
 
-def judged_in_time(ring: Ring, curve: Curve, progress: bool) -> Curve:
+def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
     """A curve with stability from the harmonics, judged by the motion in time as well.
 
     That of the harmonics stays where a point remains undecided, as all do that follow after Ctrl-C.
@@ -33,7 +33,7 @@ def judged_in_time(ring: Ring, curve: Curve, progress: bool) -> Curve:
     ----------
     ring : Ring
         Of the curve's preload.
-    curve : Curve
+    curve : ResponseCurve
     progress : bool
     """
     watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0

@@ -277,7 +277,7 @@ def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], 
         if law == LAW_BONDED:
             parts = [[(0.0, TWO_PI, STICK)]] * 2
         elif mu > 0.0:
-            parts = segments(x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "exact", float(load[i]))
+            parts = segments(x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "event_driven", float(load[i]))
         if law in (LAW_BONDED, LAW_CONSTANT):
             pieces.append((i, NORMAL, 0.0, TWO_PI, kn))
         else:

@@ -31,7 +31,7 @@ class Cost:
         Wall-clock time in all.
     processor : float
         Processor seconds of the threads that did the work.  0 in files of versions that did not count them.
-    contact, assembly, algebra, march : float
+    contact, assembly, algebra, time_integration : float
         Parts of these in the C core: contact forces, modal sums and products, linear algebra, integration in time.
         Wall-clock seconds, with the integration in ``contact``, in files of versions up to 0.7.
     evaluations, jacobians, factorisations : int
@@ -42,7 +42,7 @@ class Cost:
         Million operations: what the evaluations and Jacobians cost by their sizes, the same on every machine.  With n
         unknowns, p contact points and H harmonics an evaluation counts 28,000 p (2 H + 1), or p (120,000 + 1,200 samples),
         a Jacobian 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a solution by least norm 15 n^3.  The weights are
-        fitted to processor times of tracking curves, with what Python and the rest of the core spend in between.
+        fitted to processor times of response curves, with what Python and the rest of the core spend in between.
     """
 
     seconds: float = 0.0
@@ -57,12 +57,12 @@ class Cost:
     failed_steps: int = 0
     least_norm: int = 0
     work: float = 0.0
-    march: float = 0.0
+    time_integration: float = 0.0
 
     @property
     def core(self) -> float:
         """Processor seconds inside the C core."""
-        return self.contact + self.assembly + self.algebra + self.march
+        return self.contact + self.assembly + self.algebra + self.time_integration
 
     @property
     def python(self) -> float:
@@ -77,7 +77,8 @@ class Cost:
         processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
         return (
             f"{self.seconds:.3f} s{processor}: contact {self.contact:.3f}, "
-            f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, march {self.march:.3f}, Python {self.python:.3f}; "
+            f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, time {self.time_integration:.3f}, "
+            f"Python {self.python:.3f}; "
             f"{self.evaluations} evaluations, {self.iterations} iterations, {self.failed_steps} failed steps"
         )
 

@@ -39,7 +39,7 @@ class Differences(Summarised):
     def __bool__(self) -> bool:
         return bool(self.settings or self.outcomes)
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         return f"{' and '.join(self.kinds)}{' differ:' if self else ': no difference'}"
 
     def _rows(self) -> list[tuple[str, ...]]:
@@ -61,7 +61,7 @@ class Comparable(Summarised):
 
         Parameters
         ----------
-        other : Study, Curve, OptimalCurve, ...
+        other : Study, ResponseCurve, OptimalCurve, ...
             What two of different kinds come to is not compared, but their settings are.
 
         Returns
@@ -94,7 +94,7 @@ class Comparable(Summarised):
         return Differences(settings, outcomes, (type(self).__name__, type(other).__name__))
 
     def _outcomes(self) -> tuple[Fact, ...]:
-        return self.facts()
+        return self._facts()
 
     def _asked(self) -> dict[str, Any]:
         """Model, except where no problem was asked, and settings."""

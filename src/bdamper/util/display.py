@@ -95,34 +95,34 @@ class Fact(NamedTuple):
 class Summarised:
     """A result that tells what matters first; a mixin.
 
-    What is printed begins with :meth:`bottom_line` and goes on with a few lines, of :meth:`facts` or of :meth:`details`,
+    What is printed begins with :meth:`_headline` and goes on with a few lines, of :meth:`_facts` or of :meth:`summary`,
     which has everything; a notebook shows the same with a picture, and the details folded away.
     """
 
-    _told: tuple[str, ...] = ()
+    _summary_fields: tuple[str, ...] = ()
 
-    def bottom_line(self) -> str:
+    def _headline(self) -> str:
         """Summary in one or two sentences."""
         return ""
 
-    def facts(self) -> tuple[Fact, ...]:
-        """The few things to know besides, in order: what is named in ``_told``."""
-        return tuple(fact for name in self._told for fact in self._said(name, several=True))
+    def _facts(self) -> tuple[Fact, ...]:
+        """The few things to know besides, in order: what is named in ``_summary_fields``."""
+        return tuple(fact for name in self._summary_fields for fact in self._facts_of_field(name, several=True))
 
-    def _said(self, name: str, several: bool = False) -> Iterator[Fact]:
+    def _facts_of_field(self, name: str, several: bool = False) -> Iterator[Fact]:
         """What there is to say of a field or property, or with dots of a part of it; nothing of arrays and None."""
         mark = quantities(cast(Any, type(self))).get(name, Quantity())
         value = reduce(lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self))
         if mark.parts and np.ndim(value) == 1:
             return (Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value))
         unit = mark.unit or UNITS.get(name.rpartition(".")[2], "")
-        return _facts(spaced(mark.name or name), value, unit, several=several)
+        return _facts_of(spaced(mark.name or name), value, unit, several=several)
 
-    def details(self) -> str:
+    def summary(self) -> str:
         """Everything that there is to say, in lines: facts, single values, a short table, notes, warnings and cost."""
-        if not self.bottom_line():
+        if not self._headline():
             return str(self)
-        facts = [fact for fact in self.facts() if fact.known]
+        facts = [fact for fact in self._facts() if fact.known]
         names = {"model hash", *(fact.name for fact in facts)}
         plain = int | float | str  # of these a field that has its default says nothing
         own = (
@@ -131,7 +131,7 @@ class Summarised:
             if f.name not in ("cost", "made_with")
             and not (isinstance(f.default, plain) and getattr(self, f.name) == f.default and f.name != "status")
         )
-        single = [fact for name in own for fact in self._said(name)]
+        single = [fact for name in own for fact in self._facts_of_field(name)]
         facts += [fact for fact in single if fact.known and fact.name not in names]
         texts = list(dict.fromkeys(text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text))
         texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
@@ -142,15 +142,15 @@ class Summarised:
         if isinstance(cost, tuple) and cost:  # of each part
             cost = Cost(*map(sum, zip(*map(astuple, cost))))
         texts += [str(cost or "").strip()]
-        lines = [self.bottom_line(), *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "), *table, *texts]
+        lines = [self._headline(), *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "), *table, *texts]
         return "\n".join(line for line in lines if line)
 
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]
-        lines = aligned(rows) if rows else [t for t in self.details().split("\n")[1:] if " of the processor: " not in t]
-        sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line())  # a number stays with its unit
+        lines = aligned(rows) if rows else [t for t in self.summary().split("\n")[1:] if " of the processor: " not in t]
+        sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self._headline())  # a number stays with its unit
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
-        shown = lines[:9] + ["details() has the rest"]
+        shown = lines[:9] + ["summary() has the rest"]
         return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
 
     def _rows(self) -> list[tuple[str, ...]]:
@@ -159,7 +159,7 @@ class Summarised:
 
     def _table(self) -> list[tuple[str, ...]]:
         """Head, which may be empty, and rows of what is shown first: the facts, or the table where there are none."""
-        facts = [(fact.name, fact.text) for fact in self.facts() if fact.known]
+        facts = [(fact.name, fact.text) for fact in self._facts() if fact.known]
         return [(), *facts] if facts else self._rows() or [()]
 
     def _shown(self) -> Any:
@@ -168,7 +168,7 @@ class Summarised:
 
     def _repr_html_(self) -> str:
         head, *rows = self._table()
-        text = _html_table(head, rows) if rows else "" if self.bottom_line() else f"<pre>{html.escape(str(self))}</pre>"
+        text = _html_table(head, rows) if rows else "" if self._headline() else f"<pre>{html.escape(str(self))}</pre>"
         shown = self._shown()
         try:
             image = b"" if shown is None else draw(shown, "image")
@@ -176,18 +176,18 @@ class Summarised:
             image = b""
         source = base64.b64encode(image).decode()
         picture = f'<img src="data:image/png;base64,{source}">' if image else ""
-        first = f"<p><b>{html.escape(self.bottom_line())}</b></p>" if self.bottom_line() else ""
-        rest = f"<details><summary>details</summary><pre>{html.escape(self.details())}</pre></details>" if first else ""
+        first = f"<p><b>{html.escape(self._headline())}</b></p>" if self._headline() else ""
+        rest = f"<details><summary>details</summary><pre>{html.escape(self.summary())}</pre></details>" if first else ""
         return f"<div>{first}{text}{picture}{rest}</div>"
 
 
-def _facts(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
+def _facts_of(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
     """A value as facts: a single one, those of a small record, or one for each of several where these are asked for."""
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, int | float | str):
         yield Fact(label, plain, unit)
     elif isinstance(value, Summarised):
-        yield Fact(label, value.bottom_line() if several else "")
+        yield Fact(label, value._headline() if several else "")
     elif is_dataclass(value) and type(value).__str__ is not object.__str__:
         yield Fact(label, str(value))
     elif is_dataclass(value) or hasattr(value, "_fields"):
@@ -199,7 +199,7 @@ def _facts(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
     elif several and isinstance(value, Mapping):
         yield from (Fact(f"{label} {key}", item, unit) for key, item in value.items())
     elif several and isinstance(value, tuple | list):
-        texts = [item.bottom_line() if isinstance(item, Summarised) else str(item) for item in value]
+        texts = [item._headline() if isinstance(item, Summarised) else str(item) for item in value]
         texts = [", ".join(texts)] if all(isinstance(item, int) for item in value) else texts
         yield from (Fact(f"{label} {i}" if len(texts) > 1 else label, text) for i, text in enumerate(texts, 1))
 

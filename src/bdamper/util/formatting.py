@@ -21,7 +21,7 @@ UNITS = {
     "stuck_frequency": "Hz", "tuned_amplitude": "m", "excitation.amplitude": "N",
     "excitation.phase": "rad", "load": "N", "linear_to": "m", "highest": "m", "scales_to": "N", "normal_force": "N",
     "speed": "rad/s", "fixed_speed": "rad/s", "fixed_speed_amplitude": "m", "amplitude_by_mass": "m",
-    "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "slip_offset": "m",
+    "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "residual_slip_std": "m",
     "force": "N", "displacement": "m", "by_interface": "J",
 }  # fmt: skip
 """Units of settings and answers; what is not listed is a plain number or a name."""
@@ -86,12 +86,12 @@ def cut(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def shares_of(loads: Mapping[str, float] | None) -> str:
+def shares_of(load_per_preload: Mapping[str, float] | None) -> str:
     """Loads per newton of preload: "front 1, rear 0.6"; empty where every loaded body has the preload."""
-    return ", ".join(f"{name} {load:.6g}" for name, load in (loads or {}).items())
+    return ", ".join(f"{name} {load:.6g}" for name, load in (load_per_preload or {}).items())
 
 
 def preloaded(preload: float, settings: Mapping[str, Any]) -> str:
     """A preload (N) in words, with what it loads where the settings of a result say so."""
-    shares = shares_of(settings.get("loads"))
+    shares = shares_of(settings.get("load_per_preload"))
     return f"a preload of {amount(preload, 'N')}{f' ({shares})' if shares else ''}"

@@ -123,8 +123,9 @@ FACTOR = "a value with a unit suspected, where a factor is expected"
 NO_RANGE = {
     COUNT: """
         Study.harmonics Study.blade_modes Study.damper_modes Study.contact_points accuracy_cost.vary mode n index harmonics
-        damper_modes contact_points blade_modes steps_per_period periods modes Study.march.blades Study.march.starts
-        Study.hysteresis.n_theta ResidualModes.patterns Sampled.n_time ContinuationOptions.max_points
+        damper_modes contact_points blade_modes steps_per_period periods modes
+        Study.time_response.blades Study.time_response.starts
+        Study.hysteresis.n_theta ResidualModes.n_vectors AFT.n_time ContinuationOptions.max_points
         ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
         PeakOptions.max_iterations PeakOptions.max_trials WheelPeakOptions.climbs WheelPeakOptions.least
         WheelPeakOptions.most n_blades n_modes wheels fit_loop.sliders build_model.engine_order build_model.nodal_diameters
@@ -132,19 +133,19 @@ NO_RANGE = {
     """,
     LIMITED: """
         Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
-        ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.share misfit.angle misfit.axial_angle
+        ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.contact_share face_gap.angle face_gap.axial_angle
         ContinuationOptions.max_turn
         ContinuationOptions.locate_tolerance WheelPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
     """,
     FACT: """
-        Study.slip_offset_seed Study.excitation seed direction Study.stress_at.gauge Study.compare.other temperature
+        Study.residual_slip_seed Study.excitation seed direction Study.gauge_stress.gauge Study.compare.other temperature
         lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
         ContactLaw.of_record.record missing Mistuning.seed build_model.axis build_model.radial build_model.sector_faces
         build_model.fixed build_model.wheel build_model.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
     """,
     EFFECT: """
-        Study.speed Excitation.engine_order draw.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
-        rpm Study.sweep_in_time.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.given build_model.origin
+        Study.speed Excitation.engine_order sample.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
+        rpm Study.frequency_sweep.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.given build_model.origin
         ContactFaces.gap ContactFaces.stiffness Patches.centre Patches.size
     """,
     MEASURED: """
@@ -152,7 +153,7 @@ NO_RANGE = {
     """,
     UNEXCITED: """
         nonlinear_mode.preload flutter.preload microslip.preload Study.static.preload Study.stuck.preload
-        Study.wedge_friction.preload Wheel.state.preload Wheel.system.preload Wheel.tuned_peak.preload
+        Study.wedge_friction.preload BladedDisk.state.preload BladedDisk.system.preload BladedDisk.tuned_peak.preload
     """,
 }
 """Parameters without a range, by the reason."""
@@ -182,14 +183,15 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         lambda s, _: -2e-3 * s.size, lambda s, _: 0.02 * s.size, "m", MILLIMETRES, MILLIMETRES,
         "-0.2 % to 2 % of the extent of the model",
     ),
-    "Study.loads": Range(1e-3, 100.0, "newtons per newton of preload", "newtons suspected, where shares are expected",
+    "Study.load_per_preload": Range(1e-3, 100.0, "newtons per newton of preload",
+        "newtons suspected, where shares are expected",
                          "a load in newtons divided by the preload twice suspected"),
-    "Study.fixed_loads": Range(
+    "Study.constant_loads": Range(
         lambda s, name: -s.bearable(name), lambda s, name: s.bearable(name), "N", "a stiffness or kN suspected",
         "a distance suspected: a negative load of a point is a gap", "a pressure of 1 GPa on the faces",
     ),
     "Study.load_history": Range(1e-3, 10.0, above="newtons suspected, where factors on the preload are expected"),
-    "Study.slip_offset": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"),
+    "Study.residual_slip_std": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"),
     "Study.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
     "Excitation.amplitude": Range(
         1e-6, lambda s, where: s.deflecting(where), "N", "mN or N/m2 suspected", "kN or MN suspected",
@@ -210,14 +212,14 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Study.excitation.amplitude": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
     "Study.excitation.phase": Range(-2.0 * np.pi, 2.0 * np.pi, "rad", "degrees suspected", "degrees suspected"),
     "sweep.over": Names("Study"),
-    "uncertain_curve.samples": Names("Study"),
+    "optimal_curve_uncertainty.samples": Names("Study"),
     "robust_optimum.samples": Names("Study"),
     "fit.vary": Names("Study"),
     "compare.studies": Names("Study"),
     # questions
     "preload": PRELOAD,
     "preloads": PRELOAD,
-    "crossings.damper_mass": Range(
+    "resonance_crossings.damper_mass": Range(
         0.05, 10.0, "times the mass of the damper", "grams suspected, where factors are expected",
         "kilograms suspected, where factors are expected",
     ),
@@ -241,7 +243,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "lumped.stiffness": Range(1e-6, 1e13, "N/m", "N/mm or GN/m suspected"),
     "lumped.cubic": Range(1e-9, 1e20, "N/m3", compared=largest),
     "lumped.forces": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
-    "lumped.loads": Range(1e-3, 100.0, "newtons per newton of preload", "newtons suspected, where shares are expected"),
+    "lumped.load_per_preload": Range(1e-3, 100.0, "newtons per newton of preload",
+        "newtons suspected, where shares are expected"),
     "Contact.kt": STIFFNESS,
     "Contact.kn": STIFFNESS,
     "Contact.preload": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
@@ -256,8 +259,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "ContactLaw.bouc_wen.stiffness": STIFFNESS,
     "ContactLaw.bouc_wen.n": Range(1.0, 20.0),
     "kn": STIFFNESS,
-    "misfit.crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
-    "misfit.axial_crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
+    "face_gap.crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
+    "face_gap.axial_crowning": Range(-2e-3, 2e-3, "m", MILLIMETRES, MILLIMETRES),
     "influence_coefficients.given": Range(0.0, 0.3, "of critical damping", PER_CENT, compared=largest),
     # options
     "ContinuationOptions.step": Range(1e-5, 1.0, below="unscaled unknowns suspected"),
@@ -268,21 +271,21 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "PeakOptions.position_tolerance": Range(1e-15, 1e-2),
     "PeakOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
     # wheels
-    "Wheel.mistuning": DEVIATION,
+    "BladedDisk.mistuning": DEVIATION,
     "Mistuning.deviation": DEVIATION,
     "standard_deviation": Range(1e-6, 0.2, "of the frequency", PER_CENT),
-    "mistuned_sample.dampers": Names("DamperVariation.drawn"),
+    "mistuned_sample.dampers": Names("DamperVariation.random"),
     "DamperVariation.mass": Range(0.2, 5.0, "times the mass of the damper", "grams suspected", "kilograms suspected"),
     "DamperVariation.friction_coefficient": Range(0.1, 10.0, "times that of the study", PER_CENT),
     "DamperVariation.contact_stiffness": Range(0.01, 100.0, "times that of the study", "N/m suspected"),
     "DamperVariation.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
-    "DamperVariation.drawn.mass": Range(1e-6, 0.5, above=PER_CENT),
-    "DamperVariation.drawn.friction_coefficient": Range(1e-6, 1.0, above=PER_CENT),
-    "DamperVariation.drawn.contact_stiffness": Range(1e-6, 2.0, above=PER_CENT),
-    "DamperVariation.drawn.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
+    "DamperVariation.random.mass": Range(1e-6, 0.5, above=PER_CENT),
+    "DamperVariation.random.friction_coefficient": Range(1e-6, 1.0, above=PER_CENT),
+    "DamperVariation.random.contact_stiffness": Range(1e-6, 2.0, above=PER_CENT),
+    "DamperVariation.random.gap": Range(1e-12, 1e-3, "m", MILLIMETRES),
     # measurements
-    "Test.force": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
-    "Test.preload": Range(1e-3, 1e8, "N", "mN suspected", "MN suspected"),
+    "MeasuredResponse.force": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
+    "MeasuredResponse.preload": Range(1e-3, 1e8, "N", "mN suspected", "MN suspected"),
     "fit.noise": Range(1e-6, 0.3, "of the amplitude", PER_CENT),
     "fit_loop.displacement": Range(1e-9, 1e-2, "m", MILLIMETRES, compared=largest),
     "fit_loop.force": Range(1e-3, 1e7, "N", compared=largest),

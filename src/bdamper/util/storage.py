@@ -22,7 +22,6 @@ from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 import h5py
 import numpy as np
 
-from bdamper.util.annotations import declarations
 from bdamper.util.errors import BdamperError, SettingError, shortened
 from bdamper.util.versions import HERE, Versions
 
@@ -45,26 +44,6 @@ def enter_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
     _READERS[kind] = read
 
 
-_FORMER: dict[str, Callable[[h5py.Group], dict[str, Any]]] = {}
-"""What makes fields of today's result from the group of a kind that has gone, by its name or a field that it alone had."""
-
-
-def enter_former(kind: str, mark: str, today: type[Storable], fields_of: Callable[[h5py.Group], dict[str, Any]]) -> None:
-    """Let :func:`load` read files of a kind that has gone as results of another type.
-
-    Parameters
-    ----------
-    kind : str
-        Name of the format.
-    mark : str
-        Field that this kind alone had, where results of other kinds hold some of it; otherwise the kind.
-    today : type
-    fields_of : callable
-        From the group of a file the fields that are not there as they are today.
-    """
-    _READERS[kind], _FORMER[mark] = partial(_read, today, 2), fields_of
-
-
 def load(path: FilePath) -> Any:
     """Read a result or a model from its file, whatever kind it is.
 
@@ -74,7 +53,7 @@ def load(path: FilePath) -> Any:
 
     Returns
     -------
-    Curve, OptimalCurve, SweepResult, Model, ...
+    ResponseCurve, OptimalCurve, SweepResult, Model, ...
         What was saved; ``made_with`` of a result tells which versions made it.
 
     Raises
@@ -101,20 +80,17 @@ class Storable:
         Name of the format.
     version : int
         Of the format.
-    former : tuple of str
-        Formats of earlier versions of bdamper that hold the same fields.
     """
 
     _format: ClassVar[tuple[str, int]]
     made_with: Versions = field(default=HERE, kw_only=True, repr=False, compare=False)
     """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
 
-    def __init_subclass__(cls, *, kind: str = "", version: int = 2, former: tuple[str, ...] = (), **options: Any) -> None:
+    def __init_subclass__(cls, *, kind: str = "", version: int = 2, **options: Any) -> None:
         super().__init_subclass__(**options)
         if kind:  # what derives from a result is saved as that
             cls._format = kind, version
-            for name in (kind, *former):
-                enter_reader(name, partial(_read, cls, version))
+            enter_reader(kind, partial(_read, cls, version))
 
     def save(self, path: FilePath) -> None:
         """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
@@ -284,23 +260,13 @@ def _put(group: h5py.Group, result: Any) -> None:
             group[name] = json.dumps(value, default=plain)
 
 
-@dataclass(frozen=True)
-class Formerly:
-    """Marks a field that files of earlier versions have under another name."""
-
-    name: str
-
-
 def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
     """A result from the fields in a file, made with the versions that it names, or else with those given."""
-    hints, own = get_type_hints(cls), declarations(cls)
+    hints = get_type_hints(cls)
     made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
     found: dict[str, Any] = {"made_with": made_with}
-    for mark in _FORMER.keys() & {*group.keys(), _text(group.attrs.get("format", ""))}:
-        found |= _FORMER[mark](group)
     for name in (f.name for f in fields(cls) if f.name not in found):
-        former = own[name].mark(Formerly)
-        leaf, item = _leaf(hints[name]), group.get(name, group.get(former.name if former else name))
+        leaf, item = _leaf(hints[name]), group.get(name)
         if isinstance(item, h5py.Group):
             if _is_stored(leaf):
                 found[name] = tuple(_take(leaf, item[key], made_with) for key in sorted(item, key=int))

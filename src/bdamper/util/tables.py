@@ -3,7 +3,7 @@
 Which fields and properties of a result that derives from :class:`Tabular` are columns stands in their annotated types,
 with unit, label and dimensions (:class:`Quantity`)::
 
-    class Curve(Tabular, row="point"):
+    class ResponseCurve(Tabular, row="point"):
         frequency: Hertz
         harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
 
@@ -52,7 +52,7 @@ class Column(NamedTuple):
 
 
 FEW_ROWS = 30
-"""Rows of a table that ``details()`` prints."""
+"""Rows of a table that ``summary()`` prints."""
 ROW = ""
 """Name of the dimension of rows, where a type does not know it."""
 

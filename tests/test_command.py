@@ -10,7 +10,7 @@ import bdamper as bd
 from bdamper.__main__ import main, parser
 
 QUICK = {
-    "track": ["--preload", "104", "--band", "630", "690"],
+    "response": ["--preload", "104", "--band", "630", "690"],
     "optimum": ["--preloads", "80", "160", "-n", "4"],
     "crossings": ["--speeds", "9000", "9500", "--orders", "5"],
     "margin": ["--preload", "104", "--endurance=300", "--ultimate=1200", "--yield=900"],
@@ -33,11 +33,11 @@ def test_answers_are_printed_and_written(command, tmp_path, capsys):
 def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     path, picture = tmp_path / "curve.h5", tmp_path / "curve.png"
     asked = ["--direction=axial", "--friction=0.5", "--force=2", "--harmonics=1", "--preload=104", "--band", "630", "690"]
-    assert main(["track", "--demo", *asked, "--quiet", "--h5", str(path), "--png", str(picture)]) == 0
+    assert main(["response", "--demo", *asked, "--quiet", "--h5", str(path), "--png", str(picture)]) == 0
     told, wrote = capsys.readouterr().err.splitlines()
     assert "excitation direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
-    np.testing.assert_array_equal(bd.load(path).amplitude, study.track(104.0, (630.0, 690.0)).amplitude)
+    np.testing.assert_array_equal(bd.load(path).amplitude, study.frequency_response(104.0, (630.0, 690.0)).amplitude)
 
 
 def test_info_of_a_file(capsys, tmp_path):
@@ -52,8 +52,8 @@ def test_info_of_a_file(capsys, tmp_path):
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
         (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "meets no resonance of mode 1 between 104.72 and"),
-        (["track", "--demo", "--preload", "-1"], 2, "preload"),
-        (["track", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
+        (["response", "--demo", "--preload", "-1"], 2, "preload"),
+        (["response", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],
 )
 def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, monkeypatch):
@@ -68,14 +68,14 @@ def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, mo
     [
         ([], "the following arguments are required: command"),
         (["trak", "--demo"], "invalid choice: 'trak'"),
-        (["track"], "one of the arguments model --demo is required"),
-        (["track", "--demo", "m.h5"], "not allowed with argument"),
+        (["response"], "one of the arguments model --demo is required"),
+        (["response", "--demo", "m.h5"], "not allowed with argument"),
         (["optimum", "--demo", "-n", "many"], "argument -n: invalid int value: 'many'"),
         (
-            ["track", "--demo", "--png", "out.xyz"],
+            ["response", "--demo", "--png", "out.xyz"],
             "--png: expected .png or .pdf or .svg in a folder that exists, found 'out.xyz'",
         ),
-        (["track", "--demo", "--csv", "nowhere/out.csv"], "found 'nowhere/out.csv'"),
+        (["response", "--demo", "--csv", "nowhere/out.csv"], "found 'nowhere/out.csv'"),
         (["explore", "--demo", "--png=out.png"], "unrecognized arguments: --png"),
         (["margin", "--demo"], "the following arguments are required: --endurance, --ultimate, --yield"),
     ],
@@ -103,23 +103,23 @@ def test_help_names_units_and_defaults(capsys):
 
 def test_doubts_and_details(capsys, tmp_path):
     asked = ["--band", "3900", "4400", "--harmonics=1", "--quiet", f"--png={tmp_path / 'curve.png'}"]
-    assert main(["track", "--demo", *asked]) == 0
+    assert main(["response", "--demo", *asked]) == 0
     out, err = capsys.readouterr()
-    assert "--details has the rest" in out and "details()" not in out
+    assert "--details has the rest" in out and "summary()" not in out
     assert err.startswith("bdamper: frequency: plausible an interval in Hz") and "radians per second suspected\n" in err
-    assert main(["track", "--demo", *asked, "--details"]) == 0
+    assert main(["response", "--demo", *asked, "--details"]) == 0
     (residual,) = (line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  residual "))
     assert 0.0 < float(residual[1]) <= float(residual[2]) < 1e-6  # the least and the largest of the points
 
 
 def test_runs_as_a_module():
-    run = subprocess.run([sys.executable, "-m", "bdamper.cli", "--version"], capture_output=True, text=True)
+    run = subprocess.run([sys.executable, "-m", "bdamper", "--version"], capture_output=True, text=True)
     assert run.stdout.strip() == bd.__version__
 
 
 def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["track", "--demo", "--harmonics", "1", *QUICK["track"]]) == 0
+    assert main(["response", "--demo", "--harmonics", "1", *QUICK["response"]]) == 0
     assert not list(tmp_path.iterdir())
     told = capsys.readouterr().err.splitlines()  # no terminal: a line at each tenth of the way, never back
     tenths = [int(line.removeprefix("tracking: ").removesuffix(" %")) for line in told]
@@ -130,6 +130,20 @@ def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
 def test_an_answer_is_printed_before_a_file_that_cannot_be_written(kind, tmp_path, capsys):
     path = tmp_path / f"out.{kind}"
     path.mkdir()  # in place of the file
-    assert main(["track", "--demo", "--harmonics", "1", "--quiet", *QUICK["track"], f"--{kind}", str(path)]) == 1
+    assert (
+        main(
+            [
+                "response",
+                "--demo",
+                "--harmonics",
+                "1",
+                "--quiet",
+                *QUICK["response"],
+                f"--{kind}",
+                str(path),
+            ]
+        )
+        == 1
+    )
     out, err = capsys.readouterr()
     assert out.startswith("Resonance of ") and err.splitlines()[-1].startswith(f"bdamper: {path}: expected a file that")
