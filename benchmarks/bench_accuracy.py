@@ -18,18 +18,18 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.analyses.accuracy_cost import AccuracyCost, Run
-from bdamper.analyses.refined_peak import ask, whole_curve
+from bdamper.analyses.accuracy import AccuracyCost, Run
+from bdamper.analyses.error_estimates import ask, whole_curve
 from bdamper.fem import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
 from bdamper.plot import plot_accuracy, save_figure
-from bdamper.response.curve import Fold
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
+from bdamper.response.response_curve_result import Fold
 from bdamper.time_domain.integration import STEPS, Motion, Ring
-from bdamper.util.cost import CostMeter
 from bdamper.util.formatting import percent
+from bdamper.util.progress import CostMeter
 from benchmarks import PLAIN, convergence_scenes, estimate_scenes
 from tests.following import changed, find_start, slider_interval
 

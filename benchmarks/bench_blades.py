@@ -117,7 +117,7 @@ def over_friction_and_preload() -> None:
 
 def wheel() -> None:
     """A ring of twelve blades beside the whole wheel."""
-    from bdamper.fem.bladed_disk_model import MeshDensity, SectorFE, bladed_disk
+    from bdamper.fem.generated_models import MeshDensity, SectorFE, bladed_disk
     from tools.make_reference_model import NICKEL_ALLOY, TURBINE
 
     fe = SectorFE(TURBINE, MeshDensity.preset("reference"), NICKEL_ALLOY, keep_factors=False)

@@ -37,8 +37,7 @@ from numpy.typing import NDArray
 import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLE
-from bdamper.util.errors import BdamperError
-from bdamper.util.warn import BdamperWarning
+from bdamper.util.errors import BdamperError, BdamperWarning
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "cost.jsonl"

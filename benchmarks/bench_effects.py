@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 
 import bdamper as bd
-from bdamper.analyses.study_comparison import Comparison
+from bdamper.analyses.sweep import Comparison
 
 MODELS = {"bladed_disk": 9, "test_rig": 24, "blade_to_ground": 24}
 """Points on each face."""

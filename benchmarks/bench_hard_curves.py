@@ -17,7 +17,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import bdamper as bd
-from bdamper.response.curve import ResponseCurve
+from bdamper.response.response_curve_result import ResponseCurve
 
 PRELOADS = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 25000.0)
 POINTS = (9, 24, 48)

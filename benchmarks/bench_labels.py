@@ -24,8 +24,8 @@ import numpy as np
 import bdamper as bd
 from bdamper.time_domain.floquet import stability_of_points
 from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
-from bdamper.time_domain.settling import march_from
 from bdamper.time_domain.steady_amplitude import RULES, growth
+from bdamper.time_domain.transients import march_from
 from benchmarks import PLAIN
 from tests.models import acyclic_model
 

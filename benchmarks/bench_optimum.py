@@ -23,9 +23,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.response.highest_peak import AtPreload
-from bdamper.response.optimal_curve import BUDGET, IN_A_ROW, optimal_curve, rattling_below
-from bdamper.response.preload_point import at_preload
-from bdamper.response.resonance_interval import peak_interval
+from bdamper.response.optimal_curve import BUDGET, IN_A_ROW, at_preload, optimal_curve, rattling_below
+from bdamper.response.peak import peak_interval
 
 STUDIES = 60
 ABOVE = 0.01

@@ -75,7 +75,7 @@ def peak(preload: float, settings: dict[str, Any], rows: int | None = None) -> d
 def with_rows(rows: int) -> bd.Model:
     """The disk with another number of rows of contact points along the slope, six points in each (``bdamper[fe]``)."""
     from bdamper.fem import MeshDensity, SectorFE, bladed_disk
-    from bdamper.fem.geometry import paper_geometry
+    from bdamper.fem.meshes import paper_geometry
 
     fe = SectorFE(paper_geometry(), MeshDensity.preset("coarse"))
     return bladed_disk((rows, 6), fe=fe, n_modes=20, harmonics=1, damping_ratio=0.0021)

@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve import BUDGET
-from bdamper.response.rattle_detection import NO_STEADY
-from bdamper.response.resonance_interval import resonance_interval
+from bdamper.response.peak import resonance_interval
+from bdamper.response.response_curve import NO_STEADY
 from benchmarks import PLAIN
 
 RESULTS = Path(__file__).parent / "results" / "rattle.json"

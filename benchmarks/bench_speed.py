@@ -26,7 +26,7 @@ def over_speed(points: int) -> Model:
     diameters = {min(d, shipped.n_blades - d) for d in waves}
     if diameters <= shipped.bodies["blade"].bases.keys() and not shipped.neglected_over_speed():
         return shipped
-    from bdamper.fem.bladed_disk_model import bladed_disk
+    from bdamper.fem.generated_models import bladed_disk
 
     return bladed_disk(points, "coarse", n_modes=20, nodal_diameters=tuple(sorted(diameters)), rotation=SPEEDS[-1])
 

@@ -10,7 +10,7 @@ import time
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 
 PRELOAD, DEVIATION, POINTS = 2000.0, 0.02, 40
 

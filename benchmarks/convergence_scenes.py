@@ -21,8 +21,8 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.convergence_result import Convergence
-from bdamper.response.resonance_interval import resonance_interval
+from bdamper.response.peak import resonance_interval
+from bdamper.response.verification import Convergence
 from benchmarks import PLAIN
 
 SCENES = 200

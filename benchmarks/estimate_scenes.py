@@ -23,8 +23,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.analyses.error_estimates import richer_study
-from bdamper.response.error_estimate_result import SourceError
 from bdamper.response.highest_peak import highest_of_curve
+from bdamper.response.verification import SourceError
 from benchmarks import convergence_scenes
 
 SCENES = 30

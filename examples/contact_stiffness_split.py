@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.analyses.microslip import microslip
+from bdamper.analyses.hysteresis import microslip
 from bdamper.analyses.sweep import SweepResult
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLES, colours, drawing

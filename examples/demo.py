@@ -13,8 +13,8 @@ from pathlib import Path
 
 import bdamper as bd
 from bdamper.plot import new_axes, plot_curves, plot_optimal, save_figure
-from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.response_curve_result import ResponseCurve
 
 BAND = (610.0, 710.0)
 FACTORS = (0.6, 1.0, 2.0, 5.0)

@@ -16,8 +16,8 @@ from scipy.spatial import ConvexHull
 import bdamper as bd
 from bdamper.model.structure import turn
 from bdamper.plot.axes import STYLE
+from bdamper.plot.bodies import plot_surfaces, seen
 from bdamper.plot.contact import plot_faces
-from bdamper.plot.model3d import plot_surfaces, seen
 
 BLADE, DAMPER = "0.88", "0.72"
 

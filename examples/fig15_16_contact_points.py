@@ -13,7 +13,7 @@ import bdamper as bd
 from bdamper.plot import plot_curves, plot_status_bars, plot_status_map
 from bdamper.plot.axes import STYLE
 from bdamper.plot.motion import ContactStatus, contact_status
-from bdamper.response.curve import ResponseCurve
+from bdamper.response.response_curve_result import ResponseCurve
 
 asked, band = {n: study(1, n, **bd.CIGEROGLU_2009) for n in POINTS}, MODES[1].band
 curves = {n: [asked[n].frequency_response(p, band) for p in POINTS_PRELOADS] for n in POINTS}

@@ -18,7 +18,7 @@ from paper_disk import DAMPING_RATIO, FRICTION, keep, print_curves
 
 import bdamper as bd
 from bdamper.fem import blade_to_ground
-from bdamper.fem.geometry import paper_geometry
+from bdamper.fem.meshes import paper_geometry
 from bdamper.plot import colours
 from bdamper.plot.axes import MARKERS, STYLE, STYLES, fit_units
 from bdamper.plot.contact import face_coordinates

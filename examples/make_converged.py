@@ -33,8 +33,8 @@ from paper_disk import (
 )  # fmt: skip
 
 import bdamper as bd
-from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.response_curve_result import ResponseCurve
 
 
 def tracking(preload: float, mode: int = 1, **settings: Any) -> ResponseCurve:
@@ -53,7 +53,7 @@ def optimal(asked: bd.Study, interval: tuple[float, float], n: int, band: tuple[
 def model(n: int) -> bd.Model:
     """The disk with another grid of contact points, which needs the finite element model (``bdamper[fe]``)."""
     from bdamper.fem import MeshDensity, SectorFE, bladed_disk
-    from bdamper.fem.geometry import paper_geometry
+    from bdamper.fem.meshes import paper_geometry
 
     fe = SectorFE(paper_geometry(), MeshDensity.preset("coarse"))
     return bladed_disk({9: (3, 3), 48: (4, 12)}[n], fe=fe, n_modes=20, harmonics=3, damping_ratio=DAMPING_RATIO)

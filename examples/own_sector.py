@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import bdamper as bd
-from bdamper.fatigue.material import Material
+from bdamper.fatigue.criteria import Material
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.importers import ContactFaces, build_model
 from bdamper.importers.abaqus import read_calculix

@@ -22,8 +22,8 @@ import bdamper as bd
 from bdamper.plot import plot_curves, plot_optimal
 from bdamper.plot.axes import STYLE
 from bdamper.plot.motion import rigid_motion
-from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.response_curve_result import ResponseCurve
 
 STORED = Path(__file__).parent / "converged"
 FIGURES = Path(__file__).parents[1] / "figures"

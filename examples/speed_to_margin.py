@@ -17,8 +17,8 @@ import matplotlib.pyplot as plt
 
 import bdamper as bd
 from bdamper.analyses.sweep import SweepResult
+from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin
-from bdamper.fatigue.material import Material
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.plot import plot_campbell, plot_crossings, save_figure
 from bdamper.response.optimal_curve_result import OptimalCurve

@@ -15,12 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.analyses.accuracy_cost import varied
-from bdamper.analyses.change_estimate import embed
-from bdamper.analyses.error_estimates import estimate_errors
-from bdamper.response.curve import ResponseCurve
+from bdamper.analyses.accuracy import varied
+from bdamper.analyses.error_estimates import embed, estimate_errors
 from bdamper.response.highest_peak import AT_END
 from bdamper.response.peak import Peak, find_peak
+from bdamper.response.response_curve_result import ResponseCurve
 from tests.effect_cases import Case, draw, scene, study_of
 
 SOURCES = ("harmonics", "contact_forces", "contact points", "modes")

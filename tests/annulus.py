@@ -15,10 +15,10 @@ from scipy.sparse.linalg import eigsh, splu
 from scipy.spatial import cKDTree
 
 from bdamper.fem import Geometry, LocalSizes, MeshDensity, SectorFE, bladed_disk
-from bdamper.fem.contact_points import wedge_patches
-from bdamper.fem.model_parts import interface
+from bdamper.fem.generated_models import wedge_patches
+from bdamper.fem.local_basis import damper_motion, local_shapes
+from bdamper.fem.meshes import interface
 from bdamper.fem.reduced_bodies import Wanted
-from bdamper.fem.sector_local_basis import damper_motion, local_shapes
 
 POINTS = (2, 2)
 SIZES = LocalSizes()
@@ -52,7 +52,7 @@ def turn(angle: float) -> np.ndarray:
 
 
 class Annulus:
-    """All sectors of ``fe``; coordinates of the reduction as in `bdamper.fem.sector_local_basis` with ``sizes``."""
+    """All sectors of ``fe``; coordinates of the reduction as in `bdamper.fem.local_basis` with ``sizes``."""
 
     def __init__(self, fe: SectorFE, sizes: LocalSizes = SIZES):
         self.fe, self.sizes, self.N = fe, sizes, fe.geometry.n_blades

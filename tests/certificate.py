@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.full_static_contact import StaticContactProblem
+from bdamper.contact.static_contact import StaticContactProblem
 
 
 def certify(problem: StaticContactProblem, force: NDArray, motion: NDArray, rest: NDArray) -> dict[str, float]:

@@ -15,7 +15,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.harmonic_balance.effects import Effects
 from bdamper.harmonic_balance.problem import stuck_springs
-from bdamper.response.curve import ResponseCurve
+from bdamper.response.response_curve_result import ResponseCurve
 from tests import models
 from tests.plain import plain_study
 

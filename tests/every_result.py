@@ -3,7 +3,7 @@
 from importlib.resources import files
 
 import bdamper as bd
-from bdamper.fatigue.material import Material
+from bdamper.fatigue.criteria import Material
 from bdamper.mistuning import Mistuning
 from tests.fatigue.test_margins import with_stress
 from tests.plain import plain_study

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from bdamper.fem.assembly import local_order
-from bdamper.fem.mesh import MeshDensity
-from bdamper.fem.sector_matrices import SectorFE
+from bdamper.fem.generated_models import SectorFE
+from bdamper.fem.meshes import MeshDensity, local_order
 from bdamper.importers import ContactFaces, FEBody
 from examples.calculix.decks import blade_sets, damper_sets
 from tools.shrouded import modes_alone as modes_alone

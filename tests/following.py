@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bdamper.contact.law_codes import LAW_CONSTANT, LAW_SEPARABLE
+from bdamper.contact.laws import LAW_CONSTANT, LAW_SEPARABLE
 from bdamper.harmonic_balance.problem import stuck_springs
-from bdamper.response.initial_solution import first_point
-from bdamper.response.mean_position import why_no_solution
+from bdamper.response.branches import first_point
 from bdamper.response.peak import find_peak
+from bdamper.response.response_curve import why_no_solution
 from bdamper.response.sensitivity import sensitivities
 from bdamper.util.errors import SettingError
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from bdamper.time_domain.integration import Ring
 from bdamper.time_domain.march import March
-from bdamper.time_domain.settling import settled, verified
+from bdamper.time_domain.transients import settled, verified
 
 
 def fails_after(monkeypatch, calls):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.local_basis import LocalBasis
+from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.structure import (
     Body,
     BodyLoad,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bdamper.contact.point_parameters import PointArrays
+from bdamper.contact.laws import PointArrays
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import Coordinate, HarmonicBasis

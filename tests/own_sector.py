@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from bdamper.fem import Geometry, MeshDensity, SectorFE
-from bdamper.fem.assembly import Discretisation, local_order
-from bdamper.fem.geometry import turn
+from bdamper.fem.meshes import Discretisation, local_order, turn
 from bdamper.importers import ContactFaces, FEBody, read_calculix
 from bdamper.importers.abaqus import read_frd_stress
 from bdamper.importers.fe_body import UNITS

@@ -565,9 +565,8 @@ def whitehead() -> Problem:
 
 
 def calculix() -> Problem:
-    from bdamper.fem.blade_stress import blade_points, solids_of
     from bdamper.fem.element_stress import element_rows, node_average, von_mises_size
-    from bdamper.fem.sector_matrices import SectorFE
+    from bdamper.fem.generated_models import SectorFE, blade_points, solids_of
     from examples.calculix.decks import sector_input
     from tests.calculix_runs import centrifugal_stress, run
 

@@ -23,11 +23,10 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fem.contact_points import wedge_patches
 from bdamper.fem.cyclic_symmetry import CyclicSector, lowest_modes
-from bdamper.fem.free_body import FreeBody
+from bdamper.fem.generated_models import SectorFE, wedge_patches
+from bdamper.fem.reduced_bodies import FreeBody
 from bdamper.fem.sector_faces import sector_phase
-from bdamper.fem.sector_matrices import SectorFE
 
 
 def bonded_frequencies(

@@ -28,14 +28,10 @@ from typing import Any
 import numpy as np
 
 from bdamper.fem import LocalSizes
-from bdamper.fem.blade_to_ground_model import blade_to_ground
-from bdamper.fem.bladed_disk_model import bladed_disk
-from bdamper.fem.generated_models import paper_disk, reference_disk
-from bdamper.fem.geometry import Geometry, Material
-from bdamper.fem.mesh import MeshDensity
+from bdamper.fem.generated_models import SectorFE, blade_to_ground, bladed_disk, paper_disk, reference_disk
+from bdamper.fem.meshes import Geometry, Material, MeshDensity
 from bdamper.fem.reduced_bodies import needed_nodal_diameters
 from bdamper.fem.reference_models import CONTACT_POINTS
-from bdamper.fem.sector_matrices import SectorFE
 from bdamper.model.model_file import load_model, save_model
 from bdamper.model.structure import Model
 

@@ -27,15 +27,26 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import MeshHex
 
-from bdamper.fem.assembly import Discretisation, discretise
 from bdamper.fem.contact_patches import Patches
-from bdamper.fem.contact_points import averaging_matrix, end_patches, wedge_patches
 from bdamper.fem.cyclic_symmetry import CyclicSector
-from bdamper.fem.free_body import FreeBody
-from bdamper.fem.geometry import Geometry, Material
-from bdamper.fem.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks
-from bdamper.fem.model_parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
-from bdamper.fem.reduced_bodies import Wanted, constrained_body, free_body
+from bdamper.fem.generated_models import averaging_matrix, end_patches, wedge_patches
+from bdamper.fem.meshes import (
+    Discretisation,
+    Geometry,
+    Material,
+    MeshDensity,
+    blade_nodes,
+    clamped_segment,
+    damper_mesh,
+    discretise,
+    interface,
+    join_blocks,
+    locations,
+    provenance,
+    sector_blocks,
+    surface_mesh,
+)
+from bdamper.fem.reduced_bodies import FreeBody, Wanted, constrained_body, free_body
 from bdamper.model.structure import Body, Model, turn
 
 FACES = {

@@ -5,9 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from bdamper.fem.assembly import discretise, local_order
-from bdamper.fem.geometry import Material
-from bdamper.fem.mesh import join_blocks
+from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
 from bdamper.importers import ContactFaces, build_model, read_arrays
 
 N = 36

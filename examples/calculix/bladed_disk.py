@@ -18,10 +18,10 @@ import decks
 
 from bdamper import Excitation, Study
 from bdamper.fem import MeshDensity, SectorFE
-from bdamper.fem.contact_points import end_patches
+from bdamper.fem.generated_models import end_patches
 from bdamper.importers import BuiltModel, ContactFaces, build_model
 from bdamper.importers.abaqus import read_calculix
-from bdamper.response.curve import ResponseCurve
+from bdamper.response.response_curve_result import ResponseCurve
 
 ENGINE_ORDER = 5
 

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.fem.assembly import Discretisation, local_order
-from bdamper.fem.geometry import Geometry, turn
-from bdamper.fem.sector_matrices import SectorFE
+from bdamper.fem.generated_models import SectorFE
+from bdamper.fem.meshes import Discretisation, Geometry, local_order, turn
 
 
 def numbers_of(nodes: NDArray) -> str:

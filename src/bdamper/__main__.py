@@ -15,8 +15,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 import bdamper as bd
-from bdamper.fatigue.material import Material
-from bdamper.response.resonance_interval import peak_interval
+from bdamper.fatigue.criteria import Material
+from bdamper.response.peak import peak_interval
 
 
 def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:

@@ -17,45 +17,50 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from numpy.typing import NDArray
 
-from bdamper.analyses import campbell, crossings, effect_selection, error_estimates, flutter, run_up
-from bdamper.analyses import harmonic_convergence as more_harmonics
+from bdamper.analyses import accuracy as more_harmonics
+from bdamper.analyses import (
+    campbell,
+    crossings,
+    error_estimates,
+    flutter,
+)
+from bdamper.analyses import (
+    campbell as campbell_diagram,
+)
+from bdamper.analyses import (
+    effect_significance as significance,
+)
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
-from bdamper.analyses import optimal_margin as best_margin
+from bdamper.analyses import robust_optimum as best_margin
 from bdamper.contact.stiffness import report
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue import stress_cycle as stresses
-from bdamper.fatigue.material import Material
+from bdamper.fatigue.criteria import Material
 from bdamper.harmonic_balance import result_checks
 from bdamper.harmonic_balance import rotor_speed as at_speed
 from bdamper.harmonic_balance.plausibility import check_question, check_settings, check_unloaded
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.settings import Settings, settings_of
-from bdamper.harmonic_balance.study_dispatch import asked
-from bdamper.model.hdf5_records import new_group
 from bdamper.model.loads import Excitation
-from bdamper.model.model_file import read_model, write_model
+from bdamper.model.model_file import new_group, read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
-from bdamper.response import highest_peak, linear_curve, setting_derivatives
+from bdamper.response import highest_peak, response_curve_result, sensitivity
 from bdamper.response import optimal_curve as optimal
 from bdamper.response import response_curve as tracking
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import ResponseCurve
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak, PeakOptions
-from bdamper.response.resonance_interval import peak_interval
-from bdamper.time_domain import floquet, frequency_sweep, optimum_in_time, settling
+from bdamper.response.peak import Peak, PeakOptions, peak_interval
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.time_domain import floquet, optimum_in_time, transients
 from bdamper.util import validation
-from bdamper.util.differences import Comparable
-from bdamper.util.display import Fact
-from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.formatting import UNITS, aligned, spaced
-from bdamper.util.short_repr import brief, plain
-from bdamper.util.status import INTERRUPTED
-from bdamper.util.storage import FilePath, enter_reader, load, opened, written
-from bdamper.util.threading import one_thread
-from bdamper.util.versions import HERE
+from bdamper.util.display import Comparable, Fact
+from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
+from bdamper.util.formatting import UNITS, aligned, brief, plain, spaced
+from bdamper.util.progress import one_thread
+from bdamper.util.storage import HERE, FilePath, enter_reader, load, opened, written
 
 S = ParamSpec("S")
 P = ParamSpec("P")
@@ -184,8 +189,8 @@ class Study(Comparable):
         return {"model": self.model.hash, **self.problem.record()}
 
     # linear limits
-    free = analysis(linear_curve.free)
-    stuck = analysis(linear_curve.stuck)
+    free = analysis(response_curve_result.free)
+    stuck = analysis(response_curve_result.stuck)
 
     @validation.spelt
     def frequency_response(
@@ -226,9 +231,9 @@ class Study(Comparable):
 
     # stability and time
     with_stability = analysis(floquet.with_stability)
-    verify = analysis(settling.verify)
-    settle = analysis(settling.settle)
-    frequency_sweep = analysis(frequency_sweep.frequency_sweep)
+    verify = analysis(transients.verify)
+    settle = analysis(transients.settle)
+    frequency_sweep = analysis(transients.frequency_sweep)
     time_response = analysis(optimum_in_time.time_response)
 
     # peaks and the optimal curve
@@ -331,8 +336,8 @@ class Study(Comparable):
                 curve = replace(curve, margins=(best_margin.best_margin(problem, curve, material),))
         return curve
 
-    peak_sensitivities = analysis(setting_derivatives.peak_sensitivities)
-    curve_sensitivities = analysis(setting_derivatives.curve_sensitivities)
+    peak_sensitivities = analysis(sensitivity.peak_sensitivities)
+    curve_sensitivities = analysis(sensitivity.curve_sensitivities)
     with_time_response = analysis(optimum_in_time.with_time_response)
 
     # free vibration
@@ -347,7 +352,7 @@ class Study(Comparable):
     best_margin = analysis(best_margin.best_margin)
 
     # effects
-    effect_significance = analysis(effect_selection.effect_significance)
+    effect_significance = analysis(significance.effect_significance)
 
     # what the contacts do in a cycle
     hysteresis = analysis(cycles.hysteresis)
@@ -357,7 +362,7 @@ class Study(Comparable):
     at_speed = at_speed.at_speed
     campbell = analysis(campbell.campbell)
     resonance_crossings = analysis(crossings.resonance_crossings)
-    run_up = analysis(run_up.run_up)
+    run_up = analysis(campbell_diagram.run_up)
 
     @property
     def preload(self) -> float:

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses import refined_peak as richer_module
-from bdamper.analyses.accuracy_cost import make_ladders, varied
-from bdamper.analyses.error_estimates import SOURCES, missing_harmonics, richer_study, with_stand_ins
-from bdamper.analyses.refined_peak import Tops, compare
+from bdamper.analyses import error_estimates as richer_module
+from bdamper.analyses.accuracy import make_ladders, varied
+from bdamper.analyses.error_estimates import SOURCES, Tops, compare, missing_harmonics, richer_study, with_stand_ins
 from bdamper.harmonic_balance.equations import LINE_SEARCH_TRIALS, OK
-from bdamper.response.error_estimate_result import ErrorEstimates, SourceError
-from bdamper.util.cost import CostMeter
+from bdamper.response.verification import ErrorEstimates, SourceError
 from bdamper.util.display import Fact
 from bdamper.util.errors import SettingError
+from bdamper.util.progress import CostMeter
 from tests import accuracy_cases, models
 from tests.plain import plain_study
 

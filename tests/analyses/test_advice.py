@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses import effect_selection as module
-from bdamper.analyses import refined_peak
-from bdamper.analyses.change_estimate import Change
-from bdamper.analyses.effect_selection import EffectRow, fullest, parts
+from bdamper.analyses import effect_significance as module
+from bdamper.analyses import error_estimates
+from bdamper.analyses.effect_significance import EffectRow, fullest, parts
+from bdamper.analyses.error_estimates import Change
 from bdamper.harmonic_balance.effects import Effects
 from tests import models
 from tests.plain import plain_study
@@ -155,8 +155,8 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
         curve = frequency_response(problem, *scene, **named)
         return curve if problem.settings.constraint_planes else replace(curve, status="incomplete", reason="lost")
 
-    frequency_response = refined_peak.frequency_response
-    monkeypatch.setattr(refined_peak, "frequency_response", none)
+    frequency_response = error_estimates.frequency_response
+    monkeypatch.setattr(error_estimates, "frequency_response", none)
     monkeypatch.setattr(module, "estimate_change", lambda system, y: Change(np.nan, np.nan, np.inf))
     reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)
     row = reference.row("separation", Effects.of(full), TOLERANCE)

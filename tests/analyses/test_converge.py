@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses import harmonic_convergence as room
-from bdamper.analyses.change_estimate import embed
+from bdamper.analyses import accuracy as room
+from bdamper.analyses.error_estimates import embed
 from bdamper.harmonic_balance.equations import OK
 from bdamper.lumped_masses import Contact, lumped
-from bdamper.response.convergence_result import Convergence, HarmonicPeak, Meeting
 from bdamper.response.peak import ANOTHER, Peak, peak_of_sign, sign_of_jacobian
+from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from tests import models
 from tests.plain import plain_study
 

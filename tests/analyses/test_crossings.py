@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.engine_order_line import exact, follow_line
-from bdamper.analyses.run_up import run_up
-from bdamper.analyses.speed_family import SpeedFamily
+from bdamper.analyses.campbell import run_up
+from bdamper.analyses.crossings import SpeedFamily, exact, follow_line
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.plot import plot_crossings
-from bdamper.response.curve import ResponseCurve
 from bdamper.response.peak import amplitude_at
-from bdamper.util.cost import CostMeter
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.util.progress import CostMeter
 from tests.plain import plain_study
 from tests.turning import turning_disk
 

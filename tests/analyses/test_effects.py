@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.law_codes import LAW_CONSTANT
+from bdamper.contact.laws import LAW_CONSTANT
 from bdamper.contact.static_state import OPEN
 from bdamper.harmonic_balance.equations import OK, Correction
 from bdamper.harmonic_balance.problem import stuck_springs
-from bdamper.model.patch_merging import group_patches, unite_contact_points
-from bdamper.response.mean_position import notes, why_no_solution
+from bdamper.model.contact_points import group_patches, unite_contact_points
+from bdamper.response.response_curve import notes, why_no_solution
 from tests import models
 from tests.plain import plain_study
 

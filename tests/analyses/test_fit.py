@@ -11,7 +11,7 @@ from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covarian
 from bdamper.analyses.response_residuals import Separation, _Swept
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.measurements import Measured
-from bdamper.response.quasi_static_sweep import sweep_of
+from bdamper.response.response_curve import sweep_of
 from bdamper.util.errors import StaticError
 
 RANGES = {"friction_coefficient": (0.1, 0.9), "contact_stiffness_factor": (0.2, 5.0)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.change_estimate import Change, embed, estimate_change
+from bdamper.analyses.error_estimates import Change, embed, estimate_change
 from bdamper.harmonic_balance.effects import Effects
 from bdamper.response.peak import find_peak
 from tests import models

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.microslip import microslip
+from bdamper.analyses.hysteresis import microslip
 from bdamper.util.errors import SettingError
 from tests.plain import plain_study
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses import refined_peak
-from bdamper.analyses.refined_peak import Tops, ask, compare, whole_curve
+from bdamper.analyses import error_estimates
+from bdamper.analyses.error_estimates import Tops, ask, compare, whole_curve
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.resonance_interval import resonance_interval
+from bdamper.response.peak import resonance_interval
 from bdamper.response.response_curve import frequency_response
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -70,6 +70,6 @@ def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
     def none(*_, **__):
         raise AssertionError("followed")
 
-    monkeypatch.setattr(refined_peak, "frequency_response", none)
+    monkeypatch.setattr(error_estimates, "frequency_response", none)
     solved = compare(study.problem, other.problem, 0.0, tops, by_newton=True)
     assert solved.how == "solved" and solved.amplitude == pytest.approx(true, rel=1e-4) and abs(true) > 1e-5

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.closing_conditions import Plane
+from bdamper.harmonic_balance.equations import Plane
 from bdamper.response.peak import find_peak
-from bdamper.response.sensitivity import sensitivities
-from bdamper.response.setting_derivatives import PARAMETERS, band, setting_family, setting_value
+from bdamper.response.sensitivity import PARAMETERS, band, sensitivities, setting_family, setting_value
 
 STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6)
 """Relative; peaks that differ by them are of one maximum where two of the steps, one after the other, agree."""

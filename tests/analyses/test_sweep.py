@@ -22,7 +22,7 @@ from bdamper.analyses.executors import work
 from bdamper.analyses.sweep import OptimalTask, PeakTask
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.response.continuation import Follower
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.progress import LongWork
@@ -463,7 +463,7 @@ class TestResultsFile:
             assert path.read_bytes() == text
 
     def test_two_runs_on_one_file_are_refused(self, study, tmp_path):
-        from bdamper.util.checkpoint_file import ResultsFile
+        from bdamper.util.storage import ResultsFile
 
         header = {"format": "bdamper-sweep-results"}
         first = ResultsFile(tmp_path / "r.jsonl", header)

@@ -13,10 +13,8 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
-from bdamper.fem.blade_to_ground_model import blade_structure
-from bdamper.fem.geometry import Geometry, Material
-from bdamper.fem.mesh import MeshDensity
-from bdamper.fem.sector_matrices import SectorFE
+from bdamper.fem.generated_models import SectorFE, blade_structure
+from bdamper.fem.meshes import Geometry, Material, MeshDensity
 from examples.calculix.decks import sector_input
 from tests.calculix_runs import clamped_input, free_input, run
 from tools.rig import rig_structure

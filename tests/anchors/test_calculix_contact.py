@@ -15,13 +15,11 @@ if shutil.which("ccx") is None:
 
 from skfem import MeshHex
 
-from bdamper.contact.full_static_contact import StaticContactProblem, solve_static_contact
+from bdamper.contact.static_contact import StaticContactProblem, solve_static_contact
 from bdamper.contact.static_state import OPEN
-from bdamper.fem.assembly import discretise
-from bdamper.fem.contact_points import averaging_matrix, wedge_patches
-from bdamper.fem.free_body import FreeBody
-from bdamper.fem.geometry import Geometry, Material, turn
-from bdamper.fem.mesh import MeshDensity, damper_mesh, join_blocks
+from bdamper.fem.generated_models import averaging_matrix, wedge_patches
+from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, join_blocks, turn
+from bdamper.fem.reduced_bodies import FreeBody
 from examples.calculix.decks import deck_of
 from tests.certificate import certify
 

@@ -10,8 +10,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
-from bdamper.fem.bladed_disk_model import bladed_disk
-from bdamper.fem.sector_matrices import SectorFE
+from bdamper.fem.generated_models import SectorFE, bladed_disk
 from bdamper.importers import build_model, over_speed, read_frd
 from examples.calculix.decks import run_job, sector_input
 from tests.calculix_runs import run

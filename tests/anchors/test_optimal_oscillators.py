@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
-from bdamper.harmonic_balance.closing_conditions import Plane
+from bdamper.harmonic_balance.equations import Plane
 from bdamper.response.continuation import follow
 from bdamper.response.minimum_search import Place, least
 from bdamper.response.optimal_curve import smooth_minimum

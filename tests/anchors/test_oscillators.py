@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from bdamper.harmonic_balance.equations import OK
 from bdamper.response.continuation import follow
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from tests.oscillators import oscillator
 
 FINE = ContinuationOptions(tolerance=1e-12, max_step=0.05, step=0.02, locate_tolerance=1e-10)

@@ -9,7 +9,7 @@ import pytest
 from scipy import LowLevelCallable
 
 import bdamper as bd
-from bdamper.contact.user_laws import OwnLaws
+from bdamper.contact.laws import OwnLaws
 from tests.core.test_core_laws import CALL, pointer
 
 CONTACT = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)

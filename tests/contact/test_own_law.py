@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp, trapezoid
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.contact.user_laws import OwnLaws
+from bdamper.contact.laws import OwnLaws
 from bdamper.harmonic_balance.contact_cycle import energies
 from bdamper.time_domain.integration import Ring
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact import full_static_contact, static_state
-from bdamper.contact.full_static_contact import StaticContactProblem, solve_static_contact, static_contact_problem
+from bdamper.contact import static_contact, static_state
+from bdamper.contact.static_contact import StaticContactProblem, solve_static_contact, static_contact_problem
 from bdamper.contact.static_state import OPEN
 from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError
@@ -59,7 +59,7 @@ def test_random_wedges(mu, own):
 def distinct_states(problem, starts=200):
     """Certified states by status, from no force and from random forces and motions, with sliders at rest."""
     rng = np.random.default_rng(0)
-    solver, n, m = full_static_contact._Solver(problem), len(problem.friction), problem.rigid.shape[1]
+    solver, n, m = static_contact._Solver(problem), len(problem.friction), problem.rigid.shape[1]
     rest, found = np.zeros((n, 2)), {}
     for start in range(starts):
         F = np.zeros((n, 3)) if start == 0 else 10.0 * rng.standard_normal((n, 3))

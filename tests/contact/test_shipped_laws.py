@@ -10,8 +10,8 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.contact.user_laws import OwnLaws
-from bdamper.util.warn import BdamperWarning
+from bdamper.contact.laws import OwnLaws
+from bdamper.util.errors import BdamperWarning
 
 
 def along(law, path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.full_static_contact import solve_static_contact, static_contact_problem
+from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
 from bdamper.contact.stiffness import METHODS, contact_stiffness, paper_contact
 from bdamper.model.structure import StaticContact
 from bdamper.util.errors import ModelError, SettingError

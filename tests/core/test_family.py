@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bdamper import _core
-from bdamper.contact.law_codes import (
+from bdamper.contact.laws import (
     LAW_BONDED,
     LAW_CONSTANT,
     LAW_COUPLED,

@@ -12,8 +12,8 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper import Excitation
 from bdamper.fem import SectorFE, bladed_disk
-from bdamper.fem.assembly import local_order
-from bdamper.fem.blade_stress import blade_points
+from bdamper.fem.generated_models import blade_points
+from bdamper.fem.meshes import local_order
 from tests.ansys_files import write_cdb, write_full
 from tests.fe_bodies import FIRST_NUMBER, modes_alone, sector_and_damper
 from tests.importers.test_io_files import bulk_text

@@ -11,8 +11,8 @@ import bdamper as bd
 from bdamper.fatigue import AISI_1050, MarginCurve, Margins
 from bdamper.fatigue.criteria import amplitude_and_mean
 from bdamper.fatigue.stress_cycle import _contact_axes
-from bdamper.model.stress_recovery import StressSet
-from bdamper.response.march_result import TimeResponse
+from bdamper.model.structure import StressSet
+from bdamper.response.verification import TimeResponse
 from bdamper.util.errors import BdamperError, SettingError
 
 

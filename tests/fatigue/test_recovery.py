@@ -15,15 +15,9 @@ from scipy.sparse.linalg import splu
 
 import bdamper as bd
 from bdamper.fatigue.stress_cycle import _contact_axes, _Rows
-from bdamper.fem.assembly import discretise
-from bdamper.fem.blade_stress import blade_points, solids_of
-from bdamper.fem.bladed_disk_model import bladed_disk
-from bdamper.fem.contact_points import wedge_patches
-from bdamper.fem.element_stress import element_rows, node_average, von_mises_size
-from bdamper.fem.geometry import Material
-from bdamper.fem.mesh import join_blocks
-from bdamper.fem.sector_matrices import SectorFE
-from bdamper.fem.stress_rows import near_patches
+from bdamper.fem.element_stress import element_rows, near_patches, node_average, von_mises_size
+from bdamper.fem.generated_models import SectorFE, blade_points, bladed_disk, solids_of, wedge_patches
+from bdamper.fem.meshes import Material, discretise, join_blocks
 from tests.calculix_runs import centrifugal_stress
 
 PRELOAD = 20e3

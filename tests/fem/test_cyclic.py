@@ -9,12 +9,10 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from skfem import MeshHex
 
-from bdamper.fem.assembly import discretise
 from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
-from bdamper.fem.geometry import Material, turn
-from bdamper.fem.mesh import join_blocks
+from bdamper.fem.generated_models import SectorFE
+from bdamper.fem.meshes import Material, discretise, join_blocks, turn
 from bdamper.fem.sector_faces import match_faces
-from bdamper.fem.sector_matrices import SectorFE
 
 N = 6
 

@@ -8,10 +8,8 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from skfem import Basis, ElementHexS2, ElementVector
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from bdamper.fem.assembly import discretise
-from bdamper.fem.geometry import Geometry, Material
-from bdamper.fem.mesh import MeshDensity, damper_mesh, sector_mesh
-from bdamper.model.rigid_motions import rigid_motions
+from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, sector_mesh
+from bdamper.model.modal_basis import rigid_motions
 
 
 @pytest.fixture(scope="module")

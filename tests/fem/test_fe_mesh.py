@@ -7,8 +7,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from skfem import Basis, ElementHexS2
 
-from bdamper.fem.geometry import Geometry, turn
-from bdamper.fem.mesh import MeshDensity, damper_mesh, sector_mesh
+from bdamper.fem.meshes import Geometry, MeshDensity, damper_mesh, sector_mesh, turn
 
 
 @pytest.mark.parametrize("name", ["coarse", "reference"])

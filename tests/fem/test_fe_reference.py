@@ -7,11 +7,9 @@ from scipy.sparse.linalg import eigsh
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.bladed_disk_model import bladed_disk
-from bdamper.fem.contact_points import averaging_matrix, end_patches, wedge_patches
-from bdamper.fem.geometry import turn
+from bdamper.fem.generated_models import SectorFE, averaging_matrix, bladed_disk, end_patches, wedge_patches
+from bdamper.fem.meshes import turn
 from bdamper.fem.reduced_bodies import needed_nodal_diameters
-from bdamper.fem.sector_matrices import SectorFE
 from bdamper.model.validation import check_model
 from tools.bonded import reference_frequencies
 

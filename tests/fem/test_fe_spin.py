@@ -8,16 +8,11 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from skfem import MeshHex
 
 from bdamper.contact.stiffness import unit_traction
-from bdamper.fem.assembly import discretise
-from bdamper.fem.bladed_disk_model import bladed_disk
-from bdamper.fem.contact_points import wedge_patches
 from bdamper.fem.cyclic_symmetry import CyclicSector
-from bdamper.fem.geometric_stiffness import geometric_stiffness, stiffness_per_squared_speed
-from bdamper.fem.geometry import Geometry, Material
-from bdamper.fem.mesh import MeshDensity
+from bdamper.fem.generated_models import SectorFE, bladed_disk, wedge_patches
+from bdamper.fem.meshes import Geometry, Material, MeshDensity, discretise, geometric_stiffness, stiffness_per_squared_speed
 from bdamper.fem.rotation import Rotation, coriolis_matrix, spin_displacement
 from bdamper.fem.sector_faces import match_faces, no_faces
-from bdamper.fem.sector_matrices import SectorFE
 from bdamper.model.validation import check_model
 
 STEEL = Material(2.1e11, 0.0, 7850.0)

@@ -9,8 +9,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem import blade_to_ground
-from bdamper.fem.geometry import Geometry, turn
-from bdamper.fem.mesh import MeshDensity, sector_mesh
+from bdamper.fem.meshes import Geometry, MeshDensity, sector_mesh, turn
 from bdamper.model.validation import check_model
 from tools.rig import rig, rig_mesh
 

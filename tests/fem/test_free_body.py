@@ -7,12 +7,10 @@ from scipy.integrate import trapezoid
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.assembly import discretise
-from bdamper.fem.contact_points import averaging_matrix, wedge_patches
-from bdamper.fem.free_body import FreeBody, isostatic_dofs
-from bdamper.fem.geometry import Geometry, Material, turn
-from bdamper.fem.mesh import MeshDensity, damper_mesh
-from bdamper.model.rigid_motions import rigid_motions
+from bdamper.fem.generated_models import averaging_matrix, wedge_patches
+from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, turn
+from bdamper.fem.reduced_bodies import FreeBody, isostatic_dofs
+from bdamper.model.modal_basis import rigid_motions
 
 G = Geometry()
 AXES = turn(0.5 * G.pitch).T

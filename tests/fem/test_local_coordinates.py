@@ -7,8 +7,8 @@ from scipy.linalg import eigh
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem import BladePart, Geometry, LocalSizes, SectorFE, Wanted, local_basis
-from bdamper.fem.contact_points import wedge_patches
-from bdamper.model.rigid_motions import rigid_motions
+from bdamper.fem.generated_models import wedge_patches
+from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.validation import check_model
 from tests.annulus import Annulus, dampers_between, small_sector, small_wheel, wheel_matrices
 

@@ -11,7 +11,7 @@ from bdamper.fem.contact_patches import (
     patches_on_rectangles,
     polygon_area,
 )
-from bdamper.fem.element_faces import Facets, area_vectors, boundary_facets, enclosed_volume, facets_on_nodes
+from bdamper.fem.surface import Facets, area_vectors, boundary_facets, enclosed_volume, facets_on_nodes
 
 HEX = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)
 WEDGE = HEX[[0, 1, 3, 4, 5, 7]]

@@ -6,13 +6,11 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.assembly import discretise, local_order
 from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
-from bdamper.fem.element_faces import Facets, boundary_facets
-from bdamper.fem.geometry import Material, turn
-from bdamper.fem.mesh import join_blocks
+from bdamper.fem.meshes import Material, discretise, join_blocks, local_order, turn
 from bdamper.fem.sector_faces import SectorFaces, find_faces, interpolation, match_faces, tie_faces
-from bdamper.model.rigid_motions import rigid_motions
+from bdamper.fem.surface import Facets, boundary_facets
+from bdamper.model.modal_basis import rigid_motions
 from tests.fem.test_cyclic import N, clamped_nodes, ring_block
 
 

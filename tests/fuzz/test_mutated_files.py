@@ -24,9 +24,7 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.assembly import discretise, local_order
-from bdamper.fem.geometry import Material
-from bdamper.fem.mesh import join_blocks
+from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
 from bdamper.importers import (
     ContactFaces,
     FEBody,
@@ -48,8 +46,7 @@ from bdamper.importers import (
 from bdamper.importers.abaqus import read_frd_stress
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
-from bdamper.util.storage import load
-from bdamper.util.versions import Versions
+from bdamper.util.storage import Versions, load
 from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.models import wedge_model
 

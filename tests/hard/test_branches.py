@@ -12,12 +12,10 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.harmonic_balance.closing_conditions import Fold, Plane
-from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency
-from bdamper.harmonic_balance.linear_limits import reach
-from bdamper.harmonic_balance.sector import excitation_ramp, supported_by
+from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, Fold, InFrequency, Plane
+from bdamper.harmonic_balance.sector import excitation_ramp, reach, supported_by
 from bdamper.response import branches, continuation
-from bdamper.response import initial_solution as start
+from bdamper.response import branches as start
 from bdamper.response import response_curve as tracking
 from bdamper.response.branches import (
     FEWEST_EVALUATIONS,
@@ -31,9 +29,8 @@ from bdamper.response.branches import (
     uncovered,
 )
 from bdamper.response.continuation import follow
-from bdamper.response.continuation_options import ContinuationOptions, Path
-from bdamper.util.cost import CostMeter
-from bdamper.util.progress import _stop
+from bdamper.response.events import ContinuationOptions, Path
+from bdamper.util.progress import CostMeter, _stop
 from tests.following import find_start
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.mean_position import neutral_directions
+from bdamper.response.response_curve import neutral_directions
 from tests.hard.random_studies import oracle_residuals
 from tests.plain import plain_study
 

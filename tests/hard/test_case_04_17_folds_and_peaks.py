@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 import bdamper as bd
 from bdamper.harmonic_balance.equations import OK
 from bdamper.response.continuation import follow
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.events import turns_twice
+from bdamper.response.events import ContinuationOptions, turns_twice
 from tests.hard.random_studies import random_study
 from tests.oscillators import oscillator
 from tests.plain import plain_study

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.mean_position import why_no_solution
+from bdamper.response.response_curve import why_no_solution
 from tests.models import acyclic_model
 from tests.plain import plain_study
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.contact.law_codes import (
+from bdamper.contact.laws import (
     AFT,
     LAW_BONDED,
     LAW_CONSTANT,
@@ -19,8 +19,8 @@ from bdamper.contact.law_codes import (
     LAW_COUPLED_CONSTANT,
     LAW_NORMAL,
     LAW_SEPARABLE,
+    PointArrays,
 )
-from bdamper.contact.point_parameters import PointArrays
 from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.harmonic_balance.sector import segments
 from tests import oracle

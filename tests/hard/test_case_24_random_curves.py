@@ -14,9 +14,9 @@ import os
 import numpy as np
 import pytest
 
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain.integration import Ring
-from bdamper.util.cost import CostMeter
+from bdamper.util.progress import CostMeter
 from tests.following import find_start
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
 

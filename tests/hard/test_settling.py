@@ -11,7 +11,7 @@ import bdamper as bd
 from bdamper.response.branches import NO_SOLUTION, LeftOut
 from bdamper.time_domain.integration import Ring
 from bdamper.time_domain.march import repeats_after, to_come
-from bdamper.time_domain.settling import FEWEST
+from bdamper.time_domain.transients import FEWEST
 from tests.hard.test_time_domain import rig
 from tests.marches import march_until_settled
 from tests.oscillators import oscillator

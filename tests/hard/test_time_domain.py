@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.law_codes import LAW_BONDED
+from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.time_domain.floquet import multipliers, stability_of_points
 from bdamper.time_domain.integration import MarchFailed, Ring

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain.floquet import NEUTRAL, monodromy, multipliers
 from bdamper.time_domain.integration import Ring
 from bdamper.time_domain.wave_exponents import WaveDisturbances, _pencil
-from bdamper.util.cost import CostMeter
+from bdamper.util.progress import CostMeter
 from tests.following import find_start
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import wedge_model

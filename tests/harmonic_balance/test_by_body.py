@@ -10,7 +10,7 @@ import bdamper as bd
 from bdamper.analyses.error_estimates import richer_study
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.settings import settings_of
-from bdamper.response.setting_derivatives import setting_family, setting_value
+from bdamper.response.sensitivity import setting_family, setting_value
 from tests.harmonic_balance.test_loads import split_study, whole_study
 
 SHARES = {"front": 0.3, "rear": 0.7}

@@ -11,7 +11,7 @@ from bdamper.harmonic_balance.contact_cycle import energies
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.plot.motion import rigid_motion
 from bdamper.time_domain.integration import Ring
-from bdamper.util.warn import BdamperWarning
+from bdamper.util.errors import BdamperWarning
 from tests.plain import plain_study
 
 

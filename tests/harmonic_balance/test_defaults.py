@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.util.warn import BdamperWarning
+from bdamper.util.errors import BdamperWarning
 from tests.models import wedge_model
 
 

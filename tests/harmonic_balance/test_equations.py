@@ -8,8 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import mode_system
-from bdamper.harmonic_balance.closing_conditions import Fixed
-from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Layout, Rows
+from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Fixed, Layout, Rows
 from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.harmonic_balance.sector import Sector, excitation_ramp, supported_by
 from bdamper.harmonic_balance.speed_family import Family, family_equations

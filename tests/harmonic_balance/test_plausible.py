@@ -9,7 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.plausibility import check_interval
 from bdamper.util import plausible_ranges
-from bdamper.util.warn import PlausibilityWarning
+from bdamper.util.errors import PlausibilityWarning
 
 
 def study(name="bladed_disk", points=9, **settings):

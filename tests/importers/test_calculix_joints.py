@@ -12,9 +12,7 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fem.assembly import discretise
-from bdamper.fem.geometry import Material
-from bdamper.fem.mesh import join_blocks
+from bdamper.fem.meshes import Material, discretise, join_blocks
 from bdamper.importers import ContactFaces, build_model, read_calculix
 from examples.calculix.decks import matrix_input, run_job, sector_input
 from tests.calculix_runs import free_input, read_frequencies

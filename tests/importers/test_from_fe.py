@@ -8,10 +8,8 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.assembly import discretise, local_order
-from bdamper.fem.element_faces import twisted
-from bdamper.fem.geometry import Geometry, Material
-from bdamper.fem.mesh import MeshDensity, damper_mesh
+from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, local_order
+from bdamper.fem.surface import twisted
 from bdamper.importers import ContactFaces, build_model, read_arrays
 from bdamper.util.errors import ModelError
 

@@ -11,7 +11,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 import bdamper as bd
 from bdamper.fem import SectorFE
 from bdamper.importers import build_model
-from bdamper.importers.array_files import number_rows
+from bdamper.importers.arrays import number_rows
 from bdamper.model.model_file import load_model
 from bdamper.util.errors import BdamperError
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper

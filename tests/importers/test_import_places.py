@@ -9,7 +9,7 @@ import scipy.sparse as sp
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fem.contact_points import wedge_patches
+from bdamper.fem.generated_models import wedge_patches
 from bdamper.importers import ContactFaces, build_model
 from bdamper.importers.prepared_body import Placement
 from bdamper.model.structure import turn

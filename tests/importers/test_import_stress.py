@@ -10,10 +10,8 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem import SectorFE
-from bdamper.fem.blade_stress import blade_points
-from bdamper.fem.bladed_disk_model import bladed_disk
-from bdamper.fem.contact_points import wedge_patches
 from bdamper.fem.element_stress import von_mises_size
+from bdamper.fem.generated_models import blade_points, bladed_disk, wedge_patches
 from bdamper.importers import build_model, read_arrays
 from bdamper.importers.abaqus import read_inp
 from bdamper.importers.contact_faces import lay_contacts

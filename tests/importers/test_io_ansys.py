@@ -8,12 +8,10 @@ import scipy.linalg
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.assembly import discretise, local_order
-from bdamper.fem.element_faces import enclosed_volume
-from bdamper.fem.geometry import Material
-from bdamper.fem.mesh import join_blocks
+from bdamper.fem.cyclic_symmetry import travelling_waves
+from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
 from bdamper.fem.sector_faces import find_faces
-from bdamper.fem.travelling_waves import travelling_waves
+from bdamper.fem.surface import enclosed_volume
 from bdamper.importers import read_ansys, read_cdb, read_full, read_rst
 from bdamper.importers.ansys import _Binary, _node_axes
 from bdamper.importers.prepared_body import Placement, PreparedBody

@@ -14,20 +14,15 @@ from scipy.spatial import cKDTree
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.assembly import discretise, local_order
-from bdamper.fem.bladed_disk_model import bladed_disk
-from bdamper.fem.contact_points import end_patches, wedge_patches
-from bdamper.fem.element_faces import boundary_facets, facets_on_nodes
-from bdamper.fem.geometry import Material
-from bdamper.fem.mesh import MeshDensity, damper_mesh
-from bdamper.fem.sector_matrices import SectorFE
+from bdamper.fem.generated_models import SectorFE, bladed_disk, end_patches, wedge_patches
+from bdamper.fem.meshes import Material, MeshDensity, damper_mesh, discretise, local_order
+from bdamper.fem.surface import boundary_facets, facets_on_nodes
 from bdamper.importers import ContactFaces, FEBody, build_model, read_arrays
 from bdamper.importers.contact_faces import lay_contacts
 from bdamper.importers.plausibility import check_table, wave_speed
 from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.model.model_file import load_model
-from bdamper.util.errors import BdamperError, ModelError, SettingError
-from bdamper.util.warn import BdamperWarning, PlausibilityWarning
+from bdamper.util.errors import BdamperError, BdamperWarning, ModelError, PlausibilityWarning, SettingError
 from examples.calculix.decks import damper_sets
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
 

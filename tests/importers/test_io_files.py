@@ -10,11 +10,9 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.assembly import discretise, local_order
 from bdamper.fem.contact_patches import Facets
-from bdamper.fem.element_faces import area_vectors
-from bdamper.fem.geometry import Geometry, Material
-from bdamper.fem.mesh import MeshDensity, damper_mesh, join_blocks
+from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, join_blocks, local_order
+from bdamper.fem.surface import area_vectors
 from bdamper.importers import (
     Measurement,
     read_abaqus_matrix,
@@ -31,7 +29,7 @@ from bdamper.importers import (
     read_unv,
 )
 from bdamper.importers.abaqus import read_frd_stress
-from bdamper.importers.reader_registry import parsing
+from bdamper.importers.fe_body import parsing
 from bdamper.util.errors import BdamperError, ModelError, mismatch
 from bdamper.util.storage import load
 from examples.calculix.decks import matrix_input, run_job
@@ -177,7 +175,7 @@ def test_a_matrix_that_cannot_be_opened_is_refused(tmp_path, bar, monkeypatch):
     def denied(path, *_, **__):
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr("bdamper.importers.array_files.open", denied, raising=False)
+    monkeypatch.setattr("bdamper.importers.arrays.open", denied, raising=False)
     with pytest.raises(ModelError, match=r"k\.mtx: expected a matrix as \.mtx, found PermissionError"):
         read_arrays(tmp_path / "k.mtx", bar.mass, (np.arange(len(bar.nodes)), bar.nodes))
 
@@ -453,7 +451,7 @@ def test_universal_file_of_set_15_and_second_order(universal, bar):
     path.write_text(block(15, lines) + unv_elements(common[:, order].tolist(), 116))
     body = read_unv(path)
     assert [sorted(e[:8]) for e in body.elements[0].tolist()] == [sorted(e[:8]) for e in common.tolist()]
-    from bdamper.fem.element_faces import enclosed_volume
+    from bdamper.fem.surface import enclosed_volume
     from bdamper.importers.prepared_body import Placement, PreparedBody
 
     prepared = PreparedBody("bar", body, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
@@ -594,7 +592,7 @@ def test_bulk_data_and_op4(bar, tmp_path):
     assert found.dofs.shape == (3 * len(numbers), 2)
     np.testing.assert_allclose(found.stiffness.toarray(), bar.stiffness.toarray(), atol=1e-9 * abs(bar.stiffness).max())
     np.testing.assert_allclose(found.nodes, bar.nodes, atol=1e-9)
-    from bdamper.fem.element_faces import enclosed_volume
+    from bdamper.fem.surface import enclosed_volume
     from bdamper.importers.prepared_body import Placement, PreparedBody
 
     prepared = PreparedBody("bar", found, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))

@@ -8,14 +8,12 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper import Excitation, Study
-from bdamper.fem.bladed_disk_model import bladed_disk
+from bdamper.fem.cyclic_symmetry import travelling_waves
+from bdamper.fem.generated_models import SectorFE, bladed_disk
 from bdamper.fem.sector_faces import match_faces
-from bdamper.fem.sector_matrices import SectorFE
-from bdamper.fem.travelling_waves import travelling_waves
 from bdamper.importers import MassProperties, Modes, build_model
 from bdamper.model.structure import turn
-from bdamper.util.errors import BdamperError, ModelError
-from bdamper.util.warn import BdamperWarning
+from bdamper.util.errors import BdamperError, BdamperWarning, ModelError
 from tests.fe_bodies import SPARSE, contacts, modes_alone, sector_and_damper
 
 N, ND, COUNT = 65, 5, 6

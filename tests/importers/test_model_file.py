@@ -21,11 +21,9 @@ import pytest
 
 import bdamper.model.model_file as model_file
 from bdamper.model.fields import layout
-from bdamper.model.local_basis import LocalBasis
-from bdamper.model.modal_basis import ModalBasis
+from bdamper.model.modal_basis import LocalBasis, ModalBasis
 from bdamper.model.model_file import load_model, save_model
 from bdamper.model.rotation import SpeedBasis, SpinStatic
-from bdamper.model.stress_recovery import StressSet
 from bdamper.model.structure import (
     Body,
     BodyLoad,
@@ -34,6 +32,7 @@ from bdamper.model.structure import (
     Location,
     Model,
     StaticContact,
+    StressSet,
     SurfaceMesh,
     feed_digest,
 )

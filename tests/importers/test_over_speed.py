@@ -7,10 +7,9 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.geometry import Geometry
-from bdamper.fem.mesh import MeshDensity
+from bdamper.fem.generated_models import SectorFE
+from bdamper.fem.meshes import Geometry, MeshDensity
 from bdamper.fem.rotation import Rotation, spin_softening
-from bdamper.fem.sector_matrices import SectorFE
 from bdamper.importers import Modes, build_model, over_speed
 from bdamper.util.errors import ModelError, SettingError
 from tests.fe_bodies import contacts, sector_and_damper

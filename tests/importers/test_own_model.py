@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fatigue.material import Material
+from bdamper.fatigue.criteria import Material
 from bdamper.fem.element_stress import von_mises_size
 from bdamper.importers import build_model
 from examples.calculix.decks import run_job

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.harmonic_balance.closing_conditions import Fixed
-from bdamper.model.local_basis import LocalBasis
+from bdamper.harmonic_balance.equations import Fixed
+from bdamper.model.modal_basis import LocalBasis
 from tests.models import wedge_model
 
 FREQUENCY = 2.0 * np.pi * 200.0

@@ -16,8 +16,8 @@ from bdamper import fem
 from bdamper.fem import LocalSizes
 from bdamper.mistuning import DamperVariation, Mistuning
 from bdamper.mistuning.wheel import BladedDisk
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.util.cost import CostMeter
+from bdamper.response.events import ContinuationOptions
+from bdamper.util.progress import CostMeter
 from tests.annulus import Annulus, small_sector, small_wheel
 from tests.following import find_start
 from tests.mistuning.lumped import size, solution

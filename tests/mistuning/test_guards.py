@@ -5,8 +5,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation
-from bdamper.mistuning.frequency_band import band
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.mistuning.peak_search import band
+from bdamper.response.events import ContinuationOptions
 from bdamper.util.errors import SettingError
 from tests.mistuning.lumped import lumped_study
 from tests.mistuning.test_symmetry import PATTERN, study

@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning
 from bdamper.response.continuation import follow
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from tests.mistuning.lumped import lumped_study, solution
 from tests.mistuning.test_search import SIX
 from tests.mistuning.test_symmetry import study as six_blades

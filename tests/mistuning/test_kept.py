@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
-from bdamper.mistuning.steady_amplitude import OneStructure
+from bdamper.mistuning.wheel import OneStructure
 from bdamper.time_domain.march import March
 from tests.marches import fails_after
 from tests.mistuning.lumped import lumped_study, size, solution

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bdamper.mistuning import BladedDisk, WheelPeakOptions
-from bdamper.mistuning.frequency_band import band as band_of
 from bdamper.mistuning.peak_search import Search
+from bdamper.mistuning.peak_search import band as band_of
 from tests.mistuning.test_symmetry import PATTERN, study
 
 

@@ -15,7 +15,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions, audit_wheels, mistuned_sample
-from bdamper.util.cost import Cost
+from bdamper.util.progress import Cost
 from tests.mistuning.lumped import lumped_study
 
 MISSED = 3

@@ -8,9 +8,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions
-from bdamper.mistuning.frequency_band import band
 from bdamper.mistuning.peak import MISSED, _status
-from bdamper.mistuning.peak_search import TOLERANCE, Climbed, Search, uphill
+from bdamper.mistuning.peak_search import TOLERANCE, Climbed, Search, band, uphill
 from bdamper.mistuning.wheel_equations import of_blade
 from bdamper.util.formatting import amount
 from tests.mistuning.lumped import lumped_study, size, solution

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import weibull_max
 
 import bdamper as bd
-from bdamper.mistuning.sample_result import BestPreload
+from bdamper.mistuning.sample import BestPreload
 from bdamper.mistuning.statistics import Interval, percentile, share, weibull_tail
 
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.closing_conditions import Fixed
+from bdamper.harmonic_balance.equations import Fixed
 from bdamper.mistuning import DamperVariation, Mistuning
-from bdamper.mistuning.loaded_wheel import wheel_system
-from bdamper.mistuning.reduced_wheel import family_shapes, reduced_state
+from bdamper.mistuning.peak_search import family_shapes, reduced_state
 from bdamper.mistuning.wheel import BladedDisk
 from bdamper.mistuning.wheel_equations import of_blade
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.util.cost import CostMeter
+from bdamper.mistuning.wheel_problem import wheel_system
+from bdamper.response.events import ContinuationOptions
+from bdamper.util.progress import CostMeter
 from tests.following import find_start
 from tests.mistuning.lumped import lumped_study, size, solution
 from tests.mistuning.lumped import wave as wave_of

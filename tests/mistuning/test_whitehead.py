@@ -7,8 +7,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions
-from bdamper.mistuning.structure import Structure
-from bdamper.model.local_basis import LocalBasis
+from bdamper.mistuning.wheel_equations import Structure
+from bdamper.model.modal_basis import LocalBasis
 from tests.models import wedge_model
 
 OMEGA = 2.0 * np.pi * 200.0

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.mistuning.tuned_wheel_model import local_model
-from bdamper.model.patch_merging import unite_contact_points
+from bdamper.mistuning.wheel_equations import local_model
+from bdamper.model.contact_points import unite_contact_points
 from bdamper.model.structure import feed_digest
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError

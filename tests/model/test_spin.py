@@ -102,7 +102,7 @@ def test_a_model_without_data_over_speed_stays_as_it_is_and_says_what_is_left_ou
 
 
 def test_united_contact_points_keep_the_receptance_at_a_speed(turning):
-    from bdamper.model.patch_merging import unite_contact_points
+    from bdamper.model.contact_points import unite_contact_points
 
     first = unite_contact_points(turning, 4).at_speed(SPEED)
     then = unite_contact_points(turning.at_speed(SPEED), 4)

@@ -3,7 +3,7 @@
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.change_estimate import embed, estimate_change
+from bdamper.analyses.error_estimates import embed, estimate_change
 from bdamper.harmonic_balance.effects import Effects
 from tests.plain import plain_study
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.point_parameters import PointArrays
+from bdamper.contact.laws import PointArrays
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.model.structure import Body, ModalBasis
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.util.cost import CostMeter
+from bdamper.response.events import ContinuationOptions
+from bdamper.util.progress import CostMeter
 from tests.following import find_start
 from tests.models import wedge_model
 from tests.plain import plain_study

@@ -8,9 +8,9 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.problem import stuck_springs
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.util.cost import CostMeter
+from bdamper.response.events import ContinuationOptions
 from bdamper.util.errors import SettingError
+from bdamper.util.progress import CostMeter
 from tests import oracle
 from tests.following import changed, find_start
 from tests.models import RADIUS, ground_model, rotation, shroud_model, wedge_model

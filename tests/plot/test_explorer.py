@@ -27,8 +27,8 @@ from bdamper.plot.explorer_page import FACES, Page
 from bdamper.plot.explorer_worker import MOVING, Answers, Question
 from bdamper.plot.motion import contact_status
 from bdamper.response import optimal_curve
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.resonance_interval import peak_interval
+from bdamper.response.events import ContinuationOptions
+from bdamper.response.peak import peak_interval
 from bdamper.util.formatting import height
 from bdamper.util.progress import end_if_asked
 

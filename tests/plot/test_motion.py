@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.model.structure import turn
+from bdamper.plot.bodies import export_modes, export_response
 from bdamper.plot.motion import (
     LARGEST_DRAWN,
     VIEW,
@@ -16,7 +17,6 @@ from bdamper.plot.motion import (
     sectors_shown,
     surface_motion,
 )
-from bdamper.plot.vtu import export_modes, export_response
 from tests.plain import plain_study
 
 

@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 import bdamper as bd
-from bdamper.analyses.accuracy_cost import AccuracyCost, Run
-from bdamper.analyses.effect_selection import EffectRow, EffectSignificance
+from bdamper.analyses.accuracy import AccuracyCost, Run
+from bdamper.analyses.effect_significance import EffectRow, EffectSignificance
 from bdamper.harmonic_balance.effects import Effects
 from bdamper.importers import BuiltModel, Measurement
 from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_import_report, plot_surfaces, save_figure

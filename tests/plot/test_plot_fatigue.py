@@ -9,7 +9,7 @@ import pytest
 
 from bdamper.fatigue import AISI_1050, MarginCurve, Margins, StressCycle
 from bdamper.fatigue.margin import Rule
-from bdamper.model.stress_recovery import StressSet
+from bdamper.model.structure import StressSet
 from bdamper.plot import plot_margin
 from bdamper.util.errors import SettingError
 from tests.models import wedge_model

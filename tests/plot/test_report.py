@@ -9,7 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.fit import Fitted
 from bdamper.plot.report import lights
-from bdamper.response.march_result import TimeResponse
+from bdamper.response.verification import TimeResponse
 
 
 class Page(HTMLParser):

@@ -11,10 +11,10 @@ import pytest
 
 import bdamper as bd
 from bdamper import study as study_room
-from bdamper.analyses import optimal_margin
+from bdamper.analyses import robust_optimum
 from bdamper.fatigue import AISI_1050
 from bdamper.fatigue.margin import LeastMargin
-from bdamper.response.march_result import TimeResponse
+from bdamper.response.verification import TimeResponse
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount
 from tests.fatigue.test_margins import with_stress
@@ -102,7 +102,7 @@ def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve
                    unknowns=np.where(gone[:, None], np.nan, curve.unknowns))  # fmt: skip
     found, whole = study.best_margin(part, AISI_1050), curve.margins[0]
     assert 0 < gone.sum() < len(curve) - 1 and found.best_margin > 1.2 * np.nanmax(found.margin)
-    assert found.best_margin > (1.0 - optimal_margin.AGREES) * whole.best_margin
+    assert found.best_margin > (1.0 - robust_optimum.AGREES) * whole.best_margin
     fresh = study.margin(study.peak(found.best_value), AISI_1050).least
     assert found.best_margin == pytest.approx(fresh, rel=1e-6), found.best_status
 
@@ -112,9 +112,9 @@ def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
     agrees = study.best_margin(curve, AISI_1050)
     along = study.margin(study.frequency_response(agrees.best_value, tuple(curve.settings["frequency"])), AISI_1050)
     least, share = float(along.margin[along.least]), 1.0 - along.margin[along.least] / agrees.best_margin
-    monkeypatch.setattr(optimal_margin, "AGREES", share + 1e-6)
+    monkeypatch.setattr(robust_optimum, "AGREES", share + 1e-6)
     assert study.best_margin(curve, AISI_1050).best_status.startswith("complete: ")
-    monkeypatch.setattr(optimal_margin, "AGREES", share - 1e-6)
+    monkeypatch.setattr(robust_optimum, "AGREES", share - 1e-6)
     where = f"on the response curve there the margin is {least:.4g} at {along.frequency[along.least]:.6g} Hz"
     assert study.best_margin(curve, AISI_1050).best_status.endswith(where)
 

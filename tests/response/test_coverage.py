@@ -5,7 +5,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.harmonic_balance.equations import OK, Correction
 from bdamper.response.branches import Coverage, Piece
-from bdamper.response.continuation_options import Path
+from bdamper.response.events import Path
 
 
 def test_a_piece_that_is_not_the_first_is_dropped_where_the_last_one_arrives():

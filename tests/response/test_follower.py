@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.closing_conditions import Plane
-from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency
+from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, InFrequency, Plane
 from bdamper.response.continuation import Follower, follow
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from tests.plain import plain_study
 
 

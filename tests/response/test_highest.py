@@ -11,8 +11,7 @@ import bdamper as bd
 from bdamper.plot import plot_response_map
 from bdamper.response.branches import LeftOut
 from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxima
-from bdamper.response.peak import coarse_options
-from bdamper.response.resonance_interval import resonance_interval
+from bdamper.response.peak import coarse_options, resonance_interval
 from bdamper.util.formatting import amount, height
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -163,7 +162,7 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     assert not again.optimum.verified and "a branch was given up, where its peak could be higher" in again.optimum.status
     lost = replace(whole.curves[0], status="incomplete", reason="no solution")
-    at = sys.modules["bdamper.response.preload_point"].AtPreload(300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost)
+    at = sys.modules["bdamper.response.optimal_curve"].AtPreload(300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost)
     assert at.status == "incomplete: no solution"
 
 

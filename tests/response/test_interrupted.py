@@ -14,14 +14,13 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import AtPreload
-from bdamper.response.optimal_curve import optimal_curve
-from bdamper.response.preload_point import at_preload
+from bdamper.response.optimal_curve import at_preload, optimal_curve
 from bdamper.response.response_curve import without_points
-from bdamper.util.checkpoint_file import as_line
-from bdamper.util.cost import Cost
 from bdamper.util.display import Fact
+from bdamper.util.progress import Cost
+from bdamper.util.storage import as_line
 
 ASKED = {"preload": (20.0, 10e3), "n": 8, "frequency": (250.0, 400.0)}
 

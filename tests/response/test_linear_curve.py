@@ -7,8 +7,8 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.response.resonance_interval import resonance_interval
-from bdamper.util.warn import BdamperWarning
+from bdamper.response.peak import resonance_interval
+from bdamper.util.errors import BdamperWarning
 from tests.plain import plain_study
 
 K0 = (2.0 * np.pi * 221.0) ** 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.closing_conditions import Plane
+from bdamper.harmonic_balance.equations import Plane
 from bdamper.response.peak import FAR, PeakOptions, find_peak, rounding, same_peak
 from tests.plain import plain_study
 

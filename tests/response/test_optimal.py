@@ -6,20 +6,26 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.closing_conditions import Peak as PeakThere
-from bdamper.harmonic_balance.closing_conditions import Plane
-from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.equations import Equations, Plane
+from bdamper.harmonic_balance.equations import Peak as PeakThere
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.response import optimal_curve, sensitivity
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import AtPreload, Highest, maxima
 from bdamper.response.minimum_search import CORNER
-from bdamper.response.peak import amplitude_at, coarse_options, find_peak, slope_along
-from bdamper.response.resonance_interval import free_and_stuck, linear_peak, resonance_interval
+from bdamper.response.peak import (
+    amplitude_at,
+    coarse_options,
+    find_peak,
+    free_and_stuck,
+    linear_peak,
+    resonance_interval,
+    slope_along,
+)
 from bdamper.response.response_curve import without_points
-from bdamper.response.setting_derivatives import PARAMETERS, setting_family, setting_value
-from bdamper.util.cost import Cost
+from bdamper.response.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.util.errors import SettingError
+from bdamper.util.progress import Cost
 from tests.following import follow_peak
 from tests.plain import plain_study
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.march_result import TimeResponse
+from bdamper.response.verification import TimeResponse
 from bdamper.time_domain import optimum_in_time
 from bdamper.util.formatting import amount
 from tests.plain import plain_study

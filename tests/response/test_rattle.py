@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bdamper.response.rattle_detection import FOLDS, OPEN
-from bdamper.response.rattle_detection import rattles as sign_of
+from bdamper.response.response_curve import FOLDS, OPEN
+from bdamper.response.response_curve import rattles as sign_of
 
 
 class Points:

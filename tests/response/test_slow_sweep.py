@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.quasi_static_sweep import sweep_of
+from bdamper.response.response_curve import sweep_of
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount
 from tests.plain import plain_study

@@ -6,7 +6,7 @@ steps of the core, with the contact forces from a dense Newton method.
 
 import numpy as np
 
-from bdamper.contact.law_codes import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_NORMAL
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_NORMAL
 from bdamper.time_domain.integration import Motion
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.time_domain import time_domain_labels
+from bdamper.time_domain import floquet
 from bdamper.time_domain.march import AGREES, DIFFERS
 from bdamper.time_domain.wave_exponents import rests
 from tests.plain import plain_study
@@ -77,7 +77,7 @@ def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
         forces={0: 0.3}, harmonics=(1, 3),
     )  # fmt: skip
     curve = study.frequency_response(0.0, (0.07, 0.35))
-    monkeypatch.setattr(time_domain_labels, "judged_at", lambda ring, u, omega: (AGREES, 0.96))
+    monkeypatch.setattr(floquet, "judged_at", lambda ring, u, omega: (AGREES, 0.96))
     judged = study.with_stability(curve, in_time=True)
     rest = np.array([rests(study.problem.system(0.0), u) for u in curve.unknowns])
     assert (np.diff(rest.astype(int)) == 1).sum() == 2
@@ -91,7 +91,7 @@ def test_interrupted_labels_keep_what_was_judged(monkeypatch):
         [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
     )
     curve = study.frequency_response(0.0, (0.1, 0.35))
-    asked, own = [], time_domain_labels.judged_at
+    asked, own = [], floquet.judged_at
 
     def interrupted(ring, u, omega):
         asked.append(int(np.abs(curve.unknowns - u).max(axis=1).argmin()))
@@ -99,7 +99,7 @@ def test_interrupted_labels_keep_what_was_judged(monkeypatch):
             raise KeyboardInterrupt
         return own(ring, u, omega)
 
-    monkeypatch.setattr(time_domain_labels, "judged_at", interrupted)
+    monkeypatch.setattr(floquet, "judged_at", interrupted)
     judged = study.with_stability(curve, in_time=True)
     assert len(asked) == 3 and "interrupted by the user" in judged.stability_note
     assert judged.labels[asked[:2]].tolist() == ["stable"] * 2 and np.isfinite(judged.in_time[asked[:2]]).all()

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain import steady_amplitude as room
 from bdamper.time_domain.steady_amplitude import Levels
-from bdamper.util.cost import Cost
+from bdamper.util.progress import Cost
 from tests.marches import fails_after
 from tests.time_domain.test_march import structure
 from tests.time_domain.test_time_sweep import F0, W0, one_mass

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.law_codes import (
+from bdamper.contact.laws import (
     AFT,
     LAW_BONDED,
     LAW_CONSTANT,
@@ -16,8 +16,8 @@ from bdamper.contact.law_codes import (
     LAW_CUBIC,
     LAW_NORMAL,
     LAW_SEPARABLE,
+    PointArrays,
 )
-from bdamper.contact.point_parameters import PointArrays
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of

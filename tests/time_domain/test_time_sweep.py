@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.time_domain import frequency_sweep
+from bdamper.time_domain import transients
 from bdamper.time_domain.integration import MarchFailed, Ring
 from bdamper.time_domain.march import BOUNDS
 from tests.marches import fails_after
@@ -64,7 +64,7 @@ def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_chang
 def test_the_usual_rate_follows_from_the_damping(linear):
     found = linear.frequency_sweep(0.0, (9.9, 10.1))
     assert found.memory == pytest.approx(1.0 / (ZETA * W0))
-    assert found.rate == pytest.approx(usual(frequency_sweep.RATE))
+    assert found.rate == pytest.approx(usual(transients.RATE))
 
 
 @pytest.mark.parametrize("up", [True, False])
@@ -102,7 +102,7 @@ def interrupting(monkeypatch, calls):
 
 def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
     whole = linear.frequency_sweep(0.0, BAND)
-    settling = -(-round(frequency_sweep.SETTLING * whole.memory * BAND[0]) // BOUNDS.look)
+    settling = -(-round(transients.SETTLING * whole.memory * BAND[0]) // BOUNDS.look)
     interrupting(monkeypatch, settling + 3)
     found = linear.frequency_sweep(0.0, BAND)
     assert (found.status, len(found)) == ("interrupted", 3 * BOUNDS.look)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import bdamper as bd
-from bdamper.contact.user_laws import ContactLaw
+from bdamper.contact.laws import ContactLaw
+from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin
-from bdamper.fatigue.material import Material
-from bdamper.fem.sector_local_basis import LocalSizes
+from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.importers import ContactFaces, Units, build_model, over_speed

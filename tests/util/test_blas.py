@@ -6,7 +6,7 @@ from threading import Barrier
 import pytest
 from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
-from bdamper.util.threading import one_thread, single_thread
+from bdamper.util.progress import one_thread, single_thread
 from tests.plain import plain_study
 
 

@@ -12,7 +12,7 @@ import pytest
 
 import bdamper as bd
 from bdamper._core import Counts
-from bdamper.util.cost import Cost, CostMeter
+from bdamper.util.progress import Cost, CostMeter
 from tests import models
 from tests.plain import plain_study
 

@@ -15,7 +15,7 @@ import pytest
 import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.response.optimal_curve import optimal_curve
-from bdamper.util.warn import BdamperWarning
+from bdamper.util.errors import BdamperWarning
 
 BAND = (0.1, 0.3)
 NO_ROOM = r"^{}: expected a file that can be written, found \[Errno {}\] [^\n]*$"

@@ -17,10 +17,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.study_comparison import Comparison
-from bdamper.response.curve import ResponseCurve
-from bdamper.util.storage import Storable, opened
-from bdamper.util.versions import HERE
+from bdamper.analyses.sweep import Comparison
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.util.storage import HERE, Storable, opened
 from tests.every_result import RESULTS, bladed_disk, response_curve
 from tests.test_codebase import nodes_of, spelled
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.fatigue.material import Material
+from bdamper.fatigue.criteria import Material
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.importers import Measurement, Units, read_response
 from bdamper.mistuning import DamperVariation, Mistuning
-from bdamper.util.warn import PlausibilityWarning
+from bdamper.util.errors import PlausibilityWarning
 from tests.plain import plain_study
 
 TIP, F = bd.Excitation("tip"), (270.0, 380.0)

@@ -7,13 +7,13 @@ import pytest
 
 import bdamper as bd
 from bdamper import plot as plotting
+from bdamper.fatigue.criteria import AISI_1050, Material
 from bdamper.fatigue.margin import MarginCurve
-from bdamper.fatigue.material import AISI_1050, Material
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.build import build_model
 from bdamper.importers.contact_faces import ContactFaces
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
-from bdamper.util.warn import PlausibilityWarning
+from bdamper.util.errors import PlausibilityWarning
 from tests.plain import plain_study
 
 F = (270.0, 380.0)

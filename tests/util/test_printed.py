@@ -9,9 +9,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.sweep import as_words
-from bdamper.response.curve import Fold
-from bdamper.response.march_result import TimeResponse
 from bdamper.response.optimal_curve_result import NEAR_BEST
+from bdamper.response.response_curve_result import Fold
+from bdamper.response.verification import TimeResponse
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, percent, span
 from tests.plain import plain_study

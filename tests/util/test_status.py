@@ -1,11 +1,11 @@
 """Statuses: one set of words."""
 
-from bdamper.util import status
-from bdamper.util.status import WORDS, all_complete, because, left_undone, word
+from bdamper.util import errors
+from bdamper.util.errors import WORDS, all_complete, because, left_undone, word
 
 
 def test_words_are_those_of_the_docstring_and_stay_as_they_are():
-    assert all(f'"{one}"' in status.__doc__ for one in WORDS) and len(set(WORDS)) == len(WORDS)
+    assert all(f'"{one}"' in errors.__doc__ for one in WORDS) and len(set(WORDS)) == len(WORDS)
 
 
 def test_reasons():

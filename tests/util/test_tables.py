@@ -17,8 +17,8 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
-from bdamper.response.convergence_result import Convergence, HarmonicPeak
-from bdamper.response.curve import ResponseCurve
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.verification import Convergence, HarmonicPeak
 from bdamper.util.display import Plottable, draws
 from bdamper.util.formatting import amount, height
 from bdamper.util.tables import (

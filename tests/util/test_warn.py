@@ -10,10 +10,10 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.importers.reader_registry import reader
+from bdamper.importers.fe_body import reader
 from bdamper.importers.universal_file import read_unv
 from bdamper.time_domain.integration import every_diameter
-from bdamper.util.warn import quiet, say
+from bdamper.util.errors import quiet, say
 
 LONG = 30.0  # s
 

@@ -25,15 +25,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from bdamper.util import status, validation
-from bdamper.util.checkpoint_file import ResultsFile, as_line
-from bdamper.util.cost import Cost, CostMeter
+from bdamper.util import errors, validation
 from bdamper.util.errors import BdamperError
-from bdamper.util.progress import ExecutorEnded, LongWork, counter, on_executor
+from bdamper.util.progress import Cost, CostMeter, ExecutorEnded, LongWork, counter, on_executor
+from bdamper.util.storage import ResultsFile, as_line
 
 Record = dict[str, Any]
 Keep = Callable[[int, Record], None]
-NOT_RUN: Record = {"status": status.NOT_RUN, "values": {}, "seconds": 0.0, "cost": {}}
+NOT_RUN: Record = {"status": errors.NOT_RUN, "values": {}, "seconds": 0.0, "cost": {}}
 """Record of a point that interrupted work has left out."""
 
 
@@ -48,16 +47,16 @@ class Job(Protocol):
 def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
     """Record of one point: the answers to a question, or why there are none.
 
-    An answer named "cost" that is a :class:`bdamper.util.cost.Cost` is the cost of the point, otherwise its time alone is.
+    An answer named "cost" that is a :class:`bdamper.util.progress.Cost` is the cost of the point.
     """
-    watch, ending, values = CostMeter(), status.COMPLETE, dict[str, Any]()
+    watch, ending, values = CostMeter(), errors.COMPLETE, dict[str, Any]()
     try:
         with LongWork() as work:  # a worker does not know that the point is part of longer work
             values = dict(ask())
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:
-        ending = status.because(status.FAILED, error)
+        ending = errors.because(errors.FAILED, error)
     spent = watch.read()
     cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent
     return {"status": ending, "values": values, "seconds": spent.seconds, "cost": asdict(cost)}
@@ -262,5 +261,5 @@ def run_stored(
             advance()
 
         run_points(job, points, todo, executor, keep)
-    not_run = NOT_RUN | {"status": status.because(status.NOT_RUN, work.reason)}
+    not_run = NOT_RUN | {"status": errors.because(errors.NOT_RUN, work.reason)}
     return [json.loads(as_line(records.get(name, not_run))) for name in names]

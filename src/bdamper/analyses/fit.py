@@ -44,19 +44,16 @@ from bdamper.analyses.response_residuals import (
 )
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import check_result
-from bdamper.harmonic_balance.study_dispatch import A, asked, problem_of
+from bdamper.harmonic_balance.result_checks import A, asked, check_result, problem_of
 from bdamper.importers.measurements import Measured, Measurement
-from bdamper.response.setting_derivatives import setting_value
+from bdamper.response.sensitivity import setting_value
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.formatting import spaced
-from bdamper.util.short_repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, because
+from bdamper.util.formatting import brief, spaced
+from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Column, Tabular
-from bdamper.util.threading import one_thread
 
 P95 = 0.975
 """Quantile whose two sides leave 95 % between them."""

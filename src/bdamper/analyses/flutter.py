@@ -13,22 +13,19 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.nonlinear_mode import mode_system, nonlinear_mode
-from bdamper.analyses.nonlinear_mode_result import NonlinearMode
-from bdamper.harmonic_balance.closing_conditions import Plane
-from bdamper.harmonic_balance.equations import OK
+from bdamper.analyses.nonlinear_mode import NonlinearMode, mode_system, nonlinear_mode
+from bdamper.harmonic_balance.equations import OK, Plane
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import TWO_PI
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve import preload_values
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.formatting import amount
-from bdamper.util.short_repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.errors import COMPLETE, INCOMPLETE, because
+from bdamper.util.formatting import amount, brief
+from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
-from bdamper.util.threading import one_thread
 
 
 @brief

@@ -29,9 +29,8 @@ from bdamper.analyses.fit import left_out
 from bdamper.importers.measurements import FORCES, LENGTHS, read_columns
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.formatting import amount, percent
-from bdamper.util.short_repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.errors import COMPLETE, INCOMPLETE, because
+from bdamper.util.formatting import amount, brief, percent
 
 REVERSAL = 10.0
 """Reversals of the displacement count from this multiple of its noise, or from ``CLOSED`` of its range."""

@@ -3,29 +3,246 @@
 Up to some amplitude nothing slips or opens, and the mode is that of stuck contact, exactly: this part is one piece
 without steps.  From there on the branch is followed by arclength, since it may turn back in the amplitude where a
 harmonic meets another mode; from its upper end, too, where it does not get there.
+
+A nonlinear mode as a result.
+
+Equations of nonlinear modes: a sector without excitation, its frequency and its damping unknown (``csrc/bd_modes.c``).
+
+A point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` has the mean, the vibration ``P`` scaled to the amplitude ``A_0`` of the
+response, frequency, modal damping ratio, and the amplitude ``A`` of the response.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.nonlinear_mode_result import NonlinearMode
+from bdamper import _core
 from bdamper.contact.static_state import PreloadState
 from bdamper.harmonic_balance.contact_cycle import at_angles
-from bdamper.harmonic_balance.equations import OK, Correction, Equations
-from bdamper.harmonic_balance.nonlinear_mode_equations import Mode, mode_equations
+from bdamper.harmonic_balance.equations import OK, Correction, Equations, Rows, norm2
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.branches import Piece, evaluation_budget, in_order
 from bdamper.response.continuation import TWO_PI, follow
-from bdamper.response.continuation_options import ContinuationOptions, Path
+from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util import validation
-from bdamper.util.cost import CostMeter
-from bdamper.util.errors import SettingError
-from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND
-from bdamper.util.threading import one_thread
+from bdamper.util.display import Comparable, Plottable
+from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
+from bdamper.util.formatting import amount, brief, height
+from bdamper.util.progress import Cost, CostMeter, one_thread
+from bdamper.util.storage import Recorded, Storable
+from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, PerRow, Quantity, Shares, Tabular
+
+# ---- A nonlinear mode as a result ----
+
+
+@brief
+@dataclass(frozen=True)
+class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
+    """Free vibration of a structure with friction: frequency and damping over its amplitude.
+
+    Every point is a converged periodic motion.  ``plot`` draws both over the amplitude
+    (:func:`bdamper.plot.plot_nonlinear_mode`).
+
+    Parameters
+    ----------
+    frequency, damping_ratio : (n,) float, Hz and 1
+        The latter of the force in proportion to mass times velocity that would keep the motion up.
+    harmonics : (n, n_harmonics + 1) complex, m
+        Of the response; the first column is the mean.
+    unknowns : (n, n_unknowns) float
+        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
+    correlation : (n,) float
+        MAC of the first harmonic with the mode of stuck contact.
+    shares : (n, 3) float
+        Stick, slip and open, mean over the friction points and the cycle.
+    residual, branch : (n,) float and int
+    point_kind : tuple of str
+        "regular", "fold" (the amplitude turns), "maximum" (of the damping), "end" or "drift".
+    linear_to : float, m
+        Amplitude up to which nothing slips or opens; NaN where something does at the lowest one.
+    preload, mode : float (N) and int
+    scales_to : float, N
+        Highest preload that the same curve serves (:meth:`at_preload`); 0 if it serves no other one.
+    status, reason, cost, settings, model_hash
+        As of a response curve.
+    """
+
+    frequency: Hertz
+    damping_ratio: Annotated[NDArray, Quantity("", "Modal damping ratio")]
+    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
+    unknowns: PerRow
+    correlation: Numbers
+    shares: Shares
+    residual: Numbers
+    branch: Numbers
+    point_kind: Kinds
+    linear_to: float
+    preload: float
+    mode: int
+    scales_to: float
+    status: str
+    reason: str
+    cost: Cost
+    _summary_fields = ("mode", "preload", "status", "folds", "linear_to", "scales_to")
+
+    @property
+    def folds(self) -> NDArray:
+        """(k,) int: points at which the amplitude turns."""
+        return np.array([i for i, kind in enumerate(self.point_kind) if kind == "fold"], int)
+
+    def at(self, amplitude: float) -> list[tuple[float, float]]:
+        """Frequency (Hz) and damping ratio of all motions with an amplitude (m), in the order of the branch.
+
+        Between points they are interpolated along the logarithm of the amplitude.
+        """
+        a = np.log(self.amplitude / validation.number("amplitude", amplitude, above=0.0, unit="m"))
+        i = np.flatnonzero((a[:-1] * a[1:] <= 0.0) & (a[1:] != 0.0) & (self.branch[:-1] == self.branch[1:]))
+        part = a[i] / (a[i] - a[i + 1])
+        f, zeta = (x[i] + part * (x[i + 1] - x[i]) for x in (self.frequency, self.damping_ratio))
+        return list(zip(f.tolist(), zeta.tolist()))
+
+    def at_preload(self, preload: float) -> NonlinearMode:
+        """The same mode at another preload, with which all displacements and forces grow in proportion.
+
+        Raises
+        ------
+        SettingError
+            If gaps that close, interference, cubic springs or forces that do not grow with the preload take part.
+        """
+        preload = validation.number("preload", preload, above=0.0, unit="N")
+        if preload > self.scales_to:
+            found = f"one that scales to {self.scales_to:.6g} N" if self.scales_to else "one that does not scale"
+            raise SettingError(
+                f"preload: expected a mode that scales to {preload:.6g} N, without interference, cubic springs, constant "
+                f"forces and gaps that close, found {found}; compute it there"
+            )
+        s = preload / self.preload
+        return replace(
+            self, preload=preload, harmonics=s * self.harmonics, unknowns=s * self.unknowns, linear_to=s * self.linear_to
+        )
+
+    def _headline(self) -> str:
+        if not len(self):
+            return f"No motion of mode {self.mode} was found: {self.reason}."
+        top, where = int(np.argmax(self.damping_ratio)), f"under a preload of {amount(self.preload, 'N')}"
+        edge = ", an end of the range" if top in (0, len(self) - 1) else ""
+        return (
+            f"Damping of mode {self.mode} {where}: at most {amount(100.0 * self.damping_ratio[top], '%')}, with "
+            f"{height(self.amplitude[top], self.frequency[top])}{edge}; the frequency lies between "
+            f"{amount(self.frequency.min(), 'Hz')} and {amount(self.frequency.max(), 'Hz')}."
+            + ("" if self.complete else f" The mode is {self.status}: {self.reason}.")
+        )
+
+
+# ---- Equations of nonlinear modes ----
+
+
+@dataclass(frozen=True)
+class InAmplitude:
+    """Units where frequency and damping are unknown and the logarithm of the amplitude is the parameter.
+
+    Parameters
+    ----------
+    n_mean : int
+    reference : float, m
+        Amplitude of the response at the parameter 0.
+    """
+
+    n_mean: int
+    reference: float
+
+    SHIFT, DAMPING = 0.05, 0.1
+    """Change of frequency, relative, and of the damping ratio that count as much as one of the whole vibration."""
+
+    def vibration(self, y: NDArray) -> float:
+        """Norm of the harmonics."""
+        return norm2(y[self.n_mean : -3]) * float(np.exp(y[-1]))
+
+    def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
+        """Units of the mean, the vibration, frequency, damping and the logarithm of the amplitude."""
+        scale = np.ones(len(y))
+        scale[: self.n_mean] = max(norm2(y[: self.n_mean]), vibration)
+        scale[self.n_mean : -3] = vibration * float(np.exp(-y[-1]))
+        scale[-3], scale[-2] = self.SHIFT * y[-3], self.DAMPING
+        return scale
+
+    def place(self, parameter: float) -> str:
+        """The amplitude of the response."""
+        return f"{self.reference * np.exp(parameter):.6g} m"
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """Periodic motions that a force in proportion to mass times velocity keeps up.
+
+    The amplitude is that of the first harmonic of the response, its phase is zero: two linear equations.
+
+    Parameters
+    ----------
+    driven : Equations
+        Of one structure at one preload; of its forces the static ones count.
+    stuck : (n_modes,) complex
+        About the motion of the mode in the first harmonic, in modal coordinates, at the reference.
+    reference : float, m
+        Amplitude A_0 of the response, below all that are asked for, so that the parameter stays positive.
+    """
+
+    driven: Equations[Sector]
+    stuck: NDArray
+    reference: float
+
+    @property
+    def basis(self) -> HarmonicBasis:
+        """Modes of the first harmonic."""
+        return self.driven.structure.bases[1]
+
+    def start(self, mean: NDArray, omega: float, amplitude: float) -> NDArray:
+        """The linear mode at an amplitude (m) of the response, a guess."""
+        size = np.abs(self.stuck) ** 2
+        zeta = float(size @ self.basis.damping / (size @ self.basis.mass)) / (2.0 * omega)
+        u = self.driven.layout.pack(mean[: self.driven.n_mean], self.stuck)
+        return np.append(u, [omega, zeta, np.log(amplitude / self.reference)])
+
+    def point(self, u: NDArray, omega: float, zeta: float) -> NDArray:
+        """The point of a motion (n_unknowns of the driven equations) of which the response has the phase zero."""
+        ratio = float(abs(self.driven.response(u)[1])) / self.reference
+        y = np.append(u, [omega, zeta, np.log(ratio)])
+        y[self.driven.n_mean : -3] /= ratio
+        return y
+
+    def motion(self, y: NDArray) -> NDArray:
+        """(..., n_unknowns of the driven equations) modal coordinates of points, in their units."""
+        u = np.array(y[..., :-3])
+        u[..., self.driven.n_mean :] *= np.exp(y[..., -1:])
+        return u
+
+
+def mode_equations(driven: Equations[Sector], omega: float, shape: NDArray, reference: float) -> Equations[Mode]:
+    """Equations of a mode of about a frequency (rad/s) and a shape (n_modes,), from a reference amplitude (m) on."""
+    sector, n_mean = driven.core, driven.n_mean
+    assert isinstance(sector, _core.Sector)
+    row = np.asarray(driven.response_rows[1])
+    stuck = np.asarray(shape) * (reference / (row @ shape))
+    re, im = driven.layout.parts(row / reference)
+    weight = omega**2 * norm2(np.abs(stuck))
+    scale = np.append(driven.row_scale, [1.0 / weight, 1.0 / weight])
+    scale[n_mean:-2] = 1.0 / weight
+    damping = np.zeros((1, 2, len(scale)))
+    damping[0, 0, -1] = 1.0  # what has maxima along a branch
+    return Equations(
+        _core.Modes(sector, re, im, weight, scale), Mode(driven, stuck, float(reference)), driven.layout,
+        driven.response_rows, Rows(damping), InAmplitude(n_mean, float(reference)), scale, driven.n_points, driven.work,
+    )  # fmt: skip
+
+
+# ---- Following a nonlinear mode over its amplitude ----
+
 
 RIGID = 1e-6
 """Of the highest frequency without contact: those below it are rigid motions."""

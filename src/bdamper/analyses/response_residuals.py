@@ -24,18 +24,14 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.closing_conditions import Plane
-from bdamper.harmonic_balance.equations import OK, Correction, Equations, norm2
-from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.equations import OK, Correction, Equations, Plane, norm2
+from bdamper.harmonic_balance.parameters import like, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.residual_mode_alignment import like
 from bdamper.importers.measurements import Measured, Measurement
-from bdamper.response.continuation_options import ContinuationOptions
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.peak import Family, Peak
-from bdamper.response.quasi_static_sweep import sweep_of
-from bdamper.response.resonance_interval import linear_peak, peak_interval
-from bdamper.response.response_curve import frequency_response
+from bdamper.response.peak import Family, Peak, linear_peak, peak_interval
+from bdamper.response.response_curve import frequency_response, sweep_of
 from bdamper.response.sensitivity import across, sensitivities
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError, ModelError, SettingError

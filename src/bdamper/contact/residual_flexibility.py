@@ -36,7 +36,7 @@ from bdamper.model.fields import require
 from bdamper.model.kinematics import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validation
 from bdamper.util.errors import mismatch
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import brief
 
 MARGIN = 0.1
 """Smallest share of the flexibility of a pattern that residual modes must carry."""

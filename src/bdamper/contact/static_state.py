@@ -12,7 +12,7 @@ load.  A load step solves for the states at its end and starts from the sliders 
 forces are linear along the straight line between both motions, and is shortened to the first change of state otherwise
 (:func:`linear_range`).  The number of steps then has no effect, but the history of loading has, as friction does.
 Bonded points always stick, with springs that push and pull.
-Points with laws of their own (``bdamper.contact.user_laws``) count as open without any stiffness, as stuck with that of
+Points with laws of their own (``bdamper.contact.laws``) count as open without any stiffness, as stuck with that of
 their springs, and as slipping in between.
 
 Friction acts along each of the two contact axes independently here, whatever law the vibration follows; this keeps the
@@ -30,12 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
-from bdamper.contact.point_parameters import PointArrays
-from bdamper.contact.user_laws import OwnLaws
-from bdamper.util.cost import Cost
+from bdamper.contact.laws import OwnLaws, PointArrays
 from bdamper.util.display import Plottable
-from bdamper.util.formatting import amount
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import amount, brief
+from bdamper.util.progress import Cost
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
 

@@ -12,7 +12,7 @@ diagonal.
     modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
     ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
     into the stiffness: it enters the analysis as an initial distance of the surfaces.)
-    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.full_static_contact`) or from
+    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from
     the user's own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over
     the face, or the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it,
     the quotient has no meaning; the value of ``"unit_traction"`` replaces it, and the report counts the point.
@@ -31,14 +31,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.full_static_contact import solve_static_contact, static_contact_problem
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
+from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
 from bdamper.model.fields import require
 from bdamper.model.kinematics import Coupling
 from bdamper.model.structure import ContactStiffness
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import brief
 
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0

@@ -16,17 +16,14 @@ from numpy.typing import NDArray
 
 from bdamper.fatigue import criteria
 from bdamper.fatigue import stress_cycle as over_cycle
-from bdamper.fatigue.material import LINES, ON, Material
+from bdamper.fatigue.criteria import LINES, ON, Material
 from bdamper.fatigue.stress_cycle import AtPoints, StressCycle
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Solutions, SomeResult, solutions_of
 from bdamper.util import validation
-from bdamper.util.differences import Comparable
-from bdamper.util.display import Plottable, draw
-from bdamper.util.errors import BdamperError
-from bdamper.util.formatting import UNITS, amount
-from bdamper.util.short_repr import brief
-from bdamper.util.status import COMPLETE, word
+from bdamper.util.display import Comparable, Plottable, draw
+from bdamper.util.errors import COMPLETE, BdamperError, word
+from bdamper.util.formatting import UNITS, amount, brief
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
@@ -74,7 +71,7 @@ class Rule(validation.Checked):
 
 @runtime_checkable
 class SteadyAmplitude(Protocol):
-    """Steady-state amplitude from time integration (:class:`bdamper.response.march_result.TimeResponse`)."""
+    """Steady-state amplitude from time integration (:class:`bdamper.response.verification.TimeResponse`)."""
 
     @property
     def factor(self) -> float: ...

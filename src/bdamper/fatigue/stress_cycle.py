@@ -17,22 +17,19 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.point_parameters import PointArrays
+from bdamper.contact.laws import PointArrays
 from bdamper.fatigue import criteria
-from bdamper.harmonic_balance.closed_contact import without_separation
+from bdamper.harmonic_balance.contact_setup import without_separation
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.loads import Direction, direction_vector
-from bdamper.model.stress_recovery import StressSet
-from bdamper.model.structure import Body, ModalBasis
+from bdamper.model.structure import Body, ModalBasis, StressSet
 from bdamper.util import validation
-from bdamper.util.differences import Comparable
-from bdamper.util.display import Plottable
+from bdamper.util.display import Comparable, Plottable
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import amount
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import amount, brief
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Numbers, Pascals, PerRow, Quantity, Tabular
 

@@ -10,25 +10,21 @@ use.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from bdamper.fem.local_basis import BladePart, LocalSizes, local_basis
 from bdamper.fem.reduced_bodies import Wanted
-from bdamper.fem.sector_local_basis import BladePart, LocalSizes, local_basis
 
 if TYPE_CHECKING:
-    from bdamper.fem.blade_to_ground_model import blade_to_ground
-    from bdamper.fem.bladed_disk_model import bladed_disk
-    from bdamper.fem.geometry import Geometry, Material
-    from bdamper.fem.mesh import MeshDensity
-    from bdamper.fem.sector_matrices import SectorFE
+    from bdamper.fem.generated_models import SectorFE, blade_to_ground, bladed_disk
+    from bdamper.fem.meshes import Geometry, Material, MeshDensity
 
 __all__ = [
     "BladePart", "Geometry", "LocalSizes", "Material", "MeshDensity", "SectorFE", "Wanted", "blade_to_ground",
-    "bladed_disk",
-    "local_basis",
+    "bladed_disk", "local_basis",
 ]  # fmt: skip
 
 _GENERATORS = {
-    "Geometry": "geometry", "Material": "geometry", "MeshDensity": "mesh", "SectorFE": "sector_matrices",
-    "blade_to_ground": "blade_to_ground_model", "bladed_disk": "bladed_disk_model",
+    "Geometry": "meshes", "Material": "meshes", "MeshDensity": "meshes", "SectorFE": "generated_models",
+    "blade_to_ground": "generated_models", "bladed_disk": "generated_models",
 }  # fmt: skip
 
 

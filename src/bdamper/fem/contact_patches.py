@@ -25,8 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fem.element_faces import Facets, area_vectors, corner_count
-from bdamper.fem.fe_matrices import check
+from bdamper.fem.surface import Facets, area_vectors, check, corner_count
 
 
 def _seven_points() -> tuple[NDArray, NDArray]:

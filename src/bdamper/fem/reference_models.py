@@ -16,7 +16,7 @@ from bdamper.model.model_file import load_model, save_model
 from bdamper.model.structure import Model
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.versions import HERE
+from bdamper.util.storage import HERE
 
 CONTACT_POINTS = {
     "turbine_blade": (9,),

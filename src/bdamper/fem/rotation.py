@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from bdamper.fem.cyclic_symmetry import CyclicSector
-from bdamper.fem.fe_matrices import Structure, check, hermitian
+from bdamper.fem.surface import Structure, check, hermitian
 from bdamper.model.modal_basis import ModalBasis
 from bdamper.model.rotation import SpeedBasis
 

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bdamper.fem.contact_patches import SQUARE, inverse_map, shape_functions
-from bdamper.fem.element_faces import Facets, corner_count, facets_on_nodes
-from bdamper.fem.fe_matrices import check
+from bdamper.fem.surface import Facets, check, corner_count, facets_on_nodes
 from bdamper.model.structure import turn
 
 MOST_SECTORS = 1000

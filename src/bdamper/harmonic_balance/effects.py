@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
-from bdamper.contact.user_laws import ContactLaw
+from bdamper.contact.laws import ContactLaw
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import aligned, spaced

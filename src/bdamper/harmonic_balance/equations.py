@@ -4,6 +4,11 @@ for a nonlinear mode, or for a whole wheel.
 A point is ``y = (u, p)``: the unknowns ``u``, which are the ``n_mode[0]`` coordinates of the mean and then for each
 harmonic its cosine and its sine amplitudes, and the free parameter ``p``, mostly the frequency.  The core evaluates and
 solves; small objects say what else differs: rows of the response (:class:`Rows`) and units of a point (:class:`Measure`).
+
+What is asked of a point beside the equations: one condition for the one free parameter.
+
+A linear one is a plane in scaled unknowns; a stationary one holds where something has no slope along the curve, which
+Newton's method on the curve and a secant along it find together (``csrc/bd_solver.c``).
 """
 
 from __future__ import annotations
@@ -11,16 +16,83 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.harmonic_balance.closing_conditions import Condition, Fixed, Peak, Plane, for_core
+from bdamper.util.formatting import brief
 from bdamper.util.progress import end_if_asked
-from bdamper.util.short_repr import brief
+
+# ---- What is asked of a point beside the equations ----
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane through the guess.
+
+    Parameters
+    ----------
+    normal : (n_unknowns + 1,) float
+        In scaled unknowns; the tangent that is found points along it.
+    """
+
+    normal: NDArray
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """The parameter stays where the guess has it."""
+
+
+@dataclass(frozen=True)
+class Stationary:
+    """Something has no slope along the curve.
+
+    Parameters
+    ----------
+    tangent : (n_unknowns + 1,) float
+        Estimate of the direction of the curve, of unit length in scaled unknowns.
+    curvature : float
+        Estimate of the derivative along the curve of what vanishes; its sign is that of the point.
+    tolerance : float
+        On the distance to the point, in scaled unknowns.
+    max_step : float
+        Along the curve at a time, in scaled unknowns.
+    """
+
+    tangent: NDArray
+    curvature: float
+    tolerance: float
+    max_step: float
+
+
+class Fold(Stationary):
+    """The parameter: the tangent's last entry vanishes."""
+
+
+class Peak(Stationary):
+    """The amplitude of the first harmonic of the response, at a maximum: the slope of its logarithm falls through zero."""
+
+
+Condition = Plane | Fixed | Fold | Peak
+
+
+def for_core(condition: Condition, n_unknowns: int) -> tuple[NDArray, dict[str, Any]]:
+    """The tangent on entry, which becomes that of the point found, and other arguments of the core's ``solve``."""
+    if isinstance(condition, Plane):
+        return np.zeros(n_unknowns + 1), {"row": condition.normal}
+    if isinstance(condition, Fixed):
+        return np.zeros(n_unknowns + 1), {"row": np.append(np.zeros(n_unknowns), 1.0)}
+    return np.array(condition.tangent, float), {
+        "curvature": condition.curvature, "place_tolerance": condition.tolerance, "max_step": condition.max_step,
+    }  # fmt: skip
+
+
+# ---- Equations ``R(u, p) = 0`` as whoever solves or follows them sees them ----
+
 
 OK, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
 STATUS_TEXT = {
@@ -245,7 +317,7 @@ class Equations(Generic[S]):
         Contact points.
     work : (4,) float
         Million operations of an evaluation, a Jacobian, a factorisation and a solution by least norm
-        (:class:`bdamper.util.cost.Cost`).
+        (:class:`bdamper.util.progress.Cost`).
     supported : bool
         Whether the parameter fades a support out (:func:`bdamper.harmonic_balance.sector.supported_by`).
     watched : sequence of (frequency, half-width, modal row), rad/s

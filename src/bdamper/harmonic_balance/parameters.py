@@ -10,6 +10,12 @@ and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`
 of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``, one load,
 ``"loads.rear"`` and ``"constant_loads.shroud"``, or one free body, ``"damper_mass_factor.rear"`` and
 ``"damper_mass.rear"``; the latter has its share of the preload in proportion.
+
+Problems with residual modes made anew, in coordinates that can be compared.
+
+Modes of bodies come with the phases of the model's own basis; residual modes have any, and where several have the same
+mass, any combination.  Those of one problem are turned onto those of another, each group of equal mass by the unitary
+matrix that brings their motions nearest.
 """
 
 from __future__ import annotations
@@ -21,12 +27,17 @@ from typing import Any
 
 import numpy as np
 
+from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.rotor_speed import Conditions, under
-from bdamper.harmonic_balance.study_dispatch import asked
+from bdamper.model.kinematics import HarmonicBasis
 from bdamper.model.structure import Body, Model, feed_digest
 from bdamper.model.validation import as_checked
 from bdamper.util import validation
+
+# ---- A problem with settings changed by name, as sweeps, samples and sensitivities change them ----
+
 
 FACTORS = (
     "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor", "frequency_factor", "gap_factor"
@@ -185,3 +196,34 @@ def denser(model: Model, factor: float, names: Sequence[str], whole: bool = Fals
             own |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
         bodies[body.name] = replace(body, **own, local=None if whole else body.local)
     return replace(model, bodies=bodies)
+
+
+# ---- Problems with residual modes made anew, in coordinates that can be compared ----
+
+
+def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
+    """The same basis with residual modes turned onto those of another one.
+
+    Raises
+    ------
+    SettingError
+        If the two do not have the same coordinates.
+    """
+    expected = "a range in which contacts keep their residual modes"
+    validation.require(basis.coordinates == reference.coordinates, "residual modes", expected, "one that changes them")
+    own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
+    if not len(own):
+        return basis
+    mass, G = basis.mass[own], basis.G.copy()
+    equal_mass = 1e-6  # relative difference of the modal masses of residual modes up to which they are turned together
+    for group in np.split(own, np.flatnonzero(np.diff(mass) > equal_mass * mass.max()) + 1):
+        columns, target = (array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G))
+        U, _, V = np.linalg.svd(columns.conj().T @ target)
+        G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))
+    return replace(basis, G=G)
+
+
+def like(problem: Problem, reference: Problem) -> Problem:
+    """A problem with its unknowns turned onto those of another one."""
+    bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
+    return problem.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))

@@ -13,8 +13,8 @@ from bdamper.contact.stiffness import PerArea
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.threading import one_thread
-from bdamper.util.warn import implausible
+from bdamper.util.errors import implausible
+from bdamper.util.progress import one_thread
 
 ALONG = 0.12
 """Part of a mode's motion at the place of the excitation that should lie along the force: 83 degrees between them."""

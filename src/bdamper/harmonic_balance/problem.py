@@ -15,21 +15,27 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.law_codes import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER
-from bdamper.contact.point_parameters import PointArrays
+from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER, OwnLaws, PointArrays
 from bdamper.contact.residual_flexibility import ResidualModes, joined
+from bdamper.contact.static_contact import WedgeFriction, wedge_friction
 from bdamper.contact.static_state import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.contact.stiffness import Contact, check_method
-from bdamper.contact.user_laws import OwnLaws
-from bdamper.contact.wedge_statics import WedgeFriction, wedge_friction
-from bdamper.harmonic_balance.closed_contact import without_separation
+from bdamper.harmonic_balance.contact_setup import (
+    approach,
+    assembly_offsets,
+    at_points,
+    carried,
+    contact_of,
+    gaps,
+    normal_loads,
+    without_separation,
+)
 from bdamper.harmonic_balance.effects import Effects
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.model_sizes import Sizes
-from bdamper.harmonic_balance.normal_loads import approach, assembly_offsets, at_points, carried, gaps, normal_loads
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.settings import Settings, check_history
-from bdamper.harmonic_balance.stiffness_choice import contact_of
+from bdamper.model.contact_points import unite_contact_points, united_mean
 from bdamper.model.kinematics import (
     Coordinate,
     Coupling,
@@ -40,14 +46,11 @@ from bdamper.model.kinematics import (
     standard_rigid_modes,
 )  # fmt: skip
 from bdamper.model.loads import Response, direction_vector
-from bdamper.model.patch_merging import unite_contact_points, united_mean
 from bdamper.model.residual_vectors import completed
 from bdamper.model.structure import ContactStiffness, Model
 from bdamper.util import validation
-from bdamper.util.cost import CostMeter
-from bdamper.util.errors import ModelError, SettingError, StaticError
-from bdamper.util.threading import one_thread
-from bdamper.util.warn import say
+from bdamper.util.errors import ModelError, SettingError, StaticError, say
+from bdamper.util.progress import CostMeter, one_thread
 
 T = TypeVar("T")
 FORCES = (1e-100, 1e100)

@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.study_dispatch import asked
+from bdamper.harmonic_balance.result_checks import asked
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.model.validation import as_checked
 from bdamper.util import validation
-from bdamper.util.errors import SettingError
-from bdamper.util.short_repr import short
-from bdamper.util.warn import implausible
+from bdamper.util.errors import SettingError, implausible
+from bdamper.util.formatting import short
 
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""

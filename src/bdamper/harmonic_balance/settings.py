@@ -15,26 +15,17 @@ from typing import Annotated, Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.law_codes import AFT, LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, LAW_USER, check_evaluation
+from bdamper.contact.laws import AFT, LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, LAW_USER, ContactLaw, check_evaluation
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.contact.stiffness import PerArea
-from bdamper.contact.user_laws import ContactLaw
-from bdamper.harmonic_balance.effects import (  # fmt: skip
-    BLADE_MODES,
-    HARMONICS,
-    LAW_NAMES,
-    ByBody,
-    Harmonics,
-    Law,
-    harmonic_numbers,
-)
+from bdamper.harmonic_balance.effects import BLADE_MODES, HARMONICS, LAW_NAMES, ByBody, Harmonics, Law, harmonic_numbers
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
 from bdamper.model.structure import Interface, Model
 from bdamper.model.validation import check_model_once
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import brief
 from bdamper.util.storage import typed
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
@@ -69,7 +60,7 @@ class Settings:
         Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
         By default residual modes where the model carries the static flexibility that they need; else the values that the
         model carries, or unit tractions, with a note in ``stiffness_report`` and a
-        :class:`~bdamper.util.warn.BdamperWarning`.
+        :class:`~bdamper.util.errors.BdamperWarning`.
     contact_stiffness_factor : float
         On all contact stiffness, whatever its method, that of residual modes too: the flexibility of the whole contact is
         divided by it.

@@ -16,7 +16,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.user_laws import refuse
+from bdamper.contact.laws import refuse
 from bdamper.harmonic_balance.equations import Equations, Rows
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis

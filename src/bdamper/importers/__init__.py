@@ -7,7 +7,7 @@ returns a `BuiltModel`, which prints its report.  `load_measured` and `read_meas
 
 from bdamper.importers.abaqus import read_calculix, read_frd, read_inp
 from bdamper.importers.ansys import read_ansys, read_cdb, read_full, read_rst
-from bdamper.importers.array_files import (
+from bdamper.importers.arrays import (
     read_abaqus_matrix,
     read_arrays,
     read_dofs,
@@ -16,14 +16,12 @@ from bdamper.importers.array_files import (
     read_nodes,
     read_set,
 )
-from bdamper.importers.build import build_model
+from bdamper.importers.bodies import over_speed
+from bdamper.importers.build import BuiltModel, build_model
 from bdamper.importers.contact_faces import ContactFaces
-from bdamper.importers.fe_body import UNITS, FEBody, MassProperties, Modes, Units
-from bdamper.importers.import_report import BuiltModel
+from bdamper.importers.fe_body import UNITS, FEBody, MassProperties, Modes, Units, read_body
 from bdamper.importers.measurements import Measurement, load_measured, read_response
 from bdamper.importers.nastran import read_bdf, read_nastran, read_op2, read_op4
-from bdamper.importers.reader_registry import read_body
-from bdamper.importers.two_speeds import over_speed
 from bdamper.importers.universal_file import read_measurements, read_unv
 
 __all__ = [

@@ -20,11 +20,22 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fem.element_faces import FACES, N_CORNER, oriented_facet
-from bdamper.importers.array_files import as_integers, read_dofs, triangle_to_full
+from bdamper.fem.surface import FACES, N_CORNER, oriented_facet
+from bdamper.importers.arrays import as_integers, read_dofs, triangle_to_full
 from bdamper.importers.deck_keywords import adds_to_matrices
-from bdamper.importers.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
-from bdamper.importers.reader_registry import LARGEST_COUNT, Included, Lines, data_lines, parsing, read_body, reader
+from bdamper.importers.fe_body import (
+    LARGEST_COUNT,
+    ElementKind,
+    FEBody,
+    Included,
+    Lines,
+    by_kind,
+    data_lines,
+    modes_by_diameter,
+    parsing,
+    read_body,
+    reader,
+)
 from bdamper.model.fields import check_all, require
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import FilePath

@@ -11,7 +11,7 @@ Only the records that an import needs are read, and every length is checked agai
 refused.
 
 A ``.full`` file keeps rows for components that are fixed; they are empty except for a one and are dropped.  The modes of a
-cyclic analysis come as real shapes of the base sector, two for each wave; :mod:`bdamper.fem.travelling_waves`
+cyclic analysis come as real shapes of the base sector, two for each wave; :mod:`bdamper.fem.cyclic_symmetry`
 finds their pairing and direction.  They are scaled to a modal mass of one over base and duplicate sector, which
 is what ``a + i b`` of a pair has over one sector.
 """
@@ -31,11 +31,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bdamper.fem.element_faces import N_CORNER
-from bdamper.importers.array_files import triangle_to_full
+from bdamper.fem.surface import N_CORNER
+from bdamper.importers.arrays import triangle_to_full
 from bdamper.importers.deck_keywords import CDB_HARMLESS, CDB_READ, refuse
-from bdamper.importers.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
-from bdamper.importers.reader_registry import Lines, check_count, parsing, reader
+from bdamper.importers.fe_body import ElementKind, FEBody, Lines, by_kind, check_count, modes_by_diameter, parsing, reader
 from bdamper.model.fields import check_all, require
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import FilePath

@@ -4,38 +4,45 @@ The sector is called "blade" in the model, a single free body "damper"; several 
 computed by the code that makes the reference model (:mod:`bdamper.fem`).  Quantities that are easily mistaken are
 computed instead of asked for: which of the two sector faces lies toward +X, in which sector a damper meets its neighbour,
 in which direction a wave travels, mass, centre and inertia.  The report lists them.
+
+What an import returns: a model, and what was read, made and checked, as one page of text and a picture.
+
+Fields of nodal forces, such as those of a pressure that a blade meets, in SI units and the axes of the model.
 """
 
 from __future__ import annotations
 
 import datetime
+import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from math import gcd
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.fem.local_basis import LocalSizes, sampled_waves
 from bdamper.fem.reduced_bodies import Place, Wanted, needed_nodal_diameters, picture_mesh
 from bdamper.fem.sector_faces import SectorFaces, find_faces, match_faces, no_faces, tie_faces
-from bdamper.fem.sector_local_basis import LocalSizes, sampled_waves
-from bdamper.importers.bodies_from_matrices import (
+from bdamper.importers.arrays import as_integers, number_table
+from bdamper.importers.bodies import (
+    blade_part,
     constrained_from_matrices,
+    constrained_from_modes,
     cyclic_sectors,
     free_from_matrices,
+    free_from_modes,
     held_components,
+    stress_rows,
+    with_local_basis,
 )
-from bdamper.importers.bodies_from_modes import constrained_from_modes, free_from_modes
 from bdamper.importers.contact_faces import ContactFaces, LaidContacts, from_first_sector, lay_contacts
-from bdamper.importers.fe_body import FEBody, Units
-from bdamper.importers.force_field import force_fields
-from bdamper.importers.import_report import BuiltModel
-from bdamper.importers.import_tolerances import BOUNDS
-from bdamper.importers.imported_local_basis import blade_part, with_local_basis
+from bdamper.importers.fe_body import BOUNDS, FEBody, Units
 from bdamper.importers.plausibility import (
     check_corners,
     check_lowest,
@@ -45,17 +52,143 @@ from bdamper.importers.plausibility import (
     check_table,
 )
 from bdamper.importers.prepared_body import NodeSet, Placement, PreparedBody, Ring
-from bdamper.importers.stress_rows import stress_rows
 from bdamper.model.fields import require
-from bdamper.model.structure import Body, Location, Model
+from bdamper.model.model_file import save_model
+from bdamper.model.structure import Body, Location, ModalBasis, Model
 from bdamper.model.validation import check_model
 from bdamper.util import validation
+from bdamper.util.display import Plottable
 from bdamper.util.errors import SettingError
-from bdamper.util.progress import stages
-from bdamper.util.threading import one_thread
+from bdamper.util.formatting import brief
+from bdamper.util.progress import one_thread, stages
+from bdamper.util.storage import FilePath
 
 if TYPE_CHECKING:
-    from bdamper.fem.stress_rows import StressRows
+    from bdamper.fem.element_stress import StressRows
+
+
+# ---- Fields of nodal forces, such as those of a pressure that a blade meets, in SI units and th ----
+
+
+EXPECTED = "(node numbers (n,), forces (n, 3)), or a CSV file of rows: node, Re x, Im x, Re y, Im y, Re z, Im z"
+
+
+def force_fields(given: Mapping[str, object] | None, body: PreparedBody) -> dict[str, NDArray]:
+    """(n_nodes, 3) complex forces (N) of each field by name.
+
+    Parameters
+    ----------
+    given : mapping of name to (numbers, forces) or path, optional
+        Node numbers (n,) and complex forces (n, 3) in the axes and units of the file, or a CSV file with both; comments
+        start with ``#``.  Forces on the same node add up.
+    body : PreparedBody
+        On whose nodes they act.
+
+    Raises
+    ------
+    SettingError, ModelError
+        If one is no field, or has none but zeros, or a node is not known; the message names the field.
+    """
+    out = {}
+    for name, value in ({} if given is None else validation.instance("forces", given, Mapping, "a mapping")).items():
+        numbers, forces = _table(f"forces '{name}'", value)
+        units, out[name] = body.place.units, np.zeros((len(body.nodes), 3), complex)
+        in_si = units.mass * units.length * forces @ body.place.rotation.T
+        np.add.at(out[name], body.index(numbers, f"forces '{name}'"), in_si)
+        validation.require(out[name].any(), f"forces '{name}'", "forces other than 0", "zeros alone")
+    return out
+
+
+def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
+    """Node numbers and forces as they were given."""
+    if isinstance(value, str | os.PathLike):
+        table = number_table(Path(value), 7)
+        return as_integers(table[:, 0], item), table[:, 1::2] + 1j * table[:, 2::2]
+    validation.that(isinstance(value, tuple) and len(value) == 2, item, EXPECTED, value)
+    try:
+        numbers, forces = np.asarray(value[0]), np.asarray(value[1], complex)
+    except (ValueError, TypeError) as error:
+        raise validation.unfit(item, EXPECTED, value) from error
+    good = numbers.ndim == 1 and len(numbers) and forces.shape == (len(numbers), 3) and np.isfinite(forces).all()
+    validation.that(good, item, EXPECTED, value)
+    return numbers, forces
+
+
+# ---- What an import returns ----
+
+
+def frequencies_of(basis: ModalBasis) -> NDArray:
+    """Frequencies (n_modes,) of the modes of a body, Hz."""
+    return np.sqrt(basis.omega2[: basis.n_natural]) / (2.0 * np.pi)
+
+
+@brief
+@dataclass(frozen=True)
+class BuiltModel(Plottable):
+    """A model and the report on how it came about, which it prints.
+
+    ``plot`` draws the bodies with faces and points (:func:`bdamper.plot.plot_import_report`).
+
+    Parameters
+    ----------
+    model : Model
+    sources : mapping of body to str
+        Files and numbers of nodes, elements and equations.
+    faces : tuple of str
+        Figures of each interface.
+    checks : tuple of str
+        Checks made and passed, with figures.
+    missing : tuple of str
+        Quantities that the model does not have, and what to do about it.
+    failed : tuple of str
+        Comparisons with another program that failed.
+    """
+
+    model: Model
+    sources: Mapping[str, str] = field(default_factory=dict)
+    faces: tuple[str, ...] = ()
+    checks: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    failed: tuple[str, ...] = ()
+
+    @property
+    def frequencies(self) -> dict[int, NDArray]:
+        """Frequencies (n_modes,) of the sector, Hz, for each nodal diameter."""
+        return {d: frequencies_of(basis) for d, basis in self.model.bodies["blade"].bases.items()}
+
+    def save(self, path: FilePath) -> None:
+        """Write the model file; the report goes into its provenance."""
+        save_model(self.model, path)
+
+    def __str__(self) -> str:
+        frequencies = []
+        for d, values in self.frequencies.items():
+            shown = "  ".join(f"{f:.6g}" for f in values[:6])
+            frequencies.append(f"{d:4d}  {shown}{'  ...' if len(values) > 6 else ''}  ({len(values)} modes)")
+        parts: dict[str, list[str]] = {
+            "Comparisons that FAILED": [*self.failed],
+            "Read": [f"{name}: {text}" for name, text in self.sources.items()],
+            "Frequencies of the sector, Hz, for each nodal diameter": frequencies,
+        }
+        for free in self.model.bodies.values():
+            if free.centre is None or free.inertia is None:
+                continue
+            moments = np.linalg.eigvalsh(free.inertia)
+            parts[f"Free body {free.name}, recomputed"] = own = [
+                f"mass {free.mass:.6g} kg, centre ({', '.join(f'{c:.6g}' for c in free.centre)}) m",
+                f"principal moments of inertia {', '.join(f'{m:.6g}' for m in moments)} kg m2",
+            ]
+            if len(elastic := frequencies_of(free.bases[0])[6:12]):
+                own.append("elastic modes, Hz: " + "  ".join(f"{f:.6g}" for f in elastic))
+        parts |= {"Interfaces": [*self.faces], "Checks passed": [*self.checks], "Not in this model": [*self.missing]}
+        lines = ["Import report"]
+        for title, texts in parts.items():
+            if texts:
+                lines += ["", title, *(f"  {text}" for text in texts)]
+        return "\n".join(lines)
+
+
+# ---- A model from the finite element bodies of any program ----
 
 
 HARMONICS = 9
@@ -107,7 +240,7 @@ def build_model(
     sector_faces, fixed : (set, set), set, optional
         The two faces at which the sector repeats; found, as ``n_blades`` is, where their meshes match.  Clamped nodes.
     locations, forces : mapping of name to node, position or (body, one of both); to (nodes (n,), forces (n, 3)) or CSV file
-        Where forces act and the response is read; nodal forces on the blade (``bdamper.importers.force_field``).
+        Where forces act and the response is read; nodal forces on the blade (``bdamper.importers.build``).
     engine_order, harmonics, nodal_diameters : int or several, int, sequence of int (0 to N/2), optional
         Nodal diameters of the model, given or as the harmonics of engine orders need them; by default as nine harmonics and
         a march in time do.  0 is always added.
@@ -118,7 +251,7 @@ def build_model(
         One of ``bdamper.importers.UNITS`` or factors; axis of rotation, direction to the blade and a point on the axis, in
         the axes and the unit of length of the files.
     expected_frequencies, strict : mapping of nodal diameter to frequencies (Hz), bool
-        Of another program, compared to 1 %; a comparison that fails, also with modes of a file, warns or (strict) is refused.
+        Of another program, compared to 1 %; a comparison that fails, also with modes of a file, warns; strict refuses.
     check_units : bool
         Whether sizes and densities far from anything built are refused.
     wheel, wheel_shapes : set, LocalSizes, optional

@@ -16,14 +16,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.fem.contact_patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
-from bdamper.fem.element_faces import Facets, area_vectors
-from bdamper.importers.import_tolerances import BOUNDS
+from bdamper.fem.surface import Facets, area_vectors
+from bdamper.importers.fe_body import BOUNDS
 from bdamper.importers.prepared_body import FaceSet, PreparedBody
 from bdamper.model.fields import require
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
 from bdamper.util import validation
-from bdamper.util.short_repr import brief
-from bdamper.util.warn import implausible
+from bdamper.util.errors import implausible
+from bdamper.util.formatting import brief
 
 
 @brief

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.importers.reader_registry import data_lines, parsing
+from bdamper.importers.fe_body import data_lines, parsing
 from bdamper.model.fields import check_all, require
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import mismatch
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import brief
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
 

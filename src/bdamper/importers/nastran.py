@@ -19,10 +19,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.importers.array_files import square_matrix, triangle_to_full
+from bdamper.importers.arrays import square_matrix, triangle_to_full
 from bdamper.importers.deck_keywords import BDF_HARMLESS, BDF_IN_MATRICES, BDF_READ, refuse
-from bdamper.importers.fe_body import ElementKind, FEBody, Modes, by_kind
-from bdamper.importers.reader_registry import Included, check_count, reader
+from bdamper.importers.fe_body import ElementKind, FEBody, Included, Modes, by_kind, check_count, reader
 from bdamper.model.fields import check_all, require
 from bdamper.util.errors import mismatch, needed
 from bdamper.util.storage import FilePath

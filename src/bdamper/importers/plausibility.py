@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.fem.element_faces import N_CORNER, enclosed_volume, twisted
-from bdamper.importers.fe_body import UNITS
-from bdamper.importers.import_tolerances import BOUNDS
+from bdamper.fem.surface import N_CORNER, enclosed_volume, twisted
+from bdamper.importers.fe_body import BOUNDS, UNITS
 from bdamper.importers.prepared_body import PreparedBody
 from bdamper.model.fields import require
-from bdamper.model.rigid_motions import rigid_motions
+from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body
 
 

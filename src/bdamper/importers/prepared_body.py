@@ -18,18 +18,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from bdamper.fem.element_faces import Facets, boundary_facets, facets_on_nodes
-from bdamper.fem.fe_matrices import Structure
 from bdamper.fem.reduced_bodies import PICTURED_MODES
 from bdamper.fem.sector_faces import SectorFaces
-from bdamper.importers.array_files import square_matrix
-from bdamper.importers.fe_body import UNITS, FEBody, Units
-from bdamper.importers.import_tolerances import BOUNDS
-from bdamper.importers.reader_registry import parsing
+from bdamper.fem.surface import Facets, Structure, boundary_facets, facets_on_nodes
+from bdamper.importers.arrays import square_matrix
+from bdamper.importers.fe_body import BOUNDS, UNITS, FEBody, Units, parsing
 from bdamper.model.fields import require
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, mismatch
-from bdamper.util.warn import say
+from bdamper.util.errors import ModelError, mismatch, say
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 NodeSet = str | NDArray | list[int]

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.importers.fe_body import FEBody, by_kind, modes_by_diameter
+from bdamper.importers.fe_body import FEBody, Lines, by_kind, modes_by_diameter, parsing, reader
 from bdamper.importers.measurements import Measurement
-from bdamper.importers.reader_registry import Lines, parsing, reader
 from bdamper.model.fields import require
 from bdamper.util.errors import mismatch, needed
 

@@ -6,11 +6,11 @@ A `BladedDisk` solves a problem whose model has a sector-local basis, for one `M
 
 from bdamper.mistuning.mistuning import DamperVariation as DamperVariation
 from bdamper.mistuning.mistuning import Mistuning as Mistuning
+from bdamper.mistuning.peak import WheelPeak as WheelPeak
 from bdamper.mistuning.peak import WheelPeakOptions as WheelPeakOptions
-from bdamper.mistuning.peak_result import WheelPeak as WheelPeak
+from bdamper.mistuning.sample import Audit as Audit
+from bdamper.mistuning.sample import BestPreload as BestPreload
+from bdamper.mistuning.sample import MistunedSample as MistunedSample
 from bdamper.mistuning.sample import audit_wheels as audit_wheels
 from bdamper.mistuning.sample import mistuned_sample as mistuned_sample
-from bdamper.mistuning.sample_result import Audit as Audit
-from bdamper.mistuning.sample_result import BestPreload as BestPreload
-from bdamper.mistuning.sample_result import MistunedSample as MistunedSample
 from bdamper.mistuning.wheel import BladedDisk as BladedDisk

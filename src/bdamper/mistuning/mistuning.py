@@ -20,7 +20,7 @@ from bdamper.importers.measurements import HEADER, HERTZ, check_unit
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import SettingError, mismatch
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import brief
 from bdamper.util.storage import FilePath, Storable
 from bdamper.util.tables import Column, Tabular
 

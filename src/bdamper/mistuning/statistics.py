@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import amount
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import amount, brief
 
 
 class Interval(NamedTuple):

@@ -14,9 +14,8 @@ from typing import Any, Literal, NamedTuple, cast, get_args, get_origin
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.annotations import declarations
 from bdamper.util.errors import mismatch
-from bdamper.util.validation import Limits
+from bdamper.util.validation import Limits, declarations
 
 SINGLE, ROUNDING = 1e-6, 1e-8
 """Tolerances, relative to the size of the numbers compared: for data of single precision where such data are common

@@ -28,12 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from bdamper.model.rigid_motions import rigid_motions
+from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body, ModalBasis, Model
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, SettingError
-from bdamper.util.short_repr import brief
-from bdamper.util.warn import say
+from bdamper.util.errors import ModelError, SettingError, say
+from bdamper.util.formatting import brief
 
 RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
 """Rigid-body modes of a free body, along and about its own axes: Y along its load, Z along the axis of rotation."""

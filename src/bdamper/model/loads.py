@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.short_repr import plain
+from bdamper.util.formatting import plain
 
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:

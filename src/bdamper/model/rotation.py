@@ -32,7 +32,7 @@ from scipy.optimize import linear_sum_assignment
 from bdamper.model.fields import Data
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.short_repr import brief
+from bdamper.util.formatting import brief
 
 MODAL: Any = ("n_modes", "n_modes"), "field"
 FLEXIBLE: Any = ("n_forces", "n_forces"), "field"

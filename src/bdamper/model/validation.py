@@ -40,11 +40,9 @@ from bdamper.model.fields import (
     require,
 )
 from bdamper.model.kinematics import RIGID_NAMES
-from bdamper.model.local_basis import LocalBasis
-from bdamper.model.rigid_motions import rigid_motions
+from bdamper.model.modal_basis import LocalBasis, rigid_motions
 from bdamper.model.rotation import SpeedBasis, SpinStatic
-from bdamper.model.stress_recovery import StressSet
-from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, turn
+from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
 from bdamper.util.errors import mismatch
 
 N_RIGID = len(RIGID_NAMES)

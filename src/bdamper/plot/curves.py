@@ -1,9 +1,14 @@
-"""Curves over frequency, preload and time, in the style that :mod:`bdamper.plot.axes` describes."""
+"""Curves over frequency, preload and time, in the style that :mod:`bdamper.plot.axes` describes.
+
+The response over frequency and preload as a map, from the whole curves of an optimal curve.
+
+Several results on the same axes: designs, studies, measurements.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -12,6 +17,7 @@ from matplotlib.colors import ListedColormap, LogNorm
 from numpy.typing import NDArray
 
 from bdamper.analyses.hysteresis import Hysteresis
+from bdamper.analyses.sweep import Comparison
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.importers.measurements import Measurement
 from bdamper.plot.axes import (
@@ -22,25 +28,30 @@ from bdamper.plot.axes import (
     OPTIMUM,
     colours,
     drawing,
+    highest_on,
     limit_line,
+    looks,
     new_axes,
     once,
     picture,
     runs,
 )
-from bdamper.plot.column_plot import draw_table
-from bdamper.plot.speed import SPEED
-from bdamper.response.curve import ResponseCurve
-from bdamper.response.march_result import TimeResponse
+from bdamper.plot.contact import OF_WHOLE
+from bdamper.plot.speed_and_fatigue import SPEED
+from bdamper.plot.studies import draw_table
 from bdamper.response.optimal_curve_result import NEAR_BEST, OptimalCurve
-from bdamper.response.rattle_detection import NO_STEADY
-from bdamper.response.sensitivity import CurveSensitivity
-from bdamper.response.setting_derivatives import band
-from bdamper.time_domain.frequency_sweep import TimeSweep
+from bdamper.response.response_curve import NO_STEADY
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.sensitivity import CurveSensitivity, band
+from bdamper.response.verification import TimeResponse
+from bdamper.time_domain.transients import TimeSweep
 from bdamper.util import validation
 from bdamper.util.display import draws
 from bdamper.util.formatting import amount, percent, spaced
 from bdamper.util.tables import label as label_of
+
+# ---- Curves over frequency, preload and time, in the style that  ----
+
 
 MARCHED: dict[str, Any] = {
     "fmt": "D", "color": IN_TIME, "markersize": 4.5, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
@@ -333,3 +344,115 @@ def plot_frequency_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", *
     line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9, "marker": "", **style}
     label = label or f"sweep {'up' if sweep.up else 'down'}, marched in time"
     draw_table(ax, sweep, "frequency", "amplitude", label=label, **line)
+
+
+# ---- The response over frequency and preload as a map, from the whole curves of an optimal curv ----
+
+
+@picture(OptimalCurve, "map")
+def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
+    """Highest response over frequency and preload, the ridge of the optimal curve, and where there are several responses.
+
+    Hatched is where the response curve leads over a frequency more than once, so that several solutions exist there.
+
+    Parameters
+    ----------
+    result : OptimalCurve
+        With its curves, which files of versions before 0.6 do not have.
+    """
+    curves = [curve for curve in result.curves if len(curve)]
+    validation.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
+    low, high = result.settings["frequency"]
+    # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
+    columns = 400
+    frequency = np.linspace(low, high, columns)
+    read = [highest_on(frequency, curve.frequency, curve.amplitude[:, None], curve.branch) for curve in curves]
+    height, count = np.array([best[:, 0] for best, _ in read]), np.array([often for _, often in read])
+    preload = np.array([curve.preload for curve in curves])
+    shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
+    ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
+    if (count > 1).any():
+        ax.contourf(frequency, preload, (count > 1).astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
+        ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
+    ax.plot(result.frequency, result.preload, color=OPTIMUM, label="highest")
+    if np.isfinite(result.optimum.preload):
+        look: dict[str, Any] = {"color": OPTIMUM, "markeredgecolor": "w", "markersize": 11.0, "linestyle": "none"}
+        ax.plot(result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look)
+    ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
+
+
+# ---- Several results on the same axes ----
+
+
+OF: dict[type, tuple[str, dict[str, str]]] = {
+    ResponseCurve: ("frequency", {"amplitude": "amplitude"}),
+    OptimalCurve: ("preload", {"amplitude": "amplitude", "shift": "shift_percent"}),
+    Hysteresis: ("amplitude", {"damping_ratio": "damping_ratio", "stiffness": "stiffness"}),
+}
+"""Of each kind of result the column that it is drawn over, and what can be drawn, by the name of its quantity."""
+OPTIMA = {True: "optimum", False: "least value, not verified"}
+
+
+@picture()
+def plot_together(
+    results: Mapping[str, ResponseCurve] | Mapping[str, OptimalCurve] | Mapping[str, Hysteresis],
+    quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = (),
+) -> None:  # fmt: skip
+    """Several results of one kind on the same axes.
+
+    Stars mark optima, filled where whole response curves have verified them; lines end where there is no value.
+
+    Parameters
+    ----------
+    results : mapping of name to result
+        Response curves over frequency, optimal curves over preload, dissipation over amplitude, or loops of all contacts
+        over the response.
+    quantity : str, optional
+        "amplitude" or "shift" (of frequency) of optimal curves, "damping_ratio" or "stiffness" of dissipation.
+    measured : sequence of Measurement
+        Laid over response curves.
+    """
+    validation.that(
+        isinstance(results, Mapping) and results, "results", "a mapping of one or more names to results", results
+    )
+    kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
+    if kind is None:
+        found = [type(result).__name__ for result in results.values()]
+        kinds = "response curves, optimal curves or hysteresis, all of one kind"
+        raise validation.unfit("results", kinds, found)
+    x, columns = OF[kind]
+    quantity = validation.choice("quantity", quantity or next(iter(columns)), columns)
+    if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
+        raise validation.unfit("measured", "a sequence of Measurement, over response curves", measured)
+    if kind is ResponseCurve:
+        curves = cast(Mapping[str, ResponseCurve], results)
+        plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
+        for one in measured:
+            plot_measurement(one, ax)
+    result: Any
+    for (name, result), look in zip(results.items(), looks(len(results))) if kind is not ResponseCurve else ():
+        if isinstance(result, Hysteresis) and result.single:
+            ax.plot(*result.loop(), **{**look, "marker": ""}, label=name)
+            ax.set(**OF_WHOLE)
+            continue
+        y = columns[quantity]
+        known = np.flatnonzero(np.isfinite(getattr(result, y)))
+        draw_table(ax, result, x, y, **look, markevery=known[:: max(1, len(known) // 8)].tolist(), label=name)
+        ax.set_xscale("log")
+        if isinstance(result, OptimalCurve) and quantity == "amplitude":
+            ax.set_yscale("log")
+            _star(ax, result, look["color"])
+
+
+def _star(ax: Axes, result: OptimalCurve, colour: Any) -> None:
+    """The optimum, if there is one, filled where it is verified, with one name for all in the legend."""
+    o = result.optimum
+    if np.isfinite(o.preload):
+        look = {"color": colour, "markersize": 8.0, "markerfacecolor": colour if o.verified else "w", "linestyle": "none"}
+        ax.plot(o.preload, o.amplitude, marker="*", label=once(ax, OPTIMA[o.verified]), **look)
+
+
+@draws(Comparison)
+def plot_comparison(comparison: Comparison, *arguments: Any, **options: Any) -> Axes:
+    """All results of a comparison on the same axes, as :func:`plot_together` draws them."""
+    return cast(Axes, plot_together(comparison.results, *arguments, **options))

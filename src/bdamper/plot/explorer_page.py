@@ -21,9 +21,9 @@ from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
 from bdamper.plot.curves import PRELOAD, with_optimum
 from bdamper.plot.explorer_worker import FORCE, Answer, Answers, Question
 from bdamper.plot.motion import STATES, LineDrawing
-from bdamper.response.curve import ResponseCurve
-from bdamper.response.march_result import TimeResponse
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
 from bdamper.util.display import draw
 from bdamper.util.errors import needed

@@ -4,7 +4,7 @@ A question is answered in steps: the response curve with one harmonic in long st
 something follows the hand; the curve with all harmonics; the optimal curve; the steady-state amplitude in time at the peak.
 A newer question ends every step but the first.  There is never more than one question waiting.  Where preload and
 excitation keep their ratio, and no gap closes, curves are multiplied and not computed again
-(:mod:`bdamper.plot.force_scaling`).
+(:mod:`bdamper.plot.explorer`).
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ from bdamper.analyses.hysteresis import Hysteresis
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.plot.force_scaling import rescaled_curve, rescaled_optimal
 from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import ResponseCurve
-from bdamper.response.march_result import TimeResponse
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.resonance_interval import peak_interval
+from bdamper.response.peak import peak_interval
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingError, because
 from bdamper.util.progress import LongWork, ended_by
-from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
 
 T = TypeVar("T")
 R = TypeVar("R", ResponseCurve, OptimalCurve)

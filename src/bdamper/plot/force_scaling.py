@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from bdamper.contact.law_codes import LAW_CUBIC
+from bdamper.contact.laws import LAW_CUBIC
 from bdamper.plot.motion import modal_amplitudes
-from bdamper.response.curve import ResponseCurve
 from bdamper.response.optimal_curve_result import Limit, OptimalCurve
+from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.study import Study
 
 

@@ -13,17 +13,15 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.law_codes import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
-from bdamper.contact.user_laws import refuse
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT, refuse
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.sector import segments
-from bdamper.harmonic_balance.study_dispatch import asked
 from bdamper.model.kinematics import RIGID_NAMES, body_axes, principal_axes
 from bdamper.model.structure import Model, turn
 from bdamper.util import validation
-from bdamper.util.errors import SettingError
-from bdamper.util.short_repr import brief
-from bdamper.util.warn import implausible
+from bdamper.util.errors import SettingError, implausible
+from bdamper.util.formatting import brief
 
 LARGEST_DRAWN = 1.0 / 15.0
 """Largest displacement in a line drawing, over the size of the bodies."""

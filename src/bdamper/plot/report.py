@@ -18,17 +18,15 @@ import numpy as np
 from bdamper.analyses.fit import Fitted
 from bdamper.analyses.hysteresis import hysteresis
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import check_result
-from bdamper.harmonic_balance.study_dispatch import Asking, problem_of
+from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import ENDS, NEAR_BEST, OptimalCurve
 from bdamper.response.response_curve import frequency_response
-from bdamper.response.setting_derivatives import peak_sensitivities
+from bdamper.response.sensitivity import peak_sensitivities
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw, draws
-from bdamper.util.errors import needed
+from bdamper.util.errors import COMPLETE, needed, word
 from bdamper.util.formatting import amount, cut, percent, spaced
-from bdamper.util.status import COMPLETE, word
 from bdamper.util.storage import FilePath, check_folder, writing
 
 GOOD, FAIR = 0.05, 0.2

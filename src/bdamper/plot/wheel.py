@@ -11,14 +11,14 @@ from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 from bdamper.mistuning.mistuning import Mistuning
-from bdamper.mistuning.peak_result import WheelPeak
-from bdamper.mistuning.sample_result import MistunedSample
+from bdamper.mistuning.peak import WheelPeak
+from bdamper.mistuning.sample import MistunedSample
 from bdamper.model.structure import Model, turn
 from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, looks, picture
-from bdamper.plot.column_plot import draw_table
-from bdamper.plot.vtu import shown_shapes
-from bdamper.response.curve import ResponseCurve
-from bdamper.response.march_result import TimeResponse
+from bdamper.plot.bodies import shown_shapes
+from bdamper.plot.studies import draw_table
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.verification import TimeResponse
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import amount

@@ -20,10 +20,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.closing_conditions import Plane
-from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equations, norm2
-from bdamper.response.continuation_options import ContinuationOptions, Path, is_drift
-from bdamper.response.events import Events, Step
+from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equations, Plane, norm2
+from bdamper.response.events import ContinuationOptions, Events, Path, Step, is_drift
 
 DRIFTED_OFF = (
     "no periodic solution beyond: the mean position of a free body moves without bound, a mean force drives it and no "

@@ -21,22 +21,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.closing_conditions import Plane
-from bdamper.harmonic_balance.equations import OK, Equations
+from bdamper.harmonic_balance.equations import OK, Equations, Plane
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import MANY_FOLDS
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import ResponseCurve, uninterrupted
-from bdamper.response.peak import AT_END, LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak, same_peak
-from bdamper.response.resonance_interval import peak_interval
+from bdamper.response.events import ContinuationOptions
+from bdamper.response.peak import (
+    AT_END,
+    LOOSEST,
+    Peak,
+    PeakOptions,
+    amplitude_at,
+    coarse_options,
+    find_peak,
+    peak_interval,
+    same_peak,
+)
 from bdamper.response.response_curve import frequency_response
+from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.util import validation
-from bdamper.util.cost import Cost, CostMeter
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, because, word
 from bdamper.util.formatting import height
-from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND, because, word
+from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import typed
-from bdamper.util.threading import one_thread
 
 NEAR = 3e-3
 """Relative, by which a point may lie below the highest and its maximum above: a curve followed coarsely is off by less."""
@@ -225,7 +231,7 @@ class AtPreload:
     slope : float
         d ln(amplitude)/d ln(preload) of that, NaN where it has none, as at a corner, or was not asked for.
     rattles : str
-        Why no steady periodic response is expected, if the curve shows the sign (:mod:`bdamper.response.rattle_detection`).
+        Why no steady periodic response is expected, if the curve shows the sign (:mod:`bdamper.response.response_curve`).
     cost : Cost
     """
 

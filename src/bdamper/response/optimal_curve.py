@@ -4,6 +4,8 @@ The whole response over frequency is followed at each preload, side by side on t
 (:mod:`bdamper.response.highest_peak`).  More curves are followed between preloads where the tangents over the preload say
 that the least value may lie (:mod:`bdamper.response.minimum_search`); on a smooth branch it is found by a root of the
 adjoint derivative first.  Every value, that of the optimum too, is the highest point of a whole curve of its own.
+
+The whole response at one preload as part of an optimal curve, and how a file keeps it.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,23 +26,55 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.highest_peak import REACH, AtPreload, check_options, given_up
+from bdamper.response.events import ContinuationOptions
+from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
 from bdamper.response.minimum_search import Place, agree, least
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
-from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
-from bdamper.response.preload_point import LOST, at_preload
-from bdamper.response.rattle_detection import NO_STEADY
-from bdamper.response.resonance_interval import linear_peak, peak_interval
+from bdamper.response.peak import Family, Peak, PeakOptions, find_peak, linear_peak, peak_interval
+from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
-from bdamper.util.checkpoint_file import ResultsFile
-from bdamper.util.cost import Cost
-from bdamper.util.errors import BdamperError
-from bdamper.util.progress import LongWork, on_executor, stages
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, because
+from bdamper.util.progress import Cost, LongWork, ended_by, on_executor, one_thread, stages
 from bdamper.util.rootfinding import find_root
-from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
-from bdamper.util.threading import one_thread
-from bdamper.util.versions import HERE
+from bdamper.util.storage import HERE, ResultsFile
+
+# ---- The whole response at one preload as part of an optimal curve, and how a file keeps it ----
+
+
+LOST = (ArithmeticError, np.linalg.LinAlgError)
+"""What a solution raises that cannot be computed, as where numbers overflow: one preload is lost by it, no curve."""
+
+
+@one_thread
+def at_preload(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    options: PeakOptions | None = None,
+    budget: int | None = None,
+    stop: Event | None = None,
+) -> AtPreload:
+    """The response at a preload; another thread ends the work by setting ``stop``."""
+    with ended_by(stop or Event()):
+        try:
+            found = found_at(problem, preload, frequency, options=options, budget=budget)
+        except LOST as error:
+            why = f"failed: {type(error).__name__}: {error}"
+            lost = without_points(problem, preload, why, ContinuationOptions(), Cost())
+            found = AtPreload(preload, lost, None, np.nan, "", Cost())
+    curve, slope, why = found.curve, np.nan, ""
+    if found.top is not None:
+        why = rattles(curve, open_at_rest(problem, preload))
+        peak = found.top.peak
+        with suppress(*LOST, BdamperError):  # none at a corner
+            slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
+    light = replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
+    return replace(found, curve=light, slope=slope, rattles=why)
+
+
+# ---- Optimal curve and frequency-shift curve ----
+
 
 BUDGET = 8000
 """Evaluations that a curve may take in the search, the default at an optimum.  Curves with many folds take some 4,000, one

@@ -10,17 +10,14 @@ from numpy.typing import NDArray
 
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.study_dispatch import Asking
-from bdamper.response.convergence_result import Convergence
-from bdamper.response.curve import NOT_IN_TIME, ResponseCurve
-from bdamper.response.march_result import TimeResponse
+from bdamper.harmonic_balance.result_checks import Asking
+from bdamper.response.response_curve_result import NOT_IN_TIME, ResponseCurve
+from bdamper.response.verification import Convergence, TimeResponse
 from bdamper.util import validation
-from bdamper.util.cost import Cost
-from bdamper.util.differences import Comparable
-from bdamper.util.display import Plottable, draw
-from bdamper.util.formatting import amount, height, percent, shares_of, span
-from bdamper.util.short_repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, word
+from bdamper.util.display import Comparable, Plottable, draw
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, word
+from bdamper.util.formatting import amount, brief, height, percent, shares_of, span
+from bdamper.util.progress import Cost
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
 
@@ -130,7 +127,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         preload; followed coarsely, and without their unknowns.
     lowest_steady_preload : float, N
         No steady periodic response is expected up to this preload, by the sign of
-        :mod:`bdamper.response.rattle_detection`: the damper rattles.  There are no values there and nothing was searched
+        :mod:`bdamper.response.response_curve`: the damper rattles.  There are no values there and nothing was searched
         below; 0 where nothing shows it.
     margins : tuple of MarginCurve
         Margins against fatigue along the curve, where they were asked for.

@@ -10,9 +10,11 @@ component of ``t``; in terms of ``t`` the condition stays regular where the curv
 has its maximum just there.
 
 From a near guess, Newton's method to the curve with a secant along it converges to the peak
-(:class:`~bdamper.harmonic_balance.closing_conditions.Peak`).  If it fails, :func:`find_peak` takes the steps of a path
+(:class:`~bdamper.harmonic_balance.equations.Peak`).  If it fails, :func:`find_peak` takes the steps of a path
 uphill (:mod:`bdamper.response.continuation`) until ``phi`` changes its sign, and locates the maximum of that step as a
 path does. At a corner of the curve ``phi`` may jump through zero: then the search ends at the corner.
+
+Where a resonance lies: the interval around that of a mode, and linear resonances without contact and all of it stuck.
 """
 
 from __future__ import annotations
@@ -24,21 +26,25 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance import closing_conditions
+from bdamper.contact.static_state import PreloadState
+from bdamper.harmonic_balance import equations
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, STATUS_TEXT, Correction, Equations, norm2
+from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.sector import around
 from bdamper.response.continuation import Follower
-from bdamper.response.continuation_options import AtLeastTwo, ContinuationOptions
-from bdamper.response.curve import NOT_IN_TIME
-from bdamper.response.events import Step
+from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
+from bdamper.response.optimal_curve_result import Limit
+from bdamper.response.response_curve_result import NOT_IN_TIME
 from bdamper.util import validation
-from bdamper.util.cost import Cost
-from bdamper.util.differences import Comparable
-from bdamper.util.display import Fact, Plottable
-from bdamper.util.formatting import height, preloaded
-from bdamper.util.short_repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND, because, word
+from bdamper.util.display import Comparable, Fact, Plottable
+from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, because, word
+from bdamper.util.formatting import brief, height, preloaded
+from bdamper.util.progress import Cost
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
+
+# ---- A resonance peak as the solution of its own equations ----
+
 
 JUMP = 1e3
 """Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
@@ -199,7 +205,7 @@ class _Search:
         self.trials = 0
         self.reason = ""
 
-    def solve(self, y: NDArray, condition: closing_conditions.Condition, tolerance: float = 0.0) -> Correction | None:
+    def solve(self, y: NDArray, condition: equations.Condition, tolerance: float = 0.0) -> Correction | None:
         """Newton's method, to the tolerance of the options or a larger one."""
         self.trials += 1
         options = self.options
@@ -216,7 +222,7 @@ class _Search:
     def newton(self, y: NDArray, tangent: NDArray, curvature: float) -> Correction | None:
         """The peak by Newton's method, which converges if the guess is near enough."""
         options = self.options
-        peak = closing_conditions.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
+        peak = equations.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
         c = self.solve(y, peak)
         if c is None:
             return None
@@ -240,7 +246,7 @@ class _Search:
     def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
         """The curve near a guess."""
         nearby = 1e-6  # residual with which a first point of the curve will do
-        return self.solve(y, closing_conditions.Fixed() if tangent is None else closing_conditions.Plane(tangent), nearby)
+        return self.solve(y, equations.Fixed() if tangent is None else equations.Plane(tangent), nearby)
 
     def in_own_units(self, c: Correction) -> Correction:
         """The same point with the unit of frequency that follows from the direction of the curve there."""
@@ -401,3 +407,87 @@ def coarse_options() -> ContinuationOptions:
 def same_peak(a: Peak, b: Peak) -> bool:
     """Whether two peaks of the same equations agree in frequency and amplitude."""
     return np.allclose((a.frequency, a.amplitude), (b.frequency, b.amplitude), rtol=1e-5, atol=0.0)
+
+
+# ---- Where a resonance lies ----
+
+
+def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:
+    """(modes,) resonances (Hz) of the constrained bodies without contact, and with all that are closed at rest stuck.
+
+    A mode has the lowest stuck resonance above its own that no mode below it has.
+
+    Raises
+    ------
+    SettingError
+        If there are not so many modes.
+    """
+    sector = problem.sector(0.0)
+    basis = sector.bases[1]
+    modes_alone = np.array([c.is_mode for c in basis.coordinates], bool)
+    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0) & modes_alone])
+    if np.any(sector.springs):
+        elastic = sector.linear.modes(None)[0] ** 2
+    validation.require(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
+    free = np.sqrt(elastic[:modes])
+    poles = list(sector.linear.modes(stuck_springs(problem, state, touching=True))[0])
+    stuck = []
+    for w in free:
+        poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
+        stuck.append(poles.pop(0) if poles else w)
+    return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
+
+
+def resonance_interval(problem: Problem, preload: float, mode: int = 1) -> tuple[float, float]:
+    """Frequency interval (Hz) that spans the free and the stuck resonance of one mode of the constrained bodies.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+        Decides which points are closed.
+    mode : int
+        1 for the lowest.
+
+    Raises
+    ------
+    SettingError
+        If there is no such mode.
+    StaticError
+        If there is no static state at the preload.
+    """
+    free, stuck = (float(f[-1]) for f in free_and_stuck(problem, problem.equilibrium(preload), mode))
+    margin = beyond(free, stuck)
+    return max(0.1 * free, free - margin), stuck + margin
+
+
+def beyond(free: float, stuck: float) -> float:
+    """How far an interval goes beyond the free and the stuck resonance between which that of a mode lies."""
+    return 0.1 * free + 0.3 * (stuck - free)
+
+
+def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
+    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none.
+
+    NaN too for the stuck one at a preload without a static state.
+    """
+    if stuck and not problem.static(preload).converged:
+        return Limit(np.nan, np.nan)
+    sector = problem.sector(preload if stuck else 0.0)
+    springs = stuck_springs(problem, problem.static(preload), touching=True) if stuck else None
+    low, high = (2.0 * np.pi * f for f in frequency)
+    poles = sector.linear.resonances((springs,), *around(low, high))
+    tops = [sector.linear.maximum(sector.response_rows[1], springs, w, width) for w, width, _ in poles]
+    within = [top for top in tops if low <= top[0] <= high]
+    omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
+    return Limit(omega / (2.0 * np.pi), amplitude)
+
+
+def peak_interval(
+    problem: Problem, frequency: tuple[float, float] | None, preload: float, mode: int = 1
+) -> tuple[float, float]:
+    """Return the given interval (Hz), or the one around the resonances of a mode at a preload (N)."""
+    mode = validation.whole("mode", mode, least=1)
+    if frequency is None:
+        return resonance_interval(problem, preload, mode)
+    return validation.interval("frequency", frequency)

@@ -2,35 +2,216 @@
 
 From the end where it starts; from the other end if it does not lead through; beyond both ends as far as the free and the
 stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations.
+
+The response curve without a preload: nothing holds the dampers in their seats, so the response is the free one.
+
+A damper that its load presses against its neighbours leaves them against that load.  With its mean position so far off
+that no contact point closes in a cycle, the free response satisfies all equations exactly, wherever beyond that it rests.
+
+Mean positions of free bodies along a curve: where they drift, what does not determine them, why there is none.
+
+A sign that a damper rattles in its seat: hardly closed contacts on a response curve of many folds.
+
+A preload that hardly holds the damper lets it fly for most of the cycle and come down at other instants from one period to
+the next.  Harmonic balance then finds many periodic solutions, which the curve connects by folds, and a march in time from
+the highest of them finds no steady amplitude.
+
+It is a sign, no proof, and it comes late (docs/measured.md, *Where a damper rattles*): on none of the 11 curves of 84 that
+show it does the marched amplitude become steady within 250 periods, and on 18 of the others neither.
+
+What a slow sweep of frequency shows of a response curve: the branch that is kept until it folds or loses its stability.
+
+The sweep begins at one end of the interval, on the lowest stable solution there, and moves along stable points.  Where the
+frequency turns or stability is lost the response jumps to a stable solution at that frequency: the nearest lower one, or
+the nearest higher one if none is lower.  The motion during a jump is not computed, so among several stable solutions the
+response may end on another one.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.law_codes import LAW_BONDED
-from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT
-from bdamper.harmonic_balance.linear_limits import reach
+from bdamper.contact.laws import LAW_BONDED
+from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correction, Equations
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
-from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluation_budget, in_order
+from bdamper.harmonic_balance.sector import Sector, reach
+from bdamper.model.kinematics import Coordinate
+from bdamper.model.structure import Model
+from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluation_budget, first_point, in_order
 from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
-from bdamper.response.continuation_options import ContinuationOptions, Path
-from bdamper.response.curve import ResponseCurve
-from bdamper.response.initial_solution import first_point
-from bdamper.response.mean_position import notes, why_no_solution
-from bdamper.response.rattle_detection import NO_STEADY, open_at_rest, rattles
-from bdamper.response.zero_preload import free_of_contact
+from bdamper.response.events import ContinuationOptions, Path
+from bdamper.response.response_curve_result import ResponseCurve, crossed, free
 from bdamper.util import validation
-from bdamper.util.cost import Cost, CostMeter
-from bdamper.util.errors import SettingError
-from bdamper.util.progress import passes_interrupts_on, progress_bar
-from bdamper.util.status import INCOMPLETE, NOT_FOUND
-from bdamper.util.threading import single_thread
+from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
+from bdamper.util.progress import Cost, CostMeter, passes_interrupts_on, progress_bar, single_thread
+
+# ---- Mean positions of free bodies along a curve ----
+
+
+def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
+    body = model.bodies.get(coordinate.body)  # residual modes belong to none
+    if body is not None and body.mass is not None and coordinate.name in ("TX", "TY", "TZ"):
+        return f"{q / np.sqrt(body.mass):.3g} m"
+    return f"{q:.3g} kg^1/2 m"
+
+
+def notes(
+    system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], points: Sequence[Correction]
+) -> tuple[str, ...]:
+    """Stretches on which the mean position drifts, and mean positions determined by least norm only."""
+    out = []
+    stretches = ((kind, list(pairs)) for kind, pairs in groupby(enumerate(points), key=lambda pair: pair[1].kind))
+    for stretch in (pairs for kind, pairs in stretches if kind == "drift"):
+        (first, point), (_, last) = stretch[0], stretch[-1]
+        a, b = points[max(first - 1, 0)].y, last.y
+        k = int(np.argmax(np.abs((b - a)[: system.n_mean])))
+        c = coordinates[k]
+        out.append(
+            f"{c.body} drifts along {c.name} at {point.y[-1] / TWO_PI:.6g} Hz, where its mean force vanishes: from "
+            f"{_displacement(model, c, a[k])} to {_displacement(model, c, b[k])}"
+        )
+    free = [p for p in points if p.rank_deficiency > 0]
+    if free:
+        some = free[:: max(1, len(free) // 20)]
+        names = sorted({name for p in some for name in neutral_directions(system, coordinates, p.y)})
+        out.append(f"nothing determines the mean along {', '.join(names)} at {len(free)} points: held by least norm")
+    return tuple(out)
+
+
+def neutral_directions(system: Equations[Sector], coordinates: Sequence[Coordinate], y: NDArray) -> list[str]:
+    """Names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
+    n = system.n_mean
+    columns = system.evaluate_at(y)[1][:, :n]
+    size = np.abs(columns).max(axis=0)
+    size = np.where(size > 1e-13 * size.max(), size, size.max())
+    _, s, vt = np.linalg.svd(columns / size)
+    s = np.concatenate([s, np.zeros(n - len(s))])
+    names = []
+    for row in vt[s < 1e-11 * max(s[0], 1e-300)]:
+        k = int(np.argmax(np.abs(row / size)))
+        names.append(f"{coordinates[k].name} of {coordinates[k].body}")
+    return names
+
+
+def why_no_solution(system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray) -> str:
+    """If a free body cannot be in equilibrium where Newton ended: which mean force is left, and what that means."""
+    try:
+        r, J, _ = system.evaluate(y[:-1], y[-1])
+    except FloatingPointError:
+        return ""
+    _, _, share = system.contact(y[:-1])
+    for k, c in enumerate(coordinates):
+        body = model.bodies.get(c.body)  # residual modes belong to none
+        if body is None or body.kind != "free" or not c.name.startswith("T") or body.mass is None:
+            continue
+        force = float(r[k]) * np.sqrt(body.mass)
+        stiff = float(np.abs(J[k]).max())
+        if abs(r[k]) * system.row_scale[k] > 1e-6 and stiff < 1e-9 * float(np.abs(J).max()):
+            if share[:, 4].min() >= 1.0:
+                return (
+                    f"no periodic solution: all contacts of {c.body} are open through the cycle and a static load of "
+                    f"{abs(force):.3g} N acts along {c.name}"
+                )
+            return (
+                f"no periodic solution near here: a mean force of {force:.3g} N along {c.name} drives {c.body}, whatever "
+                "its mean position; it drifts until a constraint plane carries load, and none does"
+            )
+    return ""
+
+
+# ---- A sign that a damper rattles in its seat ----
+
+
+NO_STEADY = "no steady periodic response"
+FOLDS = 14
+"""Turning points of a curve in frequency from which on it is a tangle.  With 12 the same 11 of 84 curves show the sign, but
+an optimal curve ends at 49 N instead of 42 N, and a march at 50 N comes to rest."""
+OPEN = 0.5
+"""Share of the cycle that the contacts are open at the highest response, mean over the friction points that are closed at
+rest: over rotor speed the faces of most points may part before anything vibrates.  Without this
+limit three more of the 84 curves show the sign, and on one of them the marched amplitude is steady."""
+
+
+def open_at_rest(problem: Problem, preload: float) -> float:
+    """Share of the friction points that are open in the static state of a preload."""
+    closed = problem.static(preload).force[problem.friction_points, 2] > 0.0
+    return 1.0 - float(closed.mean()) if closed.any() else 0.0
+
+
+def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
+    """Why no steady periodic response is expected at the preload of a curve; "" without the sign.
+
+    Parameters
+    ----------
+    curve : ResponseCurve
+        Points of different branches are not connected.
+    at_rest : float
+        Share that is open without vibration (:func:`open_at_rest`).
+    """
+    if len(curve) < FOLDS:
+        return ""
+    step = np.sign(np.diff(curve.frequency))[np.diff(curve.branch) == 0]
+    folds = int(np.count_nonzero(np.diff(step[step != 0.0])))
+    opened = float(curve.shares[curve.amplitude.argmax(), 2])
+    if folds < FOLDS or opened - at_rest <= OPEN * (1.0 - at_rest):
+        return ""
+    return f"{folds} folds, and the contacts open for {100.0 * opened:.0f} % of the cycle at the highest response"
+
+
+# ---- The response curve without a preload ----
+
+
+NOTE = "without a preload nothing holds the damper: this is the free response (study.free), with the damper off its seat"
+
+
+def free_of_contact(problem: Problem, frequency: tuple[float, float], options: Any) -> ResponseCurve | None:
+    """The free response as a response curve at no preload, with the dampers away from their seats.
+
+    Parameters
+    ----------
+    problem : Problem
+    frequency : (low, high), Hz
+    options : ContinuationOptions
+
+    Returns
+    -------
+    ResponseCurve or None
+        None where these points do not satisfy the equations: a structure without a loaded damper, surfaces that press each
+        other without a load, springs of a bonded contact, a mean that is held.
+    """
+    system, load = problem.system(0.0), problem.damper_load[0]
+    rigid = problem.static_basis.omega2 == 0.0
+    away = -np.where(rigid, load, 0.0)[: system.n_mean]
+    opening = -(problem.static_basis.G.real[problem.friction_points, 2, : len(away)] @ away)
+    if not (opening.size and opening.min() > 1e-6 * np.abs(opening).max() > 0.0):
+        return None
+    curve = free(problem, frequency)
+    swing = 0.0
+    for l in problem.settings.excited:
+        G, amplitude = problem.bases[l].G[problem.friction_points, 2], system.layout.amplitudes(curve.unknowns, l)
+        swing += np.abs(G @ amplitude.T).max(initial=0.0)
+    overlap = max(0.0, -float(problem.point_gaps[problem.friction_points].min()))
+    unknowns = curve.unknowns.copy()
+    unknowns[:, : len(away)] += (2.0 * swing + overlap) / opening.min() * away
+    residual = np.array([system.error(y) for y in np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])])
+    if not len(curve) or residual.max() > options.tolerance:
+        return None
+    return replace(
+        curve, kind="tracking", unknowns=unknowns, harmonics=system.response(unknowns), residual=residual,
+        rank_deficiency=np.full(len(curve), int(rigid.sum())), reason="the free response", notes=(NOTE,),
+        settings=problem.record(options),
+    )  # fmt: skip
+
+
+# ---- A response curve ----
+
 
 ELASTIC = 1e-3
 """Of the lowest frequency of a curve: resonances below it are rigid motions, or too far away."""
@@ -237,3 +418,129 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
     springs = {name for name, law in problem.settings.law_by_interface().items() if law == LAW_BONDED}
     holders -= {problem.coupling.model.interfaces[name].body_a for name in springs}
     return tuple(body.name for body in problem.model.bodies.values() if body.load is not None and body.name in holders)
+
+
+# ---- What a slow sweep of frequency shows of a response curve ----
+
+
+class Jump(NamedTuple):
+    """Where a sweep leaves one branch for another.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    before, after : float, m
+        Amplitudes; the latter is NaN where no stable solution is known, and the sweep ends.
+    """
+
+    frequency: float
+    before: float
+    after: float
+
+    def __str__(self) -> str:
+        return f"jump at {self.frequency:.6g} Hz from {self.before:.4g} to {self.after:.4g} m"
+
+
+@dataclass(frozen=True)
+class SlowSweep:
+    """Response along a slow sweep of frequency, by :func:`sweep_of`.
+
+    Parameters
+    ----------
+    frequency : (n,) float, Hz
+        In the order of the sweep; twice the same at a jump.
+    amplitude : (n,) float, m
+        Of the harmonic of the excitation.
+    jumps : tuple of Jump
+    point : (n,) int
+        Of the curve; where a jump ends between two points, that of the two which the sweep has not come to yet.
+    """
+
+    frequency: NDArray
+    amplitude: NDArray
+    jumps: tuple[Jump, ...]
+    point: NDArray
+
+
+class _Landing(NamedTuple):
+    """A stable solution between two points of a curve, the next point in the direction of the sweep, and the way there."""
+
+    amplitude: float
+    point: int
+    way: int
+
+
+class _Sweep:
+    """The points of a curve, by a coordinate that rises along the sweep."""
+
+    def __init__(self, sense: float, curve: ResponseCurve) -> None:
+        self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch
+        stable = ~curve.backward if curve.stable is None else np.asarray(curve.stable, bool)
+        self.fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
+        self.held = stable | self.fold  # at a fold itself rounding decides
+        joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:]
+        self.joined = joined & ~(self.fold[:-1] & self.fold[1:])
+
+    def landings(self, x: float) -> list[_Landing]:
+        """Stable solutions from which the sweep can go on, the lowest first: a branch that ends at x is none."""
+        found: list[_Landing] = []
+        # relative difference of amplitudes below which two places of a curve at one frequency are one solution
+        same = 1e-6
+        points, heights = crossed(self.x, self.amplitude, x, self.joined)
+        for i, height in zip(points.tolist(), heights.tolist()):
+            way = 1 if self.x[i + 1] > self.x[i] else -1
+            if max(self.x[i], self.x[i + 1]) > x and all(abs(height - other.amplitude) > same * height for other in found):
+                found.append(_Landing(height, i + 1 if way > 0 else i, way))
+        return sorted(found)
+
+    def onward(self, point: int, way: int) -> int | None:
+        """The next point on the branch, if the sweep can go there."""
+        new = point + way
+        if not 0 <= new < len(self.x) or self.branch[new] != self.branch[point]:
+            return None
+        return new if self.held[new] and self.x[new] >= self.x[point] else None
+
+
+def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
+    """The response that a slow sweep of frequency shows of a response curve.
+
+    Points count as stable by ``curve.stable``, or by the sign between folds where that has not been determined.
+
+    Parameters
+    ----------
+    curve : ResponseCurve
+    direction : {"up", "down"}
+
+    Returns
+    -------
+    SlowSweep
+        Without points where no stable solution is known at the end from which the sweep sets off.
+    """
+    validation.choice("direction", direction, ("up", "down"))
+    sense = 1.0 if direction == "up" else -1.0
+    sweep = _Sweep(sense, curve)
+    options = sweep.landings(float(sweep.x.min())) if len(sweep.x) else []
+    if not options:
+        none = np.zeros(0)
+        return SlowSweep(none, none, (), none.astype(int))
+    here, x = options[0], float(sweep.x.min())
+    places, jumps = [(x, here.amplitude, here.point)], []
+    while True:
+        point: int | None = here.point
+        while point is not None:
+            last = point
+            places.append((float(sweep.x[last]), float(sweep.amplitude[last]), last))
+            point = sweep.onward(last, here.way)
+        x, height, _ = places[-1]
+        if x >= sweep.x.max():
+            break
+        options = sweep.landings(x)
+        lower = [option for option in options if option.amplitude <= height]
+        here = lower[-1] if lower else options[0] if options else _Landing(np.nan, 0, 0)
+        jumps.append(Jump(sense * x, height, here.amplitude))
+        if not options:
+            break
+        places.append((x, here.amplitude, here.point))
+    passed, height_there = np.array([place[:2] for place in places]).T
+    numbers = np.array([place[2] for place in places])
+    return SlowSweep(sense * passed, height_there, tuple(jumps), numbers)

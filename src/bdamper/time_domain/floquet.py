@@ -35,7 +35,15 @@ disturbance then moves it once, into a neighbouring solution with another residu
 left out like any slider at rest.
 
 **The motion itself.**  All this is said of the motion with the harmonics of the solution.  ``with_stability(in_time=True)``
-asks the motion in time next to it (:mod:`bdamper.time_domain.time_domain_labels`).
+asks the motion in time next to it (:mod:`bdamper.time_domain.floquet`).
+
+Stability from the motion in time: does a blade that starts at a solution stay there?
+
+Harmonic balance gives a motion of ``H`` harmonics; the motion that the equations have next to it in time has a sequence of
+stick, slip and separation of its own.  It is started at the solution with a disturbance of every nodal diameter and
+marched until ``bdamper.time_domain.march.judged`` decides (``bdamper.time_domain.transients.verified``).  A damper
+without damping of its own chatters at many points next to separated peaks, without any period; what counts there is the
+amplitude to which this leads, averaged over many periods.
 """
 
 from __future__ import annotations
@@ -46,20 +54,68 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bdamper.contact.law_codes import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
-from bdamper.contact.user_laws import refuse
+from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, refuse
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.response.continuation import TWO_PI
-from bdamper.response.curve import ResponseCurve
 from bdamper.response.response_curve import check_curve
-from bdamper.time_domain.integration import ring_of
-from bdamper.time_domain.time_domain_labels import judged_in_time
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
+from bdamper.time_domain.march import AGREES, BOUNDS, UNDECIDED
+from bdamper.time_domain.transients import march_from, verified
 from bdamper.time_domain.wave_exponents import WaveDisturbances, cycles, rests
 from bdamper.util import validation
-from bdamper.util.cost import CostMeter
-from bdamper.util.threading import one_thread
+from bdamper.util.progress import CostMeter, LongWork, each, one_thread
+
+# ---- Stability from the motion in time ----
+
+
+def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
+    """A curve with stability from the harmonics, judged by the motion in time as well.
+
+    That of the harmonics stays where a point remains undecided, as all do that follow after Ctrl-C.
+
+    Parameters
+    ----------
+    ring : Ring
+        Of the curve's preload.
+    curve : ResponseCurve
+    progress : bool
+    """
+    watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0
+    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
+    stable[~moving] = True
+    ratios = np.where(moving, np.nan, 1.0)
+    with LongWork() as work:
+        for i in each(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
+            verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
+            judged += 1
+            if verdict != UNDECIDED:
+                stable[i], ratios[i] = verdict == AGREES, ratio
+    note = (
+        f"motion in time, amplitude kept to {100.0 * BOUNDS.tolerance:g} %: {judged} of {len(curve)} points judged, "
+        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
+        + (", interrupted by the user" if work.interrupted else "")
+        + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
+    )
+    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
+
+
+def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
+    """Verdict on a solution, and mean amplitude in time over that of the solution."""
+    expected = ring.system.response(u)
+    if not abs(expected[1]) > 0.0:
+        return UNDECIDED, np.nan
+    try:
+        found = verified(march_from(ring, u, omega, BOUNDS.steps), expected)
+    except MarchFailed:
+        return UNDECIDED, np.nan
+    return found.verdict, float(found.amplitude[-BOUNDS.settled :].mean() / found.balance)
+
+
+# ---- Stability of periodic solutions with friction ----
+
 
 NEUTRAL = 1e-6
 """Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
@@ -214,7 +270,7 @@ def with_stability(
     curve : ResponseCurve
         Tracked with this problem.
     in_time : bool
-        Ask the motion in time which solutions a blade keeps (:mod:`bdamper.time_domain.time_domain_labels`): a point is
+        Ask the motion in time which solutions a blade keeps (:mod:`bdamper.time_domain.floquet`): a point is
         stable if the motion that starts there keeps its amplitude to 5 %.  Where it remains
         undecided, or after Ctrl-C, what the other settings find is kept, "as far as the harmonics tell" (``curve.labels``).
     progress : bool

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.law_codes import AFT, LAW_BONDED, LAW_CUBIC
+from bdamper.contact.laws import AFT, LAW_BONDED, LAW_CUBIC
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
@@ -38,9 +38,8 @@ from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.continuation import TWO_PI
 from bdamper.util import validation
-from bdamper.util.cost import Cost
-from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.warn import quiet
+from bdamper.util.errors import BdamperError, SettingError, quiet
+from bdamper.util.progress import Cost
 
 STEPS = 256
 """Steps a period.  Twice as many change the mean amplitude of motions that beat by up to 1 %; with half of them beats are

@@ -9,20 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.continuation_options import ContinuationOptions
-from bdamper.response.curve import ResponseCurve, uninterrupted
-from bdamper.response.march_result import TimeResponse
+from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve import BUDGET
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve import frequency_response
+from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
+from bdamper.response.verification import TimeResponse
 from bdamper.time_domain import steady_amplitude as in_time
 from bdamper.util import validation
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, because
 from bdamper.util.formatting import amount
-from bdamper.util.progress import LongWork, each
-from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
-from bdamper.util.threading import one_thread
+from bdamper.util.progress import LongWork, each, one_thread
 
 
 def time_response(
@@ -83,7 +81,7 @@ def with_time_response(
     Returns
     -------
     OptimalCurve
-        With a ``bdamper.response.march_result.TimeResponse`` for each in ``time_response``, by rising preload, besides
+        With a ``bdamper.response.verification.TimeResponse`` for each in ``time_response``, by rising preload, besides
         those that it had; one that says why where nothing can be marched, none where the curve has no optimum.  After
         Ctrl-C those at the preloads that were not finished say "interrupted".
 

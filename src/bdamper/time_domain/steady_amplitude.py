@@ -29,18 +29,15 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import TWO_PI
-from bdamper.response.curve import ResponseCurve, crossed
-from bdamper.response.march_result import TimeResponse
 from bdamper.response.response_curve import check_curve
+from bdamper.response.response_curve_result import ResponseCurve, crossed
+from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.time_domain.march import March, second_half, to_come
 from bdamper.util import validation
-from bdamper.util.cost import CostMeter
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, SettingError, because
 from bdamper.util.formatting import amount, span
-from bdamper.util.progress import LongWork
-from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
-from bdamper.util.threading import one_thread
+from bdamper.util.progress import CostMeter, LongWork, one_thread
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.contact.law_codes import LAW_BONDED, LAW_CONSTANT, LAW_CUBIC
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_CUBIC
 from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.sector import Sector, segments

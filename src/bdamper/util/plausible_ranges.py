@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.warn import implausible
+from bdamper.util.errors import implausible
 
 Bound = float | Callable[[Any, Any], float]
 """A number, or a function of the sizes of a model and of the key under which a mapping has the value."""

@@ -4,6 +4,14 @@ A result is a frozen dataclass that derives from :class:`Storable` with the name
 dataset, a mapping of names to arrays a group, results within a result groups of their own, and everything else a text in
 JSON; a field that is None is left out.  Reading goes by the annotated types of the fields.  A file says which versions of
 bdamper, NumPy and SciPy made the result.
+
+Which versions of the package and of its numerical libraries a result was made with.
+
+The file in which long work keeps what is finished, so that it can go on when it was interrupted.
+
+Each finished part (a point of a sweep, a scan of an optimal curve) is appended at once, as one line of JSON, and forced to
+disk; work that is killed leaves at most an incomplete last line, which the next run removes.  The first line identifies the
+problem, the settings and the question: a file of other work, or of another version of the package, is refused.
 """
 
 from __future__ import annotations
@@ -12,9 +20,10 @@ import json
 import os
 import secrets
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass
 from functools import partial
+from importlib import metadata
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
@@ -22,8 +31,45 @@ from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 import h5py
 import numpy as np
 
-from bdamper.util.errors import BdamperError, SettingError, shortened
-from bdamper.util.versions import HERE, Versions
+from bdamper.util.errors import BdamperError, SettingError, say, shortened
+from bdamper.util.formatting import cut
+
+# ---- Which versions of the package and of its numerical libraries a result was made with ----
+
+
+@dataclass(frozen=True)
+class Versions:
+    """Versions of bdamper, NumPy and SciPy.
+
+    Parameters
+    ----------
+    bdamper, numpy, scipy : str
+    """
+
+    bdamper: str = "unknown"
+    numpy: str = "unknown"
+    scipy: str = "unknown"
+
+    @classmethod
+    def stored(cls, attributes: Mapping[str, Any]) -> Versions:
+        """Versions stored in the attributes of a file."""
+        names = {name: attributes.get(f"{name}_version") for name in asdict(cls())}
+        return cls(**{name: str(value) for name, value in names.items() if value is not None})
+
+    def attributes(self) -> dict[str, str]:
+        """Versions as attributes of a file."""
+        return {f"{name}_version": version for name, version in asdict(self).items()}
+
+    def __str__(self) -> str:
+        return f"bdamper {self.bdamper}, NumPy {self.numpy}, SciPy {self.scipy}"
+
+
+HERE = Versions(*(metadata.version(name) for name in ("bdamper", "numpy", "scipy")))
+"""Of the running process."""
+
+
+# ---- Files of results ----
+
 
 FilePath = str | os.PathLike[str]
 
@@ -321,3 +367,122 @@ def plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return repr(value)
     raise TypeError(f"expected a number, a text, a list or a mapping, found {type(value).__name__}")
+
+
+# ---- The file in which long work keeps what is finished, so that it can go on when it was inter ----
+
+
+class ResultsFile:
+    """Lines of JSON, the first of which identifies the work.  It is locked until it is closed.
+
+    Parameters
+    ----------
+    path : path
+    header : mapping
+        Compared with the first line of an existing file.
+    work : str
+        What the file belongs to: "sweep", "search for an optimal curve".
+
+    Attributes
+    ----------
+    records : dict of (int or str) to mapping
+        Finished parts by their "index", a number or a name.
+
+    Raises
+    ------
+    BdamperError
+        If another run uses the file, it is not one of this work, or no file can stand there.
+    """
+
+    def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
+        self.path = Path(path)
+        self.header = dict(header)
+        self.expected, self.work = f"a results file of a {work}", work
+        self.records: dict[int | str, dict[str, Any]] = {}
+        self.waiting = b""
+        check_regular(self.path)
+        with writing(self.path):
+            self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+            try:
+                self._lock()
+                self._read()
+            except BaseException:
+                os.close(self.file)
+                raise
+
+    def _lock(self) -> None:
+        try:
+            import fcntl
+        except ImportError:  # no locks of this kind on this system
+            return
+        try:
+            fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise self._refused("a results file of its own", "one that another run uses") from error
+
+    def _refused(self, expected: str, found: str) -> BdamperError:
+        return BdamperError(f"{self.path}: expected {expected}, found {found}")
+
+    def _read(self) -> None:
+        content = b""
+        os.lseek(self.file, 0, os.SEEK_SET)
+        while part := os.read(self.file, 1 << 20):
+            content += part
+        whole = content.rfind(b"\n") + 1
+        lines = content[:whole].splitlines()
+        if not lines:
+            if content and not as_line(self.header).startswith(content[: len(as_line(self.header))]):
+                raise self._refused(self.expected, "something else")
+            os.ftruncate(self.file, 0)
+            self._write(self.header)
+            return
+        try:
+            found = json.loads(lines[0])
+        except ValueError as error:
+            raise self._refused(self.expected, "something else") from error
+        self._compare(found)
+        for number, line in enumerate(lines[1:], 2):
+            try:
+                record = json.loads(line)
+                self.records[record["index"]] = record
+            except (ValueError, KeyError, TypeError) as error:
+                raise self._refused(f"one finished part in line {number}", repr(line[:60])) from error
+        if whole < len(content):  # incomplete, since the run that wrote it was killed
+            os.ftruncate(self.file, whole)
+
+    def _compare(self, found: Any) -> None:
+        if not isinstance(found, dict) or found.get("format") != self.header["format"]:
+            raise self._refused(self.expected, "something else")
+        own, other = (Versions.stored(header).bdamper for header in (self.header, found))
+        if own != other:
+            those = f"those of bdamper {other}, which this version cannot continue"
+            raise self._refused(f"results of bdamper {own}", those)
+        for name, expected in json.loads(as_line(self.header)).items():
+            if name not in HERE.attributes() and found.get(name) != expected:
+                values = f"{cut(json.dumps(found.get(name)), 100)}, here {cut(json.dumps(expected), 100)}"
+                raise self._refused(f"results of this {self.work}", f"those of another one: {name} is {values}")
+
+    def _write(self, *records: Mapping[str, Any]) -> None:
+        self.waiting += b"".join(map(as_line, records))
+        while self.waiting:
+            self.waiting = self.waiting[os.write(self.file, self.waiting) :]
+        os.fsync(self.file)
+
+    def append(self, record: dict[str, Any]) -> None:
+        """Add a finished part and force it to disk; if the disk is full, warn, and write it with the next part."""
+        self.records[record["index"]] = record
+        try:
+            self._write(record)
+        except OSError as error:
+            say(f"{self.path}: expected room for results, found {shortened(error)}; finished results wait in memory")
+
+    def close(self) -> None:
+        """Write parts that wait for room on the disk, if there is some, and close the file."""
+        with suppress(OSError):
+            self._write()
+        os.close(self.file)
+
+
+def as_line(record: Mapping[str, Any]) -> bytes:
+    """One record as a line of JSON."""
+    return json.dumps(record, default=plain).encode() + b"\n"

@@ -27,12 +27,10 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.annotations import declarations
-from bdamper.util.errors import needed
+from bdamper.util.errors import COMPLETE, INTERRUPTED, needed
 from bdamper.util.formatting import PREFIXES, fitting, spaced
-from bdamper.util.status import COMPLETE, INTERRUPTED
-from bdamper.util.storage import FilePath, check_folder, plain, writing
-from bdamper.util.versions import HERE
+from bdamper.util.storage import HERE, FilePath, check_folder, plain, writing
+from bdamper.util.validation import declarations
 
 
 class Column(NamedTuple):

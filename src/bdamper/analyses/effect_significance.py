@@ -1,0 +1,329 @@
+"""Which physical effects one scene calls for.
+
+The *reference* is the study with all effects on that its model allows, whether the study has them or not.  Of each effect
+the advice says what the highest peak of the reference would change if this effect alone were left out, and what that saves:
+
+1. The peak is carried into the study without the effect; one adjoint solution there estimates the change
+   (:mod:`bdamper.analyses.error_estimates`).
+2. Unless the estimate with what it may miss is within the tolerance, the study without the effect has a whole curve of its
+   own, whose highest point is taken.  Where there is none, the change is unknown and the effect is needed.
+3. Effects are left out one after the other, those that save most first, as long as the sum of their changes is within the
+   tolerance.  Small changes may still amount to more together than their sum, so the peak without all of them is computed
+   and compared with that of the reference; until they agree, the effect with the largest change is taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bdamper.analyses.error_estimates import Change, Tops, compare, embed, estimate_change, whole_curve
+from bdamper.harmonic_balance.effects import AXES, SWITCHES, Effects
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.plausibility import check_question
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.util import validation
+from bdamper.util.display import Plottable
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.formatting import amount, brief, percent
+from bdamper.util.progress import one_thread
+from bdamper.util.storage import Storable
+from bdamper.util.tables import Column, Tabular, from_rows
+
+
+@dataclass(frozen=True)
+class EffectRow:
+    """Change of the peak without one effect, and whether the effect is needed.
+
+    Parameters
+    ----------
+    name : str
+        As :meth:`bdamper.Effects.without` takes it.
+    on : bool
+        Whether the study has the effect.
+    amplitude_change, frequency_change : float
+        Relative change of the peak of the reference if this effect alone is left out; NaN if it is not known.
+    uncertainty : float
+        Relative change that an estimate may miss; 0 if the change was computed, infinite if it is not known.
+    source : {"estimated", "computed", "unknown"}
+    work : float
+        Operations of a Newton iteration without the effect, relative to those of the reference.
+    significant : bool
+    reason : str
+        Why the change is not known, or why an effect of a small change is needed.
+    """
+
+    name: str
+    on: bool
+    amplitude_change: float
+    frequency_change: float
+    uncertainty: float
+    source: str
+    work: float
+    significant: bool = True
+    reason: str = ""
+
+    @property
+    def size(self) -> float:
+        """Largest relative change of amplitude or frequency, with what the estimate may miss; infinite if not known."""
+        return Change(self.amplitude_change, self.frequency_change, self.uncertainty).size
+
+    @property
+    def verdict(self) -> str:
+        """Recommended action for the effect in the study."""
+        if self.on:
+            return "keep" if self.significant else "leave out"
+        return "switch on" if self.significant else "stays off"
+
+
+@brief
+@dataclass(frozen=True)
+class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance", version=4):
+    """Change of the peak without each effect, and which effects are needed.
+
+    ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_effect_significance`).
+
+    Parameters
+    ----------
+    preload : float, N
+    interval : (low, high), Hz
+        In which the highest peak was looked for.
+    tolerance : float
+        Relative change of amplitude or frequency of the highest peak that leaving out effects may make in all.
+    amplitude, frequency : float, m, Hz
+        The highest peak of the reference.
+    effects : tuple of EffectRow
+        The largest change first.
+    reference, significant : Effects
+        All effects on, and just those that the scene calls for.
+    amplitude_change, frequency_change : float
+        Relative change of the peak with just the effects needed, computed.
+    work : float
+        Operations of a Newton iteration with just these, relative to those of the reference.
+    notes : tuple of str
+        What else to know of the curve of the reference.
+    """
+
+    preload: float
+    interval: tuple[float, float]
+    tolerance: float
+    amplitude: float
+    frequency: float
+    effects: tuple[EffectRow, ...]
+    reference: Effects
+    significant: Effects
+    amplitude_change: float
+    frequency_change: float
+    work: float
+    notes: tuple[str, ...] = ()
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each effect; changes are relative."""
+        return from_rows(self.effects)
+
+    def __getitem__(self, name: str) -> EffectRow:
+        by_name = {item.name: item for item in self.effects}
+        return by_name[validation.choice("effect", name, by_name)]
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Names of the effects that the scene does not call for."""
+        return tuple(e.name for e in self.effects if not e.significant)
+
+    def _headline(self) -> str:
+        left = ", ".join(self.left_out) or "none"
+        change = f"the peak changes by {percent(self.amplitude_change, True)} at {self.work:.2g} of the work"
+        return (
+            f"At a preload of {amount(self.preload, 'N')} this scene calls for {len(self.effects) - len(self.left_out)} of "
+            f"{len(self.effects)} effects. Without the others ({left}) {change}."
+        )
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows = [("without", "amplitude", "frequency", "may miss", "source", "work", "in the study")]
+        for e in self.effects:
+            changes = percent(e.amplitude_change, True), percent(e.frequency_change, True)
+            state = f"{'on' if e.on else 'off'}: {e.verdict}" + (f" ({e.reason})" if e.reason else "")
+            missed = percent(e.uncertainty) if e.source == "estimated" else ""
+            rows.append((e.name, *changes, missed, e.source, f"{e.work:.2f}", state))
+        changes = percent(self.amplitude_change, True), percent(self.frequency_change, True)
+        return [*rows, ("all left out", *changes, "", "computed", f"{self.work:.2f}", "")]
+
+
+@validation.spelt
+@one_thread
+def effect_significance(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    against: Effects | None = None,
+    tolerance: float = 0.01,
+) -> EffectSignificance:
+    """Change of the highest peak without each effect, and which effects are needed.
+
+    It costs many peaks itself: that of the reference, one for each effect whose change is not small, one or a few to
+    compute what leaving out effects together changes.  It pays where many peaks of like scenes follow.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz
+        Interval in which the highest peak is looked for.
+    against : Effects, optional
+        The reference; by default all that the model allows (:func:`fullest`).  The friction law stays that of the
+        study: it says what is computed.
+    tolerance : float
+        Relative change of amplitude or frequency that leaving out effects may make in all.
+
+    Returns
+    -------
+    EffectSignificance
+
+    Raises
+    ------
+    BdamperError
+        If the reference has no peak there.
+    """
+    preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
+    tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
+    check_question(problem, [preload], frequency)
+    own = Effects.of(problem)
+    effects = fullest(problem) if against is None else validation.instance("against", against, Effects)
+    reference = _Reference(problem.with_effects(effects), effects, preload, frequency)
+    rows = [reference.row(name, own, tolerance) for name in parts(problem, effects)]
+    rows.sort(key=lambda row: -row.size)
+    rows, (amplitude, change) = _chosen(reference, rows, tolerance)
+    significant = effects
+    for row in rows:
+        significant = significant if row.significant else significant.without(row.name)
+    peak, whole = reference.peak, reference.curve
+    notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
+    work = _work(problem.with_effects(significant).system(preload)) / reference.work
+    return EffectSignificance(
+        preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, significant, amplitude, change,
+        work, notes,
+    )  # fmt: skip
+
+
+class _Reference:
+    """The study with all effects on and its highest peak; other studies are compared with it."""
+
+    def __init__(self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]) -> None:
+        self.problem, self.effects, self.preload = problem, effects, preload
+        self.curve = whole_curve(problem, preload, frequency)
+        self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
+        self.work = _work(problem.system(preload))
+
+    def row(self, name: str, own: Effects, tolerance: float) -> EffectRow:
+        """The change of the peak without one effect: estimated, where that is not enough computed."""
+        on = own.without(name) != own
+        leaner = self.problem.with_effects(self.effects.without(name))
+        if not leaner.static(self.preload).converged:
+            return EffectRow(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
+        system, found, source = leaner.system(self.preload), None, "estimated"
+        if self.curve.point_kind[self.peak.index] == "maximum":  # elsewhere the amplitude is not stationary along the curve
+            y = np.append(self.curve.unknowns[self.peak.index], 2.0 * np.pi * self.peak.frequency)
+            found = estimate_change(system, embed(self.problem, leaner, self.preload, y))
+        if found is None or found.size > tolerance:
+            found, source = self.computed(leaner), "computed"
+        why = "" if found.known else found.how
+        source = source if found.known else "unknown"
+        return EffectRow(name, on, *found[:3], source, _work(system) / self.work, reason=why)
+
+    def computed(self, leaner: Problem) -> Change:
+        """Relative change of amplitude and frequency to the highest peak of another study."""
+        return compare(self.problem, leaner, self.preload, self.tops)
+
+
+def _chosen(
+    reference: _Reference, rows: list[EffectRow], tolerance: float
+) -> tuple[list[EffectRow], tuple[float, float]]:
+    """The rows, marked with the effects that can be left out together, and the computed change without all of these."""
+    taken_back = {row.name: reason for row in rows if (reason := _contains_more(reference.effects, row, rows, tolerance))}
+    worth = 0.98  # share of the work of the reference from which on leaving an effect out saves nothing
+    while True:
+        effects, total, out = reference.effects, 0.0, dict[str, EffectRow]()
+        for row in sorted(rows, key=lambda row: row.work):
+            fits = row.name not in taken_back and total + row.size <= tolerance
+            if fits and (row.work < worth or not row.on) and effects.without(row.name) != effects:
+                effects, total = effects.without(row.name), total + row.size
+                out[row.name] = row
+        change = 0.0, 0.0
+        if out:
+            try:
+                change = reference.computed(reference.problem.with_effects(effects))[:2]
+            except BdamperError:
+                change = np.inf, np.inf
+        if max(map(abs, change)) <= tolerance:  # not where it is not known
+            break
+        taken_back[max(out.values(), key=lambda row: row.size).name] = "changes more together with others"
+    marked = []
+    for row in rows:
+        covered = effects.without(row.name) == effects  # by itself or with an effect that contains it
+        reason = row.reason or taken_back.get(row.name, "")
+        if not covered and not reason and row.size <= tolerance:
+            reason = "saves nothing" if row.work >= worth else "the sum would be beyond the tolerance"
+        marked.append(replace(row, significant=not covered, reason="" if covered else reason))
+    return marked, change
+
+
+def _contains_more(effects: Effects, row: EffectRow, rows: list[EffectRow], tolerance: float) -> str:
+    """Whether leaving out an effect leaves out another one that is needed by itself: both may cancel by chance."""
+    without = effects.without(row.name)
+    large = (other.name for other in rows if other is not row and other.size > tolerance)
+    return next((f"contains {name}" for name in large if without.without(name) == without), "")
+
+
+def _work(system: Equations) -> float:
+    """Operations of a Newton iteration, the same on every machine."""
+    return float(system.work[:3].sum())
+
+
+def fullest(problem: Problem) -> Effects:
+    """All effects that the model of a study allows: three harmonics where it has their modes, two elastic damper modes.
+
+    Modes of the blade are those of the study; what more of them would change, :mod:`bdamper.analyses.error_estimates` says.
+    """
+    own = Effects.of(problem)
+    most = 1
+    # of the reference, unless the study or the caller asks for more: each of the many peaks takes some five times as
+    # long with five
+    most_harmonics = 3
+    for l in range(2, most_harmonics + 1):
+        try:
+            problem.coupling.basis(l)
+        except SettingError:
+            break
+        most = l
+    numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
+    on: dict[str, Any] = dict.fromkeys(SWITCHES, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
+    harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
+    least = min(2, problem.settings.most_modes("free"))
+    modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
+    damper_modes: Any = modes if isinstance(own.damper_modes, Mapping) else max(own.damper_modes, least)
+    return replace(own, harmonics=harmonics, damper_modes=damper_modes, **on)
+
+
+def parts(problem: Problem, effects: Effects) -> list[str]:
+    """Names of the single effects among those that are on, as :meth:`Effects.without` takes them, for one model."""
+    points = problem.settings.most_points
+    points = points if effects.contact_points is None else min(points, effects.contact_points)
+    names = ["bias", "variable normal load", "separation"]
+    names += [f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)]  # others have a force
+    if problem.model.n_blades > 1:
+        names.append("harmonic nodal diameters")
+    if any(face.kind == "constraint" for face in problem.model.interfaces.values()):
+        names.append("constraint_planes")
+    if any(body.kind == "free" for body in problem.model.bodies.values()):
+        names += [f"rotation {axis}" for axis in AXES]
+        loaded = any(body.load is not None for body in problem.model.bodies.values())
+        names += [f"translation {axis}" for axis in AXES if not (loaded and axis == "Y")]  # Y is along the preload
+        names.append("damper modes beyond 0")
+    blades = any(body.kind == "constrained" for body in problem.model.bodies.values())
+    names += [f"blade modes beyond {effects.blade_modes // 2}"] if blades and effects.blade_modes > 1 else []
+    names += [f"contact points beyond {points // 2}"] if points > 1 else []
+    return [name for name in names if effects.without(name) != effects]

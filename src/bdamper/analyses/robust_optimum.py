@@ -1,0 +1,411 @@
+"""Optimal curves under uncertainty: percentile bands, and the preload that is best for nearly all of a sample.
+
+Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), from a scrambled Sobol
+sequence, whose averages converge faster than those of independent draws.  The optimal curve of every draw is one point of
+a :func:`bdamper.sweep`, so executors and results files work as they do there.
+
+The preload of the largest margin against fatigue: beside that of the least amplitude, and not always the same.
+
+More preload changes where and how the blade bends, not only how much, and adds to the mean stress.  The margin at a preload
+is that of the highest point of the whole curve there.  Between the preloads of an optimal curve its largest value is found
+as the least amplitude is (:mod:`bdamper.response.minimum_search`), with the slopes from the peak at preloads beside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from bdamper.analyses.sweep import OptimalTask, sweep
+from bdamper.fatigue.criteria import Material
+from bdamper.fatigue.margin import LeastMargin, MarginCurve
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import Asking
+from bdamper.response import response_curve as tracking
+from bdamper.response.minimum_search import Place, least
+from bdamper.response.optimal_curve import Curves, preload_values
+from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.peak import Peak, find_peak
+from bdamper.util import validation
+from bdamper.util.display import Plottable
+from bdamper.util.errors import (
+    COMPLETE,
+    INCOMPLETE,
+    INTERRUPTED,
+    NOT_RUN,
+    BdamperError,
+    SettingError,
+    all_complete,
+    because,
+    word,
+)
+from bdamper.util.formatting import amount, brief
+from bdamper.util.progress import one_thread
+from bdamper.util.storage import Recorded, Storable
+from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
+
+# ---- Optimal curves under uncertainty ----
+
+
+def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
+    """Values of settings drawn from independent distributions, by a scrambled Sobol sequence.
+
+    Parameters
+    ----------
+    distributions : mapping of setting to distribution
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.  For "residual_slip_std" its
+        standard deviation (m), with which every draw gets offsets of its own at all contact points.
+    n : int
+        A power of two.
+    seed : int
+        Equal seeds give equal draws.
+
+    Returns
+    -------
+    mapping of setting to (n,) float
+    """
+    if not isinstance(distributions, Mapping) or not distributions:
+        raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
+    given, distributions = distributions, {k: d for k, d in distributions.items() if k != "residual_slip_std"}
+    for name, distribution in distributions.items():
+        if not callable(getattr(distribution, "ppf", None)):
+            raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
+    n, seed = validation.whole("n", n, least=2), validation.whole("seed", seed)
+    validation.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
+    drawn = {}
+    if "residual_slip_std" in given:
+        spread = validation.number("residual_slip_std", given["residual_slip_std"], least=0.0, unit="m")
+        drawn = {"residual_slip_std": np.full(n, spread), "residual_slip_seed": np.arange(n) + float(n * seed)}
+    unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
+    # keep away from the ends, where a ppf may be infinite
+    unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
+    return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
+
+
+@brief
+@dataclass(frozen=True)
+class RobustOptimum:
+    """The preload at which a percentile of the resonance amplitude over a sample is least.
+
+    Parameters
+    ----------
+    preload : float, N
+    amplitude : float, m
+        The percentile there.
+    percentile : float
+    uncertainty : float
+        Relative half-width of the last bracket of the preload.
+    kind : {"interior", "end"}
+        Whether the preload lies within the range or at one end of it.
+    warnings : int
+        Draws of which the last optimal curve leaves something open; see :attr:`OptimalCurveUncertainty.warnings`.
+    status : str
+        "complete"; "incomplete" if the bracket was not narrowed further, or "interrupted", where the preload is known no
+        better than ``uncertainty``.  With the reason where the executor ended.
+    """
+
+    preload: float
+    amplitude: float
+    percentile: float
+    uncertainty: float
+    kind: str
+    warnings: int = 0
+    status: str = COMPLETE
+
+
+@brief
+@dataclass(frozen=True)
+class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdamper-optimal-curve-uncertainty",
+    row="preload"):
+    """Optimal curves of a sample.
+
+    ``plot`` draws percentile bands (:func:`bdamper.plot.plot_optimal_curve_uncertainty`).
+
+    Parameters
+    ----------
+    preload : (m,) float, N
+    amplitude, frequency : (n, m) float
+        Of each draw, m and Hz; NaN where no peak was found, and of draws that were not run.
+    samples : mapping of setting to (n,) float
+    status : tuple of str
+        Of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`.
+    settings : mapping
+        Of the problem that was varied.
+    model_hash : str
+    warnings : tuple of str
+        What the optimal curve of each draw leaves open, an empty text where it leaves nothing open.
+    """
+
+    preload: Newtons
+    amplitude: Annotated[NDArray, Quantity("m", dims=("draw", ROW))]
+    frequency: Annotated[NDArray, Quantity("Hz", dims=("draw", ROW))]
+    samples: dict[str, NDArray]
+    status: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.amplitude)
+
+    def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
+        """Percentiles over the sample at every preload: (m,) or (len(q), m).
+
+        Draws without a peak at a preload are left out there.
+        """
+        validation.choice("quantity", quantity, ("amplitude", "frequency"))
+        validation.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
+        return np.nanpercentile(getattr(self, quantity), q, axis=0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is an optimal curve of every draw."""
+        return all_complete(self.status)
+
+    def columns(self) -> dict[str, Column]:
+        """Percentiles at each preload; the curves of all draws for xarray."""
+        bands = {
+            f"{name}_{q}": Column(self.percentile(float(q), name), unit)
+            for name, unit in (("amplitude", "m"), ("frequency", "Hz"))
+            for q in (5, 25, 50, 75, 95)
+        }
+        samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
+        return super().columns() | bands | samples
+
+    def _headline(self) -> str:
+        if not np.isfinite(self.amplitude).any():
+            return f"No peak at any preload of {len(self)} draws."
+        _, mid, high = self.percentile([5.0, 50.0, 95.0])
+        k = int(np.nanargmin(high))
+        return (
+            f"At a preload of {amount(self.preload[k], 'N')} 95 % of {len(self)} draws of {', '.join(self.samples)} "
+            f"stay below {amount(high[k], 'm')}, half below {amount(mid[k], 'm')}: least of the preloads tried."
+        )
+
+
+@validation.spelt
+def optimal_curve_uncertainty(
+    study: Asking | Problem,
+    samples: Mapping[str, Sequence[float] | NDArray],
+    preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
+    n: int = 24,
+    *,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    executor: Executor | None = None,
+    resume: str | Path | None = None,
+    progress: bool = False,
+) -> OptimalCurveUncertainty:
+    """Optimal curves of a sample of settings.
+
+    Parameters
+    ----------
+    study : Study
+    samples : mapping of setting to (n_draws,) float
+        From :func:`sample`, or given otherwise.
+    preload, n, frequency, mode
+        As in :func:`bdamper.response.optimal_curve.optimal_curve`; the same preloads serve all draws.
+    executor, resume, progress
+        As in :func:`bdamper.sweep`.
+    """
+    validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
+    validation.require("preload" not in samples, "samples", "settings other than the preload", "'preload'")
+    values = preload_values(preload, n)
+    task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
+    done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
+    nothing = [np.nan] * len(values)
+    return OptimalCurveUncertainty(
+        preload=values,
+        amplitude=np.array([v.get("curve_amplitude", nothing) for v in done.values], float),
+        frequency=np.array([v.get("curve_frequency", nothing) for v in done.values], float),
+        samples={name: np.asarray(column, float) for name, column in samples.items()},
+        status=done.status,
+        settings=done.settings,
+        model_hash=done.model_hash,
+        warnings=done.warnings,
+    )
+
+
+@validation.spelt
+def robust_optimum(
+    study: Asking | Problem,
+    samples: Mapping[str, Sequence[float] | NDArray],
+    preload: tuple[float, float] = (10.0, 25e3),
+    *,
+    percentile: float = 95.0,
+    n: int = 12,
+    tolerance: float = 1e-3,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    executor: Executor | None = None,
+    progress: bool = False,
+) -> RobustOptimum:
+    """The preload that minimises a percentile of the resonance amplitude over a sample.
+
+    Every percentile is taken over peaks computed at that preload, none is interpolated in the preload; the grid is narrowed
+    around its least value until it is as fine as asked for.
+
+    Parameters
+    ----------
+    study : Study
+    samples : mapping of setting to (n_draws,) float
+    preload : (low, high), N
+    percentile : float
+        From 0 to 100.
+    n : int
+        Preloads in a grid, at least 5.
+    tolerance : float
+        Relative, on the preload.
+    frequency, mode, executor, progress
+        As in :func:`optimal_curve_uncertainty`.
+
+    Returns
+    -------
+    RobustOptimum
+        After Ctrl-C that of the last whole grid.
+
+    Raises
+    ------
+    BdamperError
+        If a draw has no peak at any preload of a grid, or the executor ended within the first.
+    KeyboardInterrupt
+        If the first grid was interrupted.
+    """
+    percentile = validation.number("percentile", percentile, least=0.0, most=100.0)
+    n = validation.whole("n", n, least=5)
+    tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
+    ends = preload_values(preload, 2)[[0, -1]]
+    low, high = (float(p) for p in ends)
+    found: RobustOptimum | None = None
+    rounds = 0
+    while True:
+        curve = optimal_curve_uncertainty(
+            study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
+        )
+        left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]
+        if left:
+            if found is None:
+                raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
+            return replace(found, status=f"{INTERRUPTED}{left[0]}")
+        height = np.percentile(curve.amplitude, percentile, axis=0)
+        if not np.isfinite(height).all():
+            bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
+            raise BdamperError(f"robust optimum: draw {bad} has no peak at every preload from {low:g} to {high:g} N")
+        rounds += 1
+        k = int(np.argmin(height))
+        p = curve.preload
+        width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
+        kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
+        warned = sum(bool(w) for w in curve.warnings)
+        status = COMPLETE if width <= tolerance else because(INCOMPLETE, "bracket not narrowed further")
+        found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
+        if width <= tolerance or rounds >= 30:
+            return found
+        low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])
+
+
+# ---- The preload of the largest margin against fatigue ----
+
+
+BESIDE = 1e-3
+"""Relative distance of the preloads at which the slope of a margin is read: peaks to 1e-8 leave 1e-5 of it."""
+AGREES = 0.02
+"""Share by which the least margin of a whole response curve may lie below that of the highest peak."""
+WHERE = {"end": "at the end of the preloads with a value", "unknown": "next to preloads where none is known"}
+"""Of the largest margin, by the kind of place, if it was not refined."""
+
+
+@one_thread
+def best_margin(
+    problem: Problem,
+    /,
+    curve: OptimalCurve,
+    material: Material,
+    **judged: Any,
+) -> MarginCurve:
+    """Margins along an optimal curve, and the preload of the largest, refined between those of the curve.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : OptimalCurve
+        Of this problem.  Where it has the amplitude in time, ``in_time`` has the margin at that amplitude.
+    material : Material
+    **judged
+        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, as :class:`bdamper.fatigue.margin.LeastMargin` has them.
+
+    Returns
+    -------
+    MarginCurve
+        ``best_value`` is the preload, ``best_status`` tells how far it is known.  After Ctrl-C the best at a
+        preload of the curve.
+    """
+    validation.instance("curve", curve, OptimalCurve)
+    judge = LeastMargin(material, **judged)
+    found = judge.along(problem, curve)
+    low, high = curve.settings["frequency"]
+
+    def place(peak: Peak, p: float) -> Place:
+        """Of ln(preload) and less ln(margin), which is no number where the margin is none."""
+        system, beside = problem.system, (p * (1.0 - BESIDE), p * (1.0 + BESIDE))
+        along: dict[str, Any] = {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
+        near = [find_peak(system(q), peak.y, parameter=q, **along) for q in beside]
+        here = _height(judge, problem, peak, p)
+        ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
+        return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(beside[1] / beside[0])))
+
+    def ask(places: Sequence[float]) -> list[Place]:
+        followed = curves.follow([float(np.exp(x)) for x in places])
+        return [place(t.top.peak, t.preload) if t.known and t.top else Place(x, np.inf) for x, t in zip(places, followed)]
+
+    with Curves(problem, (low, high)) as curves:
+        rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
+        places = [place(_peak(problem, curve, k), p) if is_known else Place(np.log(p), np.inf) for k, p, is_known in rows]
+        places, best = least(places, ask, lambda a, b, x: x)
+        kept = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
+        peaks = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
+        tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, kept[p].balance, rtol=1e-3, atol=0.0)]
+    if curves.interrupted:
+        i = found.greatest
+        return replace(found, best_value=found.values[i], best_margin=found.margin[i], best_status=INTERRUPTED)
+    at = places[best.index]
+    preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
+    where = WHERE.get(best.kind, "refined between its neighbours")
+    doubt = _doubt(problem, curve, judge, preload, value)
+    status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
+    in_time = tuple(judge.margins(problem, y, p, kept[p]) for p, y in tops)
+    return replace(found, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
+
+
+def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:
+    value = judge(problem, peak.y[:-1], float(peak.y[-1]), preload)
+    return float(-np.log(value)) if value > 0.0 else np.inf
+
+
+def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:
+    """The highest point of an optimal curve again, with its tangent where it has one."""
+    p = float(curve.preload[i])
+    y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
+    return find_peak(problem.system(p), y, parameter=p)
+
+
+def _doubt(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float) -> str:
+    """What the whole response curve at a preload says against the margin there, empty where it agrees."""
+    low, high = curve.settings["frequency"]
+    whole = tracking.frequency_response(problem, preload, (low, high))
+    if not whole.complete:
+        return f"the response curve there is {whole.status}"
+    try:
+        margins = judge.along(problem, whole)
+    except SettingError as error:
+        return str(error)
+    i = margins.least
+    least, hertz = float(margins.margin[i]), float(whole.frequency[i])
+    if least < (1.0 - AGREES) * value:
+        return f"on the response curve there the margin is {least:.4g} at {hertz:.6g} Hz"
+    return ""

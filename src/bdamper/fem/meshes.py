@@ -1,0 +1,514 @@
+r"""Hexahedral meshes of one sector and of the wedge damper, made of structured blocks.
+
+Every block is a logical box of nodes ``(i, j, k)``: ``i`` across the sector (X), ``j`` outward (Y), ``k``
+along the axis (Z).  Disk and platform use all columns, the shank the middle ones of ``i``, the airfoil the
+middle ones of ``i`` and of ``k``; blocks share the layer of nodes on which they meet, so the mesh conforms.
+
+Airfoil section at the height fraction :math:`\eta`, with :math:`\xi \in [-1, 1]` along the chord and
+:math:`\zeta \in [-1, 1]` through the thickness,
+
+.. math:: x = \kappa(\tfrac13 - \xi^2) + \tfrac12 \zeta\, t(\eta)(1 - \tfrac34 \xi^2),\qquad
+          z = \tfrac12 \xi\, c(\eta),
+
+turned about Y by :math:`\eta` times the twist; chord c, thickness t vary linearly.  Elements have straight
+edges: midside nodes are the midpoints, so that the trilinear map of the eight corners is exact.
+
+Dimensions of the reference sector and of its wedge damper, and the contact planes (paper, Figs. 2 and 3).
+
+Axes of the blade: X tangential (toward the next sector), Y radial, Z along the axis.  One pitch is
+:math:`\gamma = 2\pi/N`.  The rotation
+
+.. math:: R = R_z(-\gamma) = \begin{bmatrix}\cos\gamma & \sin\gamma & 0\\ -\sin\gamma & \cos\gamma & 0\\
+          0 & 0 & 1\end{bmatrix}
+
+turns +Y toward +X, so it carries sector k onto sector k+1.  The axes of the damper are those of the blade
+turned by half a pitch, :math:`Q = R_z(-\gamma/2)`, so that the damper stands between blade 0 and blade 1.
+
+Cross-section of the damper in its own axes (x, y), ``r`` the radius of its ridge, ``w`` the width of the
+ridge, ``l`` the length of a face, ``a`` the angle of the faces from the radial axis, ``h`` the height of its
+body::
+
+            (-w/2, r) ____ (w/2, r)            left face:  p(s) = (-w/2 - s sin a, r - s cos a),  0 <= s <= l
+                     /    \                    right face: its mirror image
+                    /      \
+    p(l) on the left        p(l) on the right
+                   |        |
+                   |________|  h below the eaves
+
+The underside of the platform of blade 0 lies in the plane of the left face and reaches from the edge of the
+platform (``c`` the clearance between two platforms, so ``x = -c/2``) down to the shank.
+
+Stiffness and mass matrices and body-force loads of 20-node hexahedra.
+
+With the shape functions :math:`N_a`, gradients :math:`g_a = \nabla N_a` and the Lamé constants,
+
+.. math:: K_{ai,bj} = \int \lambda g_{ai} g_{bj} + \mu g_{aj} g_{bi} + \mu \delta_{ij}\, g_a\cdot g_b\,dV,
+          \qquad M_{ai,bj} = \delta_{ij} \int \rho N_a N_b\,dV,
+
+integrated with 3 x 3 x 3 Gauss points.  Shape functions, the map and the numbering come from scikit-fem's
+scalar element; the three components of node ``a`` are the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a +
+2``.  Nodes are the corners of the mesh first, in its order, then the midpoints of its edges, in its order.
+
+Parts that the finite element models have in common: interfaces, locations, surfaces, provenance.
+
+Geometric stiffness of 20-node hexahedra under centrifugal load.
+
+With the stress :math:`\sigma` of a displacement :math:`u_s` and the gradients :math:`g_a` of the shape functions,
+
+.. math:: K_{\sigma, ai,bj} = \delta_{ij} \int g_a \cdot \sigma\, g_b\,dV ,
+
+integrated with the 27 points of the stiffness matrix.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import scipy
+import scipy.sparse as sp
+import skfem
+from numpy.typing import NDArray
+from skfem import Basis, ElementHexS2, MeshHex
+
+from bdamper.fem.contact_patches import SQUARE, Patches
+from bdamper.fem.cyclic_symmetry import CyclicSector
+from bdamper.fem.element_stress import lame_constants
+from bdamper.fem.reduced_bodies import PICTURED_MODES, picture_mesh
+from bdamper.fem.rotation import spin_displacement, spin_softening
+from bdamper.fem.sector_faces import no_faces
+from bdamper.fem.surface import Facets, Structure, boundary_facets
+from bdamper.model.structure import Interface, Location, SurfaceMesh, turn
+from bdamper.util import validation
+
+# ---- Dimensions of the reference sector and of its wedge damper, and the contact planes (paper, ----
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elastic material.
+
+    Parameters
+    ----------
+    youngs_modulus : float, Pa
+    poisson_ratio : float
+    density : float, kg/m3
+    """
+
+    youngs_modulus: float = 2.1e11
+    poisson_ratio: float = 0.3
+    density: float = 7850.0
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Dimensions of one sector and of the damper; lengths in m, angles in rad.
+
+    Parameters
+    ----------
+    n_blades : int
+    bore_radius, rim_radius, axial_length : float
+        Disk segment; shank and platform have the same axial length.
+    shank_width : float
+    face_angle : float
+        Angle of the contact faces from the radial axis (alpha = beta).
+    face_length, face_width : float
+        Contact face of the damper along the slope and along the axis.
+    ridge_radius, ridge_width : float
+    damper_body_height : float
+        From the eaves to the flat bottom of the damper.
+    platform_clearance, platform_edge_thickness : float
+    airfoil_height, root_chord, tip_chord, root_thickness, tip_thickness, camber, twist : float
+        The chord lies along the axis at the root and turns by ``twist`` about Y toward the tip.
+    end_gap : float
+        Clearance between each end face of the damper and its axial stop.
+    """
+
+    n_blades: int = 65
+    bore_radius: float = 0.300
+    rim_radius: float = 0.400
+    axial_length: float = 0.040
+    shank_width: float = 0.011
+    face_angle: float = np.pi / 3
+    face_length: float = 0.012
+    face_width: float = 0.036
+    ridge_radius: float = 0.4415
+    ridge_width: float = 0.001
+    damper_body_height: float = 0.00807
+    platform_clearance: float = 0.001
+    platform_edge_thickness: float = 0.003
+    airfoil_height: float = 0.175
+    root_chord: float = 0.034
+    tip_chord: float = 0.028
+    root_thickness: float = 0.013
+    tip_thickness: float = 0.0048
+    camber: float = 0.004
+    twist: float = np.pi / 6
+    end_gap: float = 2.0e-4
+
+    def __post_init__(self) -> None:
+        if self.ridge_width < self.platform_clearance:
+            widths = f"ridge_width {self.ridge_width} m is less than platform_clearance {self.platform_clearance} m"
+            raise ValueError(f"the contact face must lie under the platform: {widths}")
+
+    @property
+    def pitch(self) -> float:
+        """Angle of one sector, rad."""
+        return 2.0 * np.pi / self.n_blades
+
+    def face_points(self, s: NDArray) -> NDArray:
+        """Points (n, 2) of the left face plane in the damper's axes, ``s`` (n,) metres below the ridge."""
+        s, a = np.asarray(s, float), self.face_angle
+        return np.stack([-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1)
+
+    def underside_points(self, s: NDArray) -> NDArray:
+        """The same points (n, 2) in the axes of blade 0: its right underside."""
+        return self.face_points(s) @ turn(0.5 * self.pitch)[:2, :2].T
+
+    @property
+    def underside_range(self) -> tuple[float, float]:
+        """Distances below the ridge at which the underside meets the platform's edge and the shank, m."""
+        edge = 0.5 * (self.platform_clearance - self.ridge_width) / np.sin(self.face_angle)
+        # Along the slope the blade's x falls linearly with s, so one linear equation gives the shank's
+        # corner.
+        x0, x1 = self.underside_points(np.array([0.0, 1.0]))[:, 0]
+        shank = (0.5 * self.shank_width - x0) / (x1 - x0)
+        return float(edge), float(shank)
+
+
+def paper_geometry() -> Geometry:
+    """A sector on which the method of the paper finds what the paper reports in sections 4.1.1 and 4.1.3.
+
+    A stiff shank, a thick blade with little twist and a small damper give the frequency shifts of its Figs 8 and 9;
+    with more twist mode 2 would open the contacts.  All lengths are scaled so that the first frequency without
+    dampers is 263 Hz: its Fig. 16 has the resonance of 5 kN at 308.3 Hz, which the shift of 17.2 % takes there.
+    """
+    lengths: dict[str, Any] = {
+        "bore_radius": 262.144, "rim_radius": 400.0, "axial_length": 35.319, "shank_width": 9.446, "face_length": 10.047,
+        "face_width": 33.705, "ridge_radius": 414.784, "ridge_width": 3.0, "damper_body_height": 4.0,
+        "platform_clearance": 1.0, "platform_edge_thickness": 4.727, "airfoil_height": 170.404, "root_chord": 33.553,
+        "tip_chord": 29.038, "root_thickness": 17.036, "tip_thickness": 9.449, "camber": 1.0, "end_gap": 0.2,
+    }  # fmt: skip
+    scale = 1.369e-3
+    return Geometry(face_angle=0.872094, twist=0.06, **{name: scale * value for name, value in lengths.items()})
+
+
+# ---- Hexahedral meshes of one sector and of the wedge damper, made of structured blocks ----
+
+
+# Local corners in the order in which scikit-fem numbers them.
+
+
+@dataclass(frozen=True)
+class MeshDensity:
+    """Numbers of elements.
+
+    Parameters
+    ----------
+    centre : int
+        Through the thickness of shank and airfoil; even, so that a node lies on the mean line.
+    contact, fillet : int
+        Across each wing of the platform: under the contact face, and from there to the shank.
+    chord : int
+        Along the chord of the airfoil; even.  Disk, shank and platform have two more.
+    disk, shank, platform, airfoil : int
+        Along the radius.
+    damper_face, damper_ridge, damper_height, damper_length : int
+    """
+
+    centre: int
+    contact: int
+    fillet: int
+    chord: int
+    disk: int
+    shank: int
+    platform: int
+    airfoil: int
+    damper_face: int
+    damper_ridge: int
+    damper_height: int
+    damper_length: int
+
+    @classmethod
+    def preset(cls, name: str) -> MeshDensity:
+        """The density called ``"coarse"`` or ``"reference"``."""
+        presets = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
+        return cls(*presets[validation.choice("mesh", name, presets)])
+
+
+def join_blocks(blocks: list[NDArray]) -> MeshHex:
+    """One mesh from structured blocks of node positions.
+
+    Parameters
+    ----------
+    blocks : list of (ni, nj, nk, 3) float, m
+        Positions that two blocks share must be equal to 1e-9 m.
+    """
+    points, cells, start = [], [], 0
+    corners = ((1, 1, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))
+    for block in blocks:
+        shape = block.shape[:3]
+        number = start + np.arange(np.prod(shape)).reshape(shape)
+        ends = [slice(c, n - 1 + c) for c in (0, 1) for n in shape]
+        corner = [number[ends[3 * a], ends[3 * b + 1], ends[3 * c + 2]].ravel() for a, b, c in corners]
+        cells.append(np.array(corner))
+        points.append(block.reshape(-1, 3))
+        start += number.size
+    p, t = np.concatenate(points), np.concatenate(cells, axis=1)
+    _, first, inverse = np.unique(np.round(p / 1e-9).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+    return MeshHex(np.ascontiguousarray(p[first].T), np.ascontiguousarray(inverse.reshape(-1)[t]))
+
+
+def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
+    """Straight interpolation in ``n`` steps between two sheets (ni, nk, 3): a block (ni, n + 1, nk, 3)."""
+    w = np.linspace(0.0, 1.0, n + 1)[None, :, None, None]
+    block = (1.0 - w) * bottom[:, None] + w * top[:, None]
+    block[:, 0], block[:, -1] = bottom, top
+    return block
+
+
+def _airfoil_section(g: Geometry, zeta: NDArray, xi: NDArray, eta: float, root: float) -> NDArray:
+    """Sheet (n_zeta, n_xi, 3) of the airfoil at the height fraction ``eta``, m."""
+    zeta, xi = np.meshgrid(zeta, xi, indexing="ij")
+    chord = g.root_chord + eta * (g.tip_chord - g.root_chord)
+    thickness = g.root_thickness + eta * (g.tip_thickness - g.root_thickness)
+    x = g.camber * (1.0 / 3.0 - xi**2) + 0.5 * zeta * thickness * (1.0 - 0.75 * xi**2)
+    z = 0.5 * xi * chord
+    c, s = np.cos(eta * g.twist), np.sin(eta * g.twist)
+    return np.stack([c * x + s * z, np.full_like(x, root + eta * g.airfoil_height), c * z - s * x], axis=-1)
+
+
+def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
+    """Blocks of disk segment, shank, platform and airfoil of blade 0, in this order."""
+    half = 0.5 * g.pitch
+    xi = np.linspace(-1.0, 1.0, n.chord + 1)
+    zeta = np.linspace(-1.0, 1.0, n.centre + 1)
+    z = np.concatenate([[-0.5 * g.axial_length], 0.5 * g.root_chord * xi, [0.5 * g.axial_length]])
+    nx, nz = n.centre + 1 + 2 * (n.contact + n.fillet), len(z)
+    middle = slice(n.contact + n.fillet, n.contact + n.fillet + n.centre + 1)
+
+    # Underside of the platform, from the left edge over the shank to the right edge.
+    edge, shank = g.underside_range
+    s = np.concatenate(
+        [np.linspace(shank, g.face_length, n.fillet + 1)[:-1], np.linspace(g.face_length, edge, n.contact + 1)]
+    )
+    wing = g.underside_points(s)
+    flat = np.stack([0.5 * g.shank_width * zeta[1:-1], np.full(n.centre - 1, wing[0, 1])], axis=-1)
+    under = np.concatenate([wing[::-1] * [-1.0, 1.0], flat, wing])
+    bottom = np.empty((nx, nz, 3))
+    bottom[..., :2], bottom[..., 2] = under[:, None], z[None]
+
+    # Top of the platform: the root of the airfoil in the middle, straight lines from there to the edges.
+    corner = turn(half)[:2, :2] @ [-0.5 * g.platform_clearance, g.ridge_radius + g.platform_edge_thickness]
+    top = np.empty_like(bottom)
+    top[..., 1] = corner[1]
+    root = _airfoil_section(g, zeta, xi, 0.0, corner[1])
+    root = np.concatenate([root[:, :1], root, root[:, -1:]], axis=1)
+    fraction = ((shank - s) / (shank - edge))[:, None]
+    top[middle, :, 0] = root[..., 0]
+    right, left = slice(middle.stop - 1, None), slice(0, middle.start + 1)
+    top[right, :, 0] = (1.0 - fraction) * root[-1, :, 0] + fraction * corner[0]
+    top[left, :, 0] = ((1.0 - fraction) * root[0, :, 0] - fraction * corner[0])[::-1]
+    top[..., 2] = z
+
+    # Disk: radial columns, spaced at the rim like the columns of the platform.
+    shank_angle = 0.5 * g.shank_width / g.rim_radius
+    wing_angle = shank_angle + fraction[:, 0] * (half - shank_angle)
+    angle = np.concatenate([-wing_angle[::-1], shank_angle * zeta[1:-1], wing_angle])
+    direction = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+    rim, bore = np.empty_like(bottom), np.empty_like(bottom)
+    for sheet, radius in ((rim, g.rim_radius), (bore, g.bore_radius)):
+        sheet[..., :2], sheet[..., 2] = radius * direction[:, None], z[None]
+
+    sections = [_airfoil_section(g, zeta, xi, eta, corner[1]) for eta in np.linspace(0.0, 1.0, n.airfoil + 1)]
+    return [
+        _layers(bore, rim, n.disk),
+        _layers(rim[middle], bottom[middle], n.shank),
+        _layers(bottom, top, n.platform),
+        np.stack(sections, axis=1),
+    ]
+
+
+def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
+    """Disk segment, shank, platform and airfoil of blade 0."""
+    return join_blocks(sector_blocks(g, n))
+
+
+def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
+    """The damper of sector 0 at its place between blade 0 and blade 1, in the axes of blade 0."""
+    left = g.face_points(np.linspace(g.face_length, 0.0, n.damper_face + 1))
+    ridge = np.linspace(-0.5, 0.5, n.damper_ridge + 1)[1:-1] * g.ridge_width
+    roof = np.concatenate([left, np.stack([ridge, np.full_like(ridge, g.ridge_radius)], axis=-1), left[::-1] * [-1.0, 1.0]])
+    z = np.linspace(-0.5, 0.5, n.damper_length + 1) * g.face_width
+    top = np.empty((len(roof), len(z), 3))
+    top[..., :2], top[..., 2] = roof[:, None], z[None]
+    bottom = top.copy()
+    bottom[..., 1] = left[0, 1] - g.damper_body_height
+    return join_blocks([_layers(bottom, top, n.damper_height) @ turn(0.5 * g.pitch).T])
+
+
+# ---- Stiffness and mass matrices and body-force loads of 20-node hexahedra ----
+
+
+def local_order() -> NDArray:
+    """Numbers in scikit-fem of the 20 local nodes in the order of CalculiX and Abaqus."""
+    ours = 2.0 * ElementHexS2().doflocs - 1.0
+    middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
+    layers = ((SQUARE, -1.0), (SQUARE, 1.0), (middles, -1.0), (middles, 1.0), (SQUARE, 0.0))  # on the cube [-1, 1]^3
+    theirs = np.concatenate([np.column_stack([xy, np.full(4, z)]) for xy, z in layers])
+    return np.abs(theirs[:, None] - ours[None]).max(axis=2).argmin(axis=1)
+
+
+@dataclass(frozen=True)
+class Discretisation(Structure):
+    """A meshed body with its matrices.
+
+    Parameters
+    ----------
+    mesh : MeshHex
+    elements : (n_elements, 20) int
+        Nodes of each element in scikit-fem's local order.
+    material : Material
+    """
+
+    mesh: MeshHex
+    elements: NDArray
+    material: Material
+
+    @cached_property
+    def surface(self) -> Facets:
+        """All outer faces."""
+        return boundary_facets((self.elements[:, local_order()],), self.nodes)
+
+
+def discretise(mesh: MeshHex, material: Material) -> Discretisation:
+    """Assemble stiffness and mass of ``mesh``."""
+    basis = Basis(mesh, ElementHexS2(), intorder=5)
+    gradient = np.stack([b[0].grad for b in basis.basis], axis=1)  # (3, 20, n_elements, n_points)
+    value = np.stack([np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis])  # (20, n_elements, n_points)
+    lame, shear = lame_constants(material.youngs_modulus, material.poisson_ratio)
+
+    weighted = (gradient * basis.dx).transpose(2, 0, 1, 3).reshape(mesh.t.shape[1], 60, -1)
+    plain = gradient.transpose(2, 0, 1, 3).reshape(mesh.t.shape[1], 60, -1)
+    h = (weighted @ plain.transpose(0, 2, 1)).reshape(-1, 3, 20, 3, 20)  # int g_ai g_bj
+    k = lame * h + shear * h.transpose(0, 3, 2, 1, 4)
+    trace = shear * np.einsum("eiaib->eab", h)
+    v = value.transpose(1, 0, 2)
+    m = material.density * (v * basis.dx[:, None]) @ v.transpose(0, 2, 1)
+    for i in range(3):
+        k[:, i, :, i, :] += trace
+    k = k.transpose(0, 2, 1, 4, 3)  # node, component, node, component
+
+    elements = basis.element_dofs.T
+    n_nodes = basis.N
+    dof = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), 60)
+    stiffness = sp.coo_matrix(
+        (k.ravel(), (np.repeat(dof, 60, axis=1).ravel(), np.tile(dof, (1, 60)).ravel())), shape=(3 * n_nodes,) * 2
+    ).tocsr()
+    scalar = sp.coo_matrix(
+        (m.ravel(), (np.repeat(elements, 20, axis=1).ravel(), np.tile(elements, (1, 20)).ravel())), shape=(n_nodes,) * 2
+    )
+    mass = sp.kron(scalar, sp.identity(3), format="csr")
+    # Rounding leaves a trace of asymmetry, which the Hermitian solvers would only carry along.
+    stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
+    return Discretisation(basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material)
+
+
+# ---- Parts that the finite element models have in common ----
+
+
+def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
+    """Disk segment of ``n_pitches`` pitches, clamped at the bore and at its two cut faces: an acyclic structure."""
+    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
+    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
+    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
+    return CyclicSector(body, no_faces(), clamped, 0)
+
+
+def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = None) -> SurfaceMesh:
+    """Outer surface of a body as quadrilaterals of its corner nodes.
+
+    Parameters
+    ----------
+    body : Discretisation
+    shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
+        Mode shapes that are kept at the nodes of the surface.
+    """
+    kept = {d: columns.reshape(-1, 3, columns.shape[1])[..., : PICTURED_MODES] for d, columns in (shapes or {}).items()}
+    return picture_mesh(body.surface, body.nodes, kept)
+
+
+def interface(
+    name: str, patches: Patches, body_a: str, body_b: str, *, sector_b: int = 0, clearance: float | None = None
+) -> Interface:
+    """Interface with a contact point in each patch: friction without gap, or an axial stop with a clearance (m)."""
+    kind: Literal["friction", "constraint"] = "friction" if clearance is None else "constraint"
+    gap = np.full(len(patches.size), clearance or 0.0)
+    places = (patches.centre.copy(), patches.area, np.array(patches.frame))
+    return Interface(name, kind, body_a, 0, body_b, sector_b, *places, gap)
+
+
+def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
+    """Nodes of the blade at which it is excited and observed: "tip" and "platform" in the middle of the chord,
+    "tip_trailing_edge" and "tip_leading_edge" at its ends (toward +Z and -Z), on the mean line of the airfoil.
+    """
+    top = g.ridge_radius + g.platform_edge_thickness
+    c, s, x, z = np.cos(g.twist), np.sin(g.twist), -2.0 * g.camber / 3.0, 0.5 * g.tip_chord
+    heights = {"tip": top + g.airfoil_height, "platform": top}
+    places = {name: [g.camber / 3.0, y, 0.0] for name, y in heights.items()}
+    for name, end in (("tip_trailing_edge", z), ("tip_leading_edge", -z)):
+        places[name] = [c * x + s * end, heights["tip"], c * end - s * x]
+    return {name: body.nearest_node(np.array(place)) for name, place in places.items()}
+
+
+def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict[str, Location]:
+    """Named nodes of a body as locations."""
+    return {place: Location(place, name, body.nodes[node].copy()) for place, node in nodes.items()}
+
+
+def provenance(source: str, *bodies: Discretisation, over_speed: bool = False) -> dict[str, str]:
+    """Origin of a model: function, programs, date and mesh."""
+    elements = " + ".join(str(body.mesh.t.shape[1]) for body in bodies)
+    return {
+        "source": source,
+        "programs": f"scikit-fem {skfem.__version__}, scipy {scipy.__version__}, numpy {np.__version__}",
+        "date": datetime.date.today().isoformat(),
+        "elements": f"{elements} 20-node hexahedra",
+        "rotor speed": f"0 (stress stiffening and spin softening {'by squared speed' if over_speed else 'left out'})",
+    }
+
+
+# ---- Geometric stiffness of 20-node hexahedra under centrifugal load ----
+
+
+def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_matrix:
+    """Symmetric matrix (3 n_nodes, 3 n_nodes) of the stress by a displacement (3 n_nodes,), linear in it."""
+    basis = Basis(body.mesh, ElementHexS2(), intorder=5)
+    gradient = np.stack([b[0].grad for b in basis.basis])  # (20, 3, n_elements, n_points)
+    moved = displacement.reshape(-1, 3)[body.elements]  # (n_elements, 20, 3)
+    slope = np.einsum("eai,ajep->ijep", moved, gradient, optimize=True)
+    strain = 0.5 * (slope + slope.swapaxes(0, 1))
+    lame, shear = lame_constants(body.material.youngs_modulus, body.material.poisson_ratio)
+    stress = 2.0 * shear * strain + lame * np.einsum("iiep->ep", strain) * np.eye(3)[:, :, None, None]
+    pulled = np.einsum("ijep,bjep->biep", stress * basis.dx, gradient, optimize=True)
+    scalar = np.einsum("aiep,biep->eab", gradient, pulled, optimize=True)
+    rows, columns = np.repeat(body.elements, 20, axis=1).ravel(), np.tile(body.elements, (1, 20)).ravel()
+    matrix = sp.coo_matrix((scalar.ravel(), (rows, columns)), shape=(len(body.nodes),) * 2)
+    matrix = 0.5 * (matrix + matrix.T)
+    return sp.kron(matrix, sp.identity(3), format="csr")
+
+
+def stiffness_per_squared_speed(body: Discretisation, standstill: CyclicSector) -> sp.csr_matrix:
+    """Geometric stiffness less spin softening (3 n_nodes, 3 n_nodes), kg, of a sector with ``body``.
+
+    Parameters
+    ----------
+    body : Discretisation
+    standstill : CyclicSector
+        Of nodal diameter 0, with the stiffness of standstill: it gives the centrifugal stress.
+    """
+    return (geometric_stiffness(body, spin_displacement(standstill)) - spin_softening(body)).tocsr()

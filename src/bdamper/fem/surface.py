@@ -1,0 +1,246 @@
+"""Faces of elements: the quadrilaterals and triangles of which the surface of a body consists.
+
+A facet lists its corners in turn, seen from outside counter-clockwise, then, in elements of second order, the node
+between corners ``c`` and ``c + 1`` for each ``c``.  So 3, 4, 6 and 8 nodes tell the kind.
+
+Programs agree on the order of the corners of tetrahedra, wedges and hexahedra, but not on that of the nodes between them:
+these are found by their positions.  The sense of rotation follows from the element, which lies inside.
+
+The data of a finite element body that a reduction needs: nodes, stiffness and mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+# ---- The data of a finite element body that a reduction needs ----
+
+
+def check(good: object, wrong: str) -> None:
+    """Raise a ValueError that says what is wrong, to which an importer adds of which body."""
+    if not good:
+        raise ValueError(wrong)
+
+
+def hermitian(matrix: NDArray) -> NDArray:
+    """The Hermitian part of a matrix, or of each of several (..., n, n)."""
+    return 0.5 * (matrix + matrix.conj().swapaxes(-1, -2))
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Nodes and matrices; the displacements of node ``a`` are the rows ``3 a``, ``3 a + 1``, ``3 a + 2``.
+
+    Parameters
+    ----------
+    nodes : (n_nodes, 3) float, m
+    stiffness, mass : (3 n_nodes, 3 n_nodes) sparse, N/m and kg
+    """
+
+    nodes: NDArray
+    stiffness: sp.csr_matrix
+    mass: sp.csr_matrix
+
+    @property
+    def n_dof(self) -> int:
+        return 3 * len(self.nodes)
+
+    def dofs(self, nodes: NDArray) -> NDArray:
+        """Degrees of freedom (3 n,) of nodes (n,), grouped by node."""
+        return (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
+
+    def nearest_node(self, position: NDArray) -> int:
+        """The node closest to ``position`` (3,)."""
+        return int(np.argmin(np.linalg.norm(self.nodes - position, axis=1)))
+
+    def body_force(self, density: NDArray) -> NDArray:
+        """Consistent nodal forces (n_nodes, 3) of a force per mass given at the nodes (n_nodes, 3), N.
+
+        The field is interpolated with the shape functions, exactly so if it is linear in the coordinates.
+        """
+        return (self.mass @ np.asarray(density, float).ravel()).reshape(-1, 3)
+
+
+# ---- Faces of elements ----
+
+
+N_CORNER = {4: 4, 10: 4, 6: 6, 15: 6, 8: 8, 20: 8}
+"""Corners of an element with so many nodes."""
+
+FACES = {
+    4: ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
+    6: ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+    8: ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+}
+"""Corners of the faces of elements, in turn; face S1, S2, ... of CalculiX and Abaqus."""
+LEAST_COSINE = 0.1
+"""Of the angle between two corner normals of a face: a cube with the corners of one face turned by one place has 0, the
+most distorted element of the reference sector 0.67."""
+
+
+def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
+    """Whether the corners of hexahedra or wedges stand in another order than the agreed one, in either sense.
+
+    Some face crosses itself or is bent by a right angle then: the normals at its four corners, which look to one side
+    otherwise, do not.
+
+    Parameters
+    ----------
+    corners : (n, 6 | 8) int
+        Repeated ones (collapsed elements) are allowed.
+    nodes : (n_nodes, 3) float
+
+    Returns
+    -------
+    (n,) bool
+    """
+    faces = np.array([face for face in FACES[corners.shape[1]] if len(face) == 4])
+    x = nodes[corners][:, faces]  # (n, faces, 4, 3)
+    normal = np.cross(np.roll(x, -1, axis=2) - x, np.roll(x, 1, axis=2) - x)
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    size = np.ptp(x, axis=(1, 2)).max(axis=1)[:, None, None, None] ** 2
+    unit = np.where(length > 1e-9 * size, normal / np.maximum(length, 1e-300), np.nan)  # a collapsed corner has no normal
+    return np.asarray((np.einsum("efic,efjc->efij", unit, unit) < LEAST_COSINE).any(axis=(1, 2, 3)))
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Faces of elements, grouped by kind.
+
+    Parameters
+    ----------
+    groups : tuple of (n, 3 | 4 | 6 | 8) int arrays
+        Nodes of each facet in the order of the module's docstring.
+    """
+
+    groups: tuple[NDArray, ...]
+
+    def __len__(self) -> int:
+        return sum(len(g) for g in self.groups)
+
+    @property
+    def nodes(self) -> NDArray:
+        """All nodes (n,), once each, ascending."""
+        return np.unique(np.concatenate([g.ravel() for g in self.groups])) if self.groups else np.empty(0, int)
+
+    def each(self) -> list[NDArray]:
+        """The facets one by one."""
+        return [row for group in self.groups for row in group]
+
+    @property
+    def corners(self) -> list[NDArray]:
+        """The corners (n, 3 | 4) of the facets of each group."""
+        return [group[:, : corner_count(group.shape[1])] for group in self.groups]
+
+    def flipped(self) -> Facets:
+        """The same facets seen from the other side."""
+        return Facets(tuple(_reverse(g) for g in self.groups))
+
+
+def corner_count(n_nodes: int) -> int:
+    """Corners of a facet with 3, 4, 6 or 8 nodes."""
+    return {3: 3, 4: 4, 6: 3, 8: 4}[n_nodes]
+
+
+def _reverse(group: NDArray) -> NDArray:
+    n = corner_count(group.shape[1])
+    return np.hstack([group[:, :1], group[:, n - 1 : 0 : -1], group[:, n:][:, ::-1]])
+
+
+def area_vectors(facets: Facets, nodes: NDArray) -> NDArray:
+    """Area times outward normal (n, 3) of each facet (of its corners), m2."""
+    out = []
+    for x in (nodes[corners] for corners in facets.corners):
+        # a triangle is half the parallelogram of two edges, a quadrilateral half that of its diagonals
+        a, b = (x[:, 0], x[:, 1]) if x.shape[1] == 4 else (x[:, 0], x[:, 0])
+        out.append(0.5 * np.cross(x[:, -2] - a, x[:, -1] - b))
+    return np.concatenate(out) if out else np.zeros((0, 3))
+
+
+def enclosed_volume(facets: Facets, nodes: NDArray) -> float:
+    """Volume (m3) inside a closed surface, by the divergence theorem over triangles of its corners."""
+    volume = 0.0
+    for x in (nodes[corners] for corners in facets.corners):
+        for k in range(1, x.shape[1] - 1):
+            volume += float(np.einsum("ij,ij->", x[:, 0], np.cross(x[:, k], x[:, k + 1]))) / 6.0
+    return volume
+
+
+def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
+    """Outer faces of solid elements.
+
+    Parameters
+    ----------
+    elements : sequence of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
+        Node indices, corners in the common order first.  Repeated corners (collapsed elements) are allowed.
+    nodes : (n_nodes, 3) float, m
+
+    Raises
+    ------
+    ValueError
+        If an element has another number of nodes, or a node between two corners cannot be found.
+    """
+    found: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
+    for group in elements:
+        n_node = group.shape[1]
+        check(n_node in N_CORNER, f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
+        n_corner = N_CORNER[n_node]
+        for face in FACES[n_corner]:
+            for element, corner in zip(group, group[:, face]):
+                key = frozenset(corner.tolist())
+                if len(key) >= 3:
+                    found.setdefault(key, []).append((corner, element))
+    facets: dict[int, list[NDArray]] = {}
+    for users in found.values():
+        if len(users) == 1:
+            facet = oriented_facet(*users[0], nodes)
+            facets.setdefault(len(facet), []).append(facet)
+    return Facets(tuple(np.array(facets[n]) for n in sorted(facets)))
+
+
+def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray:
+    """One facet of an element: repeated corners dropped, outward, with the nodes between its corners.
+
+    Parameters
+    ----------
+    corner : (3 | 4,) int
+        Corners of the facet in turn, either way round.
+    element : (4 | 6 | 8 | 10 | 15 | 20,) int
+    nodes : (n_nodes, 3) float
+    """
+    unique = corner[np.r_[True, corner[1:] != corner[:-1]]]
+    if len(unique) > 3 and unique[0] == unique[-1]:
+        unique = unique[:-1]
+    n_corner = N_CORNER[len(element)]
+    inside = nodes[np.unique(element[:n_corner])].mean(axis=0)
+    x = nodes[unique]
+    normal = np.cross(x[1] - x[0], x[2] - x[0]) if len(x) == 3 else np.cross(x[2] - x[0], x[3] - x[1])
+    if normal @ (x.mean(axis=0) - inside) < 0.0:
+        unique, x = unique[::-1], x[::-1]
+    if len(element) == n_corner:
+        return unique
+    between = np.unique(element[n_corner:])
+    middle = 0.5 * (x + np.roll(x, -1, axis=0))
+    length = np.linalg.norm(np.roll(x, -1, axis=0) - x, axis=1)
+    distance = np.linalg.norm(nodes[between][None] - middle[:, None], axis=2)
+    nearest = distance.argmin(axis=1)
+    if np.any(distance.min(axis=1) > 0.3 * length) or len(np.unique(nearest)) < len(nearest):
+        why = "the order of its corners, or a missing node between them, does not fit an element of second order"
+        raise ValueError(f"no node between corners of the element face at {x.mean(axis=0)} m: {why}")
+    return np.concatenate([unique, between[nearest]])
+
+
+def facets_on_nodes(boundary: Facets, wanted: NDArray) -> Facets:
+    """The facets of a surface all of whose corners are among the nodes ``wanted`` (n,)."""
+    wanted = np.asarray(wanted)
+    groups = []
+    for group, corners in zip(boundary.groups, boundary.corners):
+        on = np.isin(corners, wanted).all(axis=1)
+        if on.any():
+            groups.append(group[on])
+    return Facets(tuple(groups))

@@ -1,0 +1,302 @@
+"""Normal loads of interfaces between constrained bodies: shrouds, roots, a platform pressed on the ground.
+
+Such a load is made by interference at assembly.  With the loads ``N`` of the contact points the surfaces approach by
+
+    e = N/kn - v,      K q = -G^T F(T, N),      v = (G q)_n,
+
+when the structure has given way to them, where the friction ``T`` is that of surfaces that stick or slip while the loads
+are put on, and free bodies are not there.  ``e`` takes part in the motion of the contact points,
+``x = G q + P s + s_0`` (:mod:`bdamper.contact.static_state`), as what preload or fixed loads displace.
+
+Contact stiffness of a study: by the method that its settings name, or by the best that its model has the data for.
+
+Contact points that do not separate, or whose friction limit is constant, in terms of the elements of the core.
+
+A point that stays closed has the two-sided normal spring ``n0 + kn v``.  It is the difference of two one-sided ones,
+
+    n0 + kn v = max(n0 + kn v, 0) - max(-n0 - kn v, 0),
+
+so a second point with the opposite normal is added to the first; it carries no force, and takes hardly any time, unless the
+contact would open.  Friction acts where there is pressure, ``|T| <= mu max(n0 + kn v, 0)``.
+
+With a constant friction limit the core has laws of its own, which keep the static normal load and a two-sided normal
+spring.
+
+Friction points that are open in the static state stay open: they are left out.  Bonded points neither open nor slip in any
+case, and remain as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_NORMAL,
+    LAW_SEPARABLE,
+    PointArrays,
+)
+from bdamper.contact.residual_flexibility import ResidualModes
+from bdamper.contact.static_state import OPEN, PreloadState, StaticSystem, static_state
+from bdamper.contact.stiffness import Contact, PerArea, contact_stiffness
+from bdamper.harmonic_balance.settings import Settings
+from bdamper.model.contact_points import united_mean, united_sum
+from bdamper.model.kinematics import Coupling, HarmonicBasis
+from bdamper.model.structure import Interface
+from bdamper.util import validation
+from bdamper.util.errors import ModelError, SettingError, say
+
+# ---- Normal loads of interfaces between constrained bodies ----
+
+
+SMALLEST_SHARE = 1e-3
+"""Share of a damper's load that its rigid-body modes in the study must carry."""
+
+
+def at_points(
+    name: str, value: float | NDArray, face: Interface, whole: Interface, united: Callable[..., NDArray]
+) -> NDArray:
+    """(n_points,) values of one interface.
+
+    Parameters
+    ----------
+    name : str
+        In errors.
+    value : float or (n,) float
+        One for all points, or one for each point of the study or of the model.
+    face, whole : Interface
+        In the study and in the model.
+    united : callable
+        Values of the points of the study from those of the model: ``united(whole, n_points, values)``.
+
+    Raises
+    ------
+    SettingError
+        If they are not finite, or of another number.
+    """
+    if np.ndim(value) == 0:
+        return np.full(face.n_points, validation.number(name, value))
+    values = validation.numbers(name, value)
+    if len(values) == whole.n_points != face.n_points:
+        values = united(whole, face.n_points, values)
+    validation.that(values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values)
+    return values
+
+
+def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
+    """(n_points,) normal loads of interfaces between constrained bodies, NaN where none is given.
+
+    Parameters
+    ----------
+    coupling : Coupling
+    settings : Settings
+    item : {"loads", "constant_loads"}
+        Newtons per newton of preload, or fixed ones.
+    """
+    out = np.full(coupling.n_points, np.nan)
+    for name, load in (getattr(settings, item) or {}).items():
+        if name in coupling.interfaces:
+            face, whole = coupling.model.interfaces[name], settings.model.interfaces[name]
+            values = at_points(f"{item} of '{name}'", load, face, whole, united_sum)
+            out[coupling.rows(name)] = values * face.area / face.area.sum() if np.ndim(load) == 0 else values
+    return out
+
+
+def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray, item: str) -> NDArray:
+    """(n_points, 3) approach of the undeformed surfaces that gives contact points their loads at rest.
+
+    Parameters
+    ----------
+    system : StaticSystem
+        Without the loads.
+    loads : (n_points,) float, N
+        NaN where none is given; a negative one is a gap of ``-N/kn`` at rest.
+    touching : (n_points,) bool
+        Points without a load that touch as they do without it; the others are apart.
+    item : str
+        Name of the loads in errors.
+
+    Raises
+    ------
+    SettingError
+        If a loaded point has no normal stiffness, or there is no state at rest.
+    """
+    out, pressed, kn = np.zeros((len(load_per_preload), 3)), ~np.isnan(load_per_preload), system.kn
+    if not pressed.any():
+        return out
+    expected = "loads of points with a normal stiffness"
+    validation.require((kn[pressed] > 0.0).all(), item, expected, f"one of {kn[pressed].min():g} N/m")
+    apart = ~pressed & ~touching
+    # a normal spring that is all but missing keeps N at its value while the structure moves
+    held = replace(
+        system, own=None, kt=system.kt * ~apart[:, None], kn=np.where(pressed | apart, 1e-12 * kn, kn),
+        n0=np.where(pressed, load_per_preload, np.where(apart, -1.0, system.n0)),
+        bonded=system.bonded & ~apart,
+    )  # fmt: skip
+    state = static_state(held, 0.0)
+    validation.require(state.converged, item, "a structure that can carry them at rest", state.note)
+    out[pressed, 2] = load_per_preload[pressed] / kn[pressed] - (system.G @ state.q)[pressed, 2]
+    return out
+
+
+def gaps(coupling: Coupling, settings: Settings) -> NDArray:
+    """(n_points,) initial distance of the surfaces (m), negative for interference, none where a load is given.
+
+    Parameters
+    ----------
+    coupling : Coupling
+    settings : Settings
+    """
+    given = {} if settings.gap is None else validation.mapping("gap", settings.gap, coupling.interfaces, "interfaces")
+    parts = []
+    for name in coupling.interfaces:
+        face = coupling.model.interfaces[name]
+        gap = face.gap
+        if name in given:
+            gap = at_points(f"gap of '{name}'", given[name], face, settings.model.interfaces[name], united_mean)
+        if settings.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
+            raise SettingError(
+                f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "
+                f"both senses, found {gap.max():.3g} m at the widest of {(gap > 0.0).sum()} points"
+            )
+        parts.append(gap)
+    unloaded = np.isnan(
+        normal_loads(coupling, settings, "load_per_preload") + normal_loads(coupling, settings, "constant_loads")
+    )
+    return np.where(unloaded, np.concatenate(parts), 0.0)
+
+
+def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] | None) -> bool:
+    """Whether a study has the motions along which its preload acts.
+
+    The generalised load on the rigid-body modes that the study has must be at least a thousandth of that on all six:
+    motions across the load carry nothing but rounding.
+
+    Parameters
+    ----------
+    coupling : Coupling
+    settings : Settings
+    shares : mapping of body name to float, optional
+        Newtons on bodies per newton of preload.
+    """
+    found = []
+    for body in coupling.model.bodies.values():
+        loaded = shares is None or shares.get(body.name, 0.0) > 0.0
+        if body.load is None or not np.any(body.load.generalised) or not loaded:
+            continue
+        omega2, kept = body.bases[0].omega2, coupling.modes[body.name]
+        counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
+        load = np.where(counts, body.load.generalised, 0.0)
+        found.append(float(np.linalg.norm(load[kept]) / np.linalg.norm(load)))
+    on_faces = any((settings.load_per_preload or {}).get(name, 0.0) > 0.0 for name in settings.constrained_faces)
+    return min(found, default=float(on_faces)) > SMALLEST_SHARE
+
+
+def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
+    """(n_points, 2) float, m: sliders before any load, drawn with a standard deviation where there is friction."""
+    drawn = np.random.default_rng(seed).standard_normal((len(friction), 2))
+    return np.asarray(spread * drawn * (friction > 0.0)[:, None])
+
+
+# ---- Contact stiffness of a study ----
+
+
+def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Contact:
+    """Contact stiffness by the method asked for, with residual modes if it has any.
+
+    By default residual modes; where the model lacks what they need, what it carries, or unit tractions.
+    """
+    if settings.contact_stiffness is not None:
+        return _contact_by(settings, coupling, friction, settings.contact_stiffness)
+    try:
+        contact = _contact_by(settings, coupling, friction, "residual_modes")
+        for l in sorted({0, *settings.active_harmonics}):
+            _ = contact.residual and contact.residual.basis(l)
+        return contact
+    except (ModelError, SettingError) as error:
+        why = str(error)
+    carried = all(name in settings.model.contact for name in coupling.interfaces)
+    contact = _contact_by(settings, coupling, friction, "model" if carried else "unit_traction")
+    note = (
+        f'contact stiffness "{contact.method}" instead of residual modes ({why}); peaks may be off by tens of per cent, '
+        "which more blade modes would show"
+    )
+    say(note)
+    return replace(contact, note=note)
+
+
+def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, method: Any) -> Contact:
+    given = method
+    if isinstance(method, str) and method == "model":
+        missing = [name for name in coupling.interfaces if name not in settings.model.contact]
+        if missing:
+            raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
+        return Contact({n: coupling.model.contact[n] for n in coupling.interfaces}, method=given)
+    if settings.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
+        # numbers are given for the points of the model
+        whole = method if isinstance(method, Mapping) else dict.fromkeys(coupling.interfaces, method)
+        method = {}
+        for name, k in whole.items():
+            face = settings.model.interfaces[name]
+            values = np.broadcast_to(np.asarray(k, float), (face.n_points, 3))
+            method[name] = united_sum(face, settings.contact_points, values)
+    return replace(contact_stiffness(coupling, method, friction), method=given)
+
+
+# ---- Contact points that do not separate, or whose friction limit is constant, in terms of the  ----
+
+
+CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
+"""The law of constant normal load that replaces each law of variable load."""
+
+
+def without_separation(
+    bases: list[HarmonicBasis], points: PointArrays, state: PreloadState, friction_points: NDArray, *, constant_load: bool
+) -> tuple[list[HarmonicBasis], PointArrays]:
+    """Modes and points under the assumption that the static contact area is kept.
+
+    Parameters
+    ----------
+    bases : list of HarmonicBasis
+    points : PointArrays
+    state : PreloadState
+        Static state: decides which points are closed, and the constant normal load.
+    friction_points : (n_points,) bool
+        The points to which the assumption applies; constraint planes remain one-sided.
+    constant_load : bool
+        The friction limit keeps its static value.
+
+    Returns
+    -------
+    bases, points
+        First the points that are kept, in their order, then the additional ones.
+    """
+    closed = ~(state.status == OPEN).any(axis=1)
+    bonded = points.law == LAW_BONDED
+    keep = np.flatnonzero(closed | bonded | ~friction_points)
+    held = np.flatnonzero(closed & friction_points & ~bonded)
+    if constant_load:
+        kept = points.taken(keep)
+        for i in np.flatnonzero(np.isin(keep, held)):
+            law = int(kept.law[i])
+            kept.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
+        return [replace(b, G=b.G[keep]) for b in bases], replace(kept, load=state.force[keep, 2])
+    source, added = np.concatenate([keep, held]), slice(len(keep), None)
+    # components of the motion that each element of the new system sees, and their sense
+    mask = np.ones((len(source), 3))
+    mask[added] = [-0.0, -0.0, -1.0]
+    new = points.taken(source)
+    new.law[added] = LAW_NORMAL
+    for array in (new.mu, new.kt, new.slider):
+        array[added] = 0.0
+    new.n0[added] *= -1.0
+    new = replace(new, shift=new.shift * mask)
+    return [replace(b, G=b.G[source] * mask[..., None]) for b in bases], new

@@ -1,0 +1,178 @@
+"""Fewer contact points on a face: neighbouring patches are united.
+
+The patches of a face are split by area, along the longer direction first, until there are as many groups as asked for.  A
+group moves with the area-weighted mean ``m = A u`` of its patches, and a force on it is spread over them by ``A^H``: its
+static receptance is ``A R A^H``, and energy is kept.
+
+Initial distance of contact surfaces that do not fit: errors of angle and crowning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from bdamper.model.fields import Kind, Shape, layout
+from bdamper.model.structure import Body, ContactStiffness, Interface, Model, StaticContact
+from bdamper.util import validation
+
+# ---- Fewer contact points on a face ----
+
+
+def group_patches(face: Interface, n_groups: int) -> NDArray:
+    """(n_points,) number of the group of each patch of a face, groups of about equal area."""
+    plane = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
+    label = np.zeros(face.n_points, int)
+
+    def split(members: NDArray, first: int, groups: int) -> None:
+        if groups == 1:
+            label[members] = first
+            return
+        low = groups // 2
+        spread = np.ptp(plane[members], axis=0)
+        order = members[np.lexsort((plane[members, 1 - np.argmax(spread)], plane[members, np.argmax(spread)]))]
+        area = np.cumsum(face.area[order])
+        cut = int(np.argmin(np.abs(area - area[-1] * low / groups))) + 1
+        cut = min(max(cut, low), len(order) - (groups - low))  # no group stays empty
+        split(order[:cut], first, low)
+        split(order[cut:], first + low, groups - low)
+
+    split(np.arange(face.n_points), 0, n_groups)
+    return label
+
+
+class _Groups:
+    """Matrices that average over the groups of one face."""
+
+    def __init__(self, face: Interface, n_groups: int | None) -> None:
+        n = face.n_points
+        reduce = n_groups is not None and n_groups < n and face.kind == "friction"
+        label = group_patches(face, int(n_groups)) if reduce else np.arange(n)  # type: ignore[arg-type]
+        m = int(label.max()) + 1 if n else 0
+        self.sum = np.zeros((m, n))
+        self.sum[label, np.arange(n)] = 1.0
+        self.area = self.sum @ face.area
+        self.mean = self.sum * face.area / self.area[:, None]
+        frames = np.einsum("mp,pij->mij", self.mean, face.frame)
+        self.frame = np.array([scipy.linalg.polar(frame)[0] for frame in frames]).reshape(m, 3, 3)
+        turn = np.einsum("pij,pkj->pik", self.frame[label], face.frame)
+        self.vectors = np.einsum("mp,pij->mipj", self.mean, turn).reshape(3 * m, 3 * n)
+        self.forces = np.einsum("mp,pij->mipj", self.sum, turn).reshape(3 * m, 3 * n)
+        self.face = replace(
+            face, points=self.mean @ face.points, area=self.area, frame=self.frame, gap=self.mean @ face.gap
+        )
+
+
+def unite_contact_points(model: Model, n_points: int) -> Model:
+    """The same structure with at most ``n_points`` contact points on each friction face.
+
+    Parameters
+    ----------
+    model : Model
+    n_points : int
+
+    Returns
+    -------
+    Model
+    """
+    groups = {name: _Groups(face, n_points) for name, face in model.interfaces.items()}
+    return replace(
+        model,
+        interfaces={name: g.face for name, g in groups.items()},
+        bodies={name: _united(body, body, groups) for name, body in model.bodies.items()},
+        contact={name: ContactStiffness(groups[name].sum @ c.stiffness, c.source) for name, c in model.contact.items()},
+        static={
+            name: StaticContact(
+                (groups[name].forces @ s.force.ravel()).reshape(-1, 3),
+                (groups[name].vectors @ s.displacement_a.ravel()).reshape(-1, 3),
+                (groups[name].vectors @ s.displacement_b.ravel()).reshape(-1, 3),
+            )
+            for name, s in model.static.items()
+        },
+        stress={name: _united(s, model.bodies[s.body], groups) for name, s in model.stress.items()},
+    )
+
+
+def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
+    """A record of a body with its contact points united: what depends on them, the annotated types tell by its shape."""
+    if not body.ports:
+        return record
+    A = scipy.linalg.block_diag(*(groups[name].vectors for name, _ in body.ports))
+
+    def mean(x: NDArray, shape: Shape) -> NDArray:
+        if "n_points" in shape:  # vectors at the points
+            x = (A @ x.reshape(A.shape[1], -1)).reshape(-1, 3, *x.shape[2:])
+        for axis in (k for k, size in enumerate(shape) if size == "n_forces"):
+            x = np.swapaxes(np.swapaxes(x, axis, -1) @ A.T, axis, -1)
+        return x
+
+    kind: Kind = type(record)
+    made = {}
+    for item in (item for item in layout(kind) if not item.is_attribute):
+        value: Any = getattr(record, item.name)
+        unite = partial(_united, body=body, groups=groups) if item.is_record else partial(mean, shape=item.data.shape)
+        if value is not None:
+            made[item.name] = {key: unite(part) for key, part in value.items()} if item.keys else unite(value)
+    return replace(record, **made)
+
+
+def united_sum(face: Interface, n_points: int, values: NDArray) -> NDArray:
+    """(n_groups, ...) sums over the groups of a face of values at its patches, (n_points, ...): stiffness, loads."""
+    sums: NDArray = _Groups(face, n_points).sum @ values
+    return sums
+
+
+def united_mean(face: Interface, n_points: int | None, values: NDArray) -> NDArray:
+    """(n_groups,) mean over the groups of a face, by area, of values at its patches, (n_points,): gaps, coefficients."""
+    return values if n_points is None else _Groups(face, n_points).mean @ values
+
+
+# ---- Initial distance of contact surfaces that do not fit ----
+
+
+@validation.spelt
+def face_gap(
+    interface: Interface,
+    *,
+    angle: float = 0.0,
+    axial_angle: float = 0.0,
+    crowning: float = 0.0,
+    axial_crowning: float = 0.0,
+) -> NDArray:
+    """Gap at the contact points of a plane face whose partner is turned against it or crowned.
+
+    Parameters
+    ----------
+    interface : Interface
+    angle, axial_angle : float, rad
+        Slope of the gap along t1, along t2.
+    crowning, axial_crowning : float, m
+        The gap grows quadratically from the middle of the face to its outermost points along t1, along t2 by this height;
+        negative for a hollow face.
+
+    Returns
+    -------
+    (n_points,) float, m
+        Smallest value 0: the surfaces are moved together until they touch.
+
+    Raises
+    ------
+    SettingError
+        If a number is not finite, or an angle beyond 0.1 rad.
+    """
+    validation.instance("interface", interface, Interface, "an Interface, for example model.interfaces['left']")
+    for name, value in (("angle", angle), ("axial_angle", axial_angle)):
+        validation.number(f"misfit {name}", value, least=-0.1, most=0.1, unit="rad")
+    for name, value in (("crowning", crowning), ("axial_crowning", axial_crowning)):
+        validation.number(f"misfit {name}", value, unit="m")
+    away = interface.points - interface.points.mean(axis=0)
+    gap = np.zeros(interface.n_points)
+    for axis, slope, height in ((0, angle, crowning), (1, axial_angle, axial_crowning)):
+        x = np.einsum("ij,ij->i", away, interface.frame[:, axis])
+        gap += np.tan(slope) * x + height * (x / max(float(np.abs(x).max()), 1e-300)) ** 2
+    return gap - gap.min()

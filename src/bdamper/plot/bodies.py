@@ -1,0 +1,242 @@
+"""Bodies, modes and contact points in space.
+
+Export of mode shapes and responses to VTU files, for ParaView (through meshio, extra ``bdamper[viz]``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import asked
+from bdamper.importers.build import BuiltModel
+from bdamper.model.structure import Model
+from bdamper.plot.axes import STYLE, drawing, looks
+from bdamper.plot.motion import VIEW, sectors_shown, surface_motion
+from bdamper.util import validation
+from bdamper.util.display import draws
+from bdamper.util.errors import SettingError, needed
+from bdamper.util.storage import writing
+
+# ---- Export of mode shapes and responses to VTU files, for ParaView (through meshio, extra ``bd ----
+
+
+def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, what: str) -> tuple[str, int]:
+    """Body and nodal diameter whose shapes are shown: those asked for, or the first that the meshes carry."""
+    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
+    body = carriers[0] if body is None and carriers else body
+    validation.require(carriers, what, "a model with mode shapes on the mesh of a body", "none")
+    if body not in carriers:
+        raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
+    modes = model.meshes[body].modes
+    d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
+    validation.require(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
+    return body, d
+
+
+def export_modes(
+    model: Model, path: str | PathLike[str], body: str | None = None, nodal_diameter: int | None = None
+) -> Path:
+    """Write the mode shapes on the surface of a body, one pair of vector fields (real, imaginary) for each mode.
+
+    Parameters
+    ----------
+    model : Model
+    path : path-like
+        Ends with ``.vtu``.
+    body : str, optional
+        The first one that carries shapes by default.
+    nodal_diameter : int, optional
+        The first one that is there by default.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    SettingError
+        If the model carries no such shapes.
+    """
+    meshio = needed("meshio", "export to VTU", "viz")
+    body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
+    mesh = model.meshes[body]
+    frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
+    fields: dict[str, NDArray] = {}
+    for k in range(mesh.modes[d].shape[2]):
+        shape, name = mesh.modes[d][..., k], f"mode {k + 1}, {frequency[k]:.2f} Hz"
+        fields[f"{name}, real"] = np.ascontiguousarray(shape.real)
+        if np.iscomplexobj(shape):
+            fields[f"{name}, imaginary"] = np.ascontiguousarray(shape.imag)
+    with writing(path):
+        meshio.Mesh(mesh.points, [("quad", mesh.quads)], point_data=fields).write(path)
+    return Path(path)
+
+
+@asked
+def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
+    """Write the motion of every body with a surface at one solution: mean, real and imaginary part of the vibration.
+
+    The mean is left out where the mesh has no mode shapes of nodal diameter 0.
+
+    Parameters
+    ----------
+    problem : Problem
+    unknowns : (n_unknowns,) float
+        For example ``curve.unknowns[curve.peak.index]``.
+    folder : path-like
+    name : str
+        Files are called ``<name>_<body>.vtu``.
+
+    Returns
+    -------
+    list of Path
+
+    Raises
+    ------
+    SettingError
+        If the model has no surface, or one without mode shapes at the nodal diameter of the excitation.
+    """
+    if not problem.model.meshes:
+        raise SettingError("export of a response: expected a model with the surface of a body, found none")
+    meshio = needed("meshio", "export to VTU", "viz")
+    out = []
+    for body, motion in surface_motion(problem, unknowns).items():
+        path = Path(folder) / f"{name}_{body}.vtu"
+        mean = {"mean displacement, m": motion.mean} if np.isfinite(motion.mean).all() else {}
+        fields = mean | {
+            "vibration, real, m": np.ascontiguousarray(motion.amplitude.real),
+            "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
+        }
+        quads = problem.model.meshes[body].quads
+        with writing(path):
+            meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
+        out.append(path)
+    return out
+
+
+# ---- Bodies, modes and contact points in space ----
+
+
+Surface = tuple[NDArray, NDArray, Any]
+"""Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
+
+
+def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Draw surfaces of quadrilaterals as seen obliquely from the front, with a bar of the scale.
+
+    The faces of all surfaces are painted from the farthest to the nearest, so that they hide what lies behind them.
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+    ax : matplotlib axes, optional
+        In which surfaces of one call cover those of earlier calls.
+    title : str
+    """
+    top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
+    corners, shades = [], []
+    for place, quads, colour in surfaces:
+        corners.append(seen(place)[quads])
+        values = colour[quads].mean(axis=1) / top if isinstance(colour, np.ndarray) else None
+        shades.append(np.tile(to_rgba(colour), (len(quads), 1)) if values is None else plt.get_cmap("viridis")(values))
+    corner, shade = np.concatenate(corners), np.concatenate(shades)
+    order = np.argsort(corner[..., 2].mean(axis=1))
+    new = ax is None
+    with plt.rc_context(STYLE):
+        ax = plt.subplots(figsize=(4.2, 4.6))[1] if ax is None else ax
+        look = {"edgecolors": "0.35", "linewidths": 0.15}
+        ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]
+        if new:
+            ax.autoscale_view()
+            ax.set(aspect="equal", title=title)
+            ax.set_axis_off()
+            _scale(ax)
+    return ax
+
+
+def seen(points: Any) -> NDArray:
+    """(n, 3) points in the directions of the view, mm: to the right, upward and toward the eye."""
+    return 1e3 * np.asarray(points, float) @ VIEW.T
+
+
+def _scale(ax: Axes) -> None:
+    """A bar of a round length below a picture in mm, and the directions of the axes beside it."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    size = max(right - left, high - low)
+    decade = 10.0 ** np.floor(np.log10(0.3 * size))
+    length, y = decade * max(m for m in (1, 2, 5) if m * decade <= 0.3 * size), low - 0.06 * size
+    ax.plot([left, left + length], [y, y], color="k", linewidth=1.5, solid_capstyle="butt")
+    ax.annotate(f"{length:g} mm", (left, y), xytext=(0, -3), textcoords="offset points", va="top", fontsize=8.0)
+    start = np.array([left + length + 0.2 * size, y])
+    for name, direction in zip("XYZ", VIEW[:2].T):
+        end = start + 0.08 * size * direction
+        ax.plot([start[0], end[0]], [start[1], end[1]], color="k", linewidth=0.9)
+        at = start + 0.11 * size * direction
+        ax.text(float(at[0]), float(at[1]), name, ha="center", va="center", fontsize=7.0)
+
+
+@draws(Model)
+def plot_model(model: Model) -> Axes:
+    """Bodies at rest and contact points by their faces; free bodies over the others, between which they would be hidden."""
+    tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
+    kinds: dict[bool, list[Surface]] = {False: [], True: []}
+    for name, _, turned in sectors_shown(model):
+        mesh, kind = model.meshes[name], model.bodies[name].kind
+        kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
+    validation.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
+    ax = plot_surfaces([*kinds[False], *kinds[True]])
+    if kinds[False] and kinds[True]:
+        plot_surfaces(kinds[True], ax=ax)
+    with drawing(ax, legend=7.0):
+        for (name, face), look in zip(model.interfaces.items(), looks(len(model.interfaces))):
+            ax.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
+    return ax
+
+
+@draws(Model, "plot_mode")
+def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None) -> Axes:
+    """A mode of a constrained body: deformed, coloured by the size of its amplitude.
+
+    Parameters
+    ----------
+    model : Model
+    mode : int
+        From 1.
+    body, nodal_diameter : optional
+        The first that carry shapes.
+
+    Returns
+    -------
+    matplotlib axes
+        The largest displacement is a twelfth of the body's size.
+    """
+    body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
+    mesh = model.meshes[body]
+    mode = validation.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
+    shape = mesh.modes[d][..., mode - 1]
+    scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
+    surfaces = []
+    for name, sector, turned in sectors_shown(model):
+        if name == body:
+            wave = np.exp(2j * np.pi * d * sector / model.n_blades)
+            moved = mesh.points + scale * (shape * wave).real
+            surfaces.append((moved @ turned.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
+    frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
+    return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
+
+
+@draws(BuiltModel)
+def plot_import_report(report: BuiltModel) -> Axes:
+    """Bodies and contact points of the model (:func:`plot_model`)."""
+    return plot_model(report.model)

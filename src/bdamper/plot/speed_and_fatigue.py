@@ -1,0 +1,255 @@
+"""Pictures over rotor speed: Campbell and interference diagrams, crossings, run-up.
+
+Speeds are in revolutions per minute here, as machines show them.
+
+Stress over a cycle, Haigh diagram, margins over a quantity, and the critical location on the body.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from bdamper.analyses.campbell import Campbell
+from bdamper.analyses.sweep import SweepResult
+from bdamper.fatigue.criteria import LINES, von_mises
+from bdamper.fatigue.margin import MarginCurve, Margins
+from bdamper.fatigue.stress_cycle import StressCycle
+from bdamper.harmonic_balance.rotor_speed import RPM
+from bdamper.model.structure import COMPONENTS, Model
+from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, colours, looks, once, picture
+from bdamper.plot.bodies import plot_surfaces, seen
+from bdamper.plot.studies import draw_table
+from bdamper.util import validation
+from bdamper.util.display import draws
+from bdamper.util.errors import SettingError
+from bdamper.util.tables import label as label_of
+
+# ---- Pictures over rotor speed ----
+
+
+SPEED = "Rotor speed (rpm)"
+
+
+@picture(Campbell, size=(5.6, 4.2))
+def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
+    """Campbell diagram: free and stuck frequencies over speed, lines of engine orders, damped crossings.
+
+    Free modes are thin and solid, stuck ones dash-dotted; damped crossings are filled, those of free modes open circles and
+    of stuck ones crosses.
+    """
+    orders = [int(o) for o in campbell.engine_order]
+    diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
+    known = [d for d in diameters if d in campbell.nodal_diameter]
+    rpm, top = campbell.speed * RPM, 1.05 * float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
+    for d, colour in zip(known, colours(len(known))):
+        k, name = campbell.row(d), f"free, nodal diameter {d}" if len(known) < 4 else "free"
+        for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):
+            drawn = ax.plot(rpm, lines, linestyle=style, color=colour, linewidth=0.8)
+            drawn[0].set_label(once(ax, label))
+    _orders(ax, orders, campbell.speed, top)
+    order, _, *both = campbell.met.T
+    for speeds, marker in zip(both, "ox"):
+        place = speeds * RPM, order * speeds / (2.0 * np.pi)
+        ax.plot(*place, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
+    damped = [pair for found in campbell.damped for pair in zip(found.points, found.values)]
+    masses = sorted({at["damper_mass"] for at, _ in damped})
+    for at, value in damped:
+        if value and at["engine_order"] in orders:
+            look = looks(len(masses))[masses.index(at["damper_mass"])]
+            look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
+            look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
+            ax.plot(value["speed"] * RPM, value["frequency"], **look)
+    ax.set(xlabel=SPEED, ylabel="Frequency (Hz)", xlim=(rpm[0], rpm[-1]), ylim=(0.0, top))
+
+
+def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
+    """Lines of engine orders, each with its number where it leaves the picture."""
+    for order in orders:
+        end = min(float(speed[-1]), 2.0 * np.pi * top / order)
+        ax.plot(np.array([0.0, end]) * RPM, [0.0, order * end / (2.0 * np.pi)], color="0.6", linewidth=0.7, zorder=1)
+        place = (0.985 * end * RPM, 0.985 * order * end / (2.0 * np.pi))
+        ax.annotate(f"EO {order}", place, fontsize=6.5, color="0.3", ha="right", va="bottom")
+
+
+@picture(Campbell, "plot_safe")
+def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) -> None:
+    """Interference (SAFE) diagram: modes over nodal diameter at one speed, with the line of the excitation.
+
+    The excitation has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that an order EO meets: a line that is folded
+    back at half the number of blades.  A resonance is where a mode lies on it.
+
+    Parameters
+    ----------
+    campbell : Campbell
+    speed : float, rad/s, optional
+        The nearest of those that the diagram has; the highest by default.
+    """
+    i = len(campbell.speed) - 1 if speed is None else int(np.argmin(np.abs(campbell.speed - speed)))
+    omega, half, d = float(campbell.speed[i]), campbell.n_blades // 2, campbell.nodal_diameter
+    free, stuck = campbell.free[:, i], campbell.stuck[:, i]
+    top = 1.1 * float(np.nanmax(stuck))
+    orders = np.arange(max(int(2.0 * np.pi * top / omega), 1) + 1)
+    places = np.array([campbell.met_by(int(o)) for o in orders])
+    ax.plot(places, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
+    for order in campbell.engine_order.tolist():
+        place = campbell.met_by(order), order * omega / (2.0 * np.pi)
+        if place[1] <= top:
+            ax.plot(*place, "s", color="0.6", markersize=3.0)
+            ax.annotate(f" {order}", place, fontsize=6.5, color="0.3", va="top")
+    for m, look in enumerate(looks(free.shape[1])):
+        look |= {"markersize": 4.0, "linewidth": 0.6}
+        ax.plot(d, free[:, m], **{**look, "linestyle": "-"}, label=f"mode {m + 1}, free")
+        ax.plot(d, stuck[:, m], **{**look, "linestyle": STYLES[1]}, markerfacecolor="w", label=once(ax, "stuck"))
+    ax.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", xlim=(-0.5, min(half, d.max() + 5) + 0.5), ylim=(0.0, top))
+    ax.set_title(f"{omega * RPM:.0f} rpm")
+
+
+@picture(SweepResult, "crossings")
+def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
+    """Amplitude or margin at the crossings over speed, a colour and marker for each mass of the damper.
+
+    Each crossing has its engine order.
+
+    Parameters
+    ----------
+    found : SweepResult
+        As :meth:`bdamper.Study.crossings` returns it.
+    quantity : {"amplitude", "margin"}
+    """
+    validation.choice("quantity", quantity, ("amplitude", "margin"))
+    value, speed, mass = (found.array(name) for name in (quantity, "speed", "mass"))
+    if quantity == "margin" and not np.isfinite(value).any():
+        raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")
+    for omega, height, own, look in zip(speed, value, mass, looks(len(value))):
+        look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(own):.3g} g"}
+        ax.plot(omega * RPM, height, **look)
+    for at, omega, height in zip(found.points, speed[-1], value[-1]):
+        if np.isfinite(omega):
+            ax.annotate(f"EO {at['engine_order']}", (omega * RPM, height), fontsize=6.5, color="0.3",
+                        textcoords="offset points", xytext=(4, 4))  # fmt: skip
+    if quantity == "margin":
+        ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
+    label = "Resonance amplitude (m)" if quantity == "amplitude" else "Margin against fatigue"
+    ax.set(xlabel=SPEED, ylabel=label, yscale="log")
+
+
+# ---- Stress over a cycle, Haigh diagram, margins over a quantity, and the critical location on  ----
+
+
+MEGA = 1e-6
+
+
+def _star(ax: Axes, x: float, y: float, name: str) -> None:
+    """Where the margin is decided."""
+    ax.plot(x, y, "*", color=OPTIMUM, markeredgecolor="black", markersize=12.0, label=once(ax, name))
+
+
+@picture(StressCycle)
+def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) -> None:
+    """The components of the stress and its von Mises value over the cycle.
+
+    Parameters
+    ----------
+    cycle : StressCycle
+    point : int, optional
+        The critical one by default.
+    """
+    i = cycle.critical if point is None else validation.whole("point", point, least=0, most=len(cycle) - 1)
+    theta = np.linspace(0.0, 2.0 * np.pi, 721)
+    stress = MEGA * cycle.over_cycle(theta)[i]
+    large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
+    for name, values, look, shown in zip(COMPONENTS, stress, looks(6), large):
+        if shown:
+            ax.plot(np.degrees(theta), values, **look, markevery=90, label=rf"$\sigma_{{{name}}}$")
+    ax.plot(np.degrees(theta), von_mises(stress.T), color="black", linewidth=2.2, label="von Mises")
+    title = f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, {cycle.preload:g} N"
+    ax.set(xlabel="Angle of the excitation (degrees)", ylabel="Stress (MPa)", title=title, xlim=(0.0, 360.0))
+    ax.set_xticks(np.arange(0, 361, 60))
+
+
+@picture(Margins)
+def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
+    """Haigh diagram: amplitude over mean of every point, with the lines of the material.
+
+    The line of the margin is drawn in full, the others broken; points that margins leave out are hollow.
+    """
+    material, i, seen = margins.material, margins.critical, margins.counted
+    right, low = material.ultimate_strength, min(0.0, 1.1 * float(margins.mean.min()))
+    mean = np.linspace(low, right, 400)
+    for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), STYLES[1:]):
+        style: dict[str, Any] = {"color": colour, "linestyle": dashes}
+        if line == margins.rule.line and margins.rule.criterion != "findley":
+            style = {"color": "black", "linewidth": 1.8}
+        ax.plot(MEGA * mean, MEGA * material.allowed(mean, line), label=line.capitalize(), **style)
+    yields = MEGA * np.array([0.0, material.yield_strength])
+    ax.plot(yields, yields[::-1], color="0.75", linewidth=2.5, label="yield in the first cycle")
+    at = MEGA * np.array([margins.mean, margins.amplitude])
+    ax.plot(*at[:, seen], "o", color="0.3", markersize=4, label="points")
+    if not seen.all():
+        ax.plot(*at[:, ~seen], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
+    _star(ax, at[0, i], at[1, i], "critical")
+    top = MEGA * max(material.endurance_limit, float(margins.amplitude.max()))
+    ax.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"), ylim=(0.0, 1.15 * top),
+           xlim=(MEGA * low, 1.02 * MEGA * right), title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
+
+
+@picture(MarginCurve)
+def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") -> None:
+    """The margin over frequency, preload, speed or another quantity, 1 is the limit; the amplitude on an axis at the right.
+
+    Parameters
+    ----------
+    curve : MarginCurve
+    ax : matplotlib axes, optional
+        Several curves in the same axes differ by lightness, line and marker, and have no amplitudes but those of the first.
+    label : str
+        Name of the curve in the legend.
+    """
+    drawn = sum(line.get_gid() == "margin" for line in ax.lines)
+    ax.set(xlabel=f"{curve.over.capitalize()} ({curve.unit})", xscale="log" if curve.over == "preload" else "linear")
+    draw_table(ax, curve, "values", "margin", gid="margin", label=label, **looks(6)[drawn % 6])
+    known = curve.margin[np.isfinite(curve.margin)]
+    if len(known) and known.max() > 20.0 * known.min():
+        ax.set_yscale("log")
+    if np.isfinite(curve.best_value):
+        _star(ax, curve.best_value, curve.best_margin, "best margin")
+    if curve.in_time:
+        preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
+        ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="of the highest blade in time")
+    if not drawn:
+        ax.axhline(1.0, color="0.4", linewidth=1.0)
+        other = ax.twinx()
+        other.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
+        other.set(ylabel="Amplitude of the response, dash-dotted (m)", ylim=(0.0, None))
+        other.grid(False)
+
+
+@draws(Margins, "plot_critical")
+def plot_critical(margins: Margins, model: Model) -> Axes:
+    """The points on the surface of their body: lighter where the factor is larger, a star at the critical one.
+
+    Parameters
+    ----------
+    margins : Margins
+    model : Model
+        With the surface of the body.
+    """
+    names = {name.rsplit(" ", 1)[0] for name in margins.names}
+    bodies = sorted({model.stress[name].body for name in names if name in model.stress})
+    meshes = [model.meshes[body] for body in bodies if body in model.meshes]
+    validation.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
+    i = margins.critical
+    title = f"margin {margins.least:.3g} at {margins.names[i]}"
+    axes = plot_surfaces([(mesh.points, mesh.quads, "#e4e4e4") for mesh in meshes], title=title)
+    at = seen(margins.points)[:, :2]
+    counted = margins.counted & (np.arange(len(margins)) != i)
+    factor = np.log10(np.maximum(margins.factor[counted], 1e-3))
+    axes.scatter(
+        at[counted, 0], at[counted, 1], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black"
+    )
+    axes.scatter(at[i, 0], at[i, 1], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
+    return axes
