@@ -20,14 +20,13 @@ from bdamper.importers.bodies import over_speed
 from bdamper.importers.build import BuiltModel, build_model
 from bdamper.importers.contact_faces import ContactFaces
 from bdamper.importers.fe_body import UNITS, FEBody, MassProperties, Modes, Units, read_body
-from bdamper.importers.measurements import Measurement, load_measured, read_response
+from bdamper.importers.measurements import Measurement, load_measured, read_measurements, read_response
 from bdamper.importers.nastran import read_bdf, read_nastran, read_op2, read_op4
-from bdamper.importers.universal_file import read_measurements, read_unv
 
 __all__ = [
     "UNITS", "BuiltModel", "ContactFaces", "FEBody", "MassProperties", "Measurement", "Modes",
     "Units", "build_model", "load_measured", "over_speed", "read_abaqus_matrix", "read_ansys",
     "read_arrays", "read_bdf", "read_body", "read_calculix", "read_cdb", "read_dofs", "read_elements", "read_frd",
     "read_full", "read_inp", "read_matrix", "read_measurements", "read_nastran", "read_nodes", "read_op2",
-    "read_op4", "read_response", "read_rst", "read_set", "read_unv",
+    "read_op4", "read_response", "read_rst", "read_set",
 ]  # fmt: skip

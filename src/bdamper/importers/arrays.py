@@ -36,7 +36,6 @@ from bdamper.importers.fe_body import (
     by_kind,
     check_count,
     data_lines,
-    parsing,
     read_body,
     reader,
 )
@@ -138,64 +137,6 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     out[name] = sp.coo_matrix((value, (row, np.repeat(np.arange(columns), steps))), shape=(rows, columns))
 
 
-# ---- Real matrices from Matrix Market files ----
-
-
-def read_market(source: Path) -> sp.coo_matrix | NDArray:
-    """The matrix of a file; of a symmetric one, both triangles.
-
-    Raises
-    ------
-    ModelError
-    """
-    text, item = source.read_text(encoding="latin-1"), str(source)
-    first = text.partition("\n")[0]
-    words = first.lower().split()
-    if len(words) != 5 or words[:2] != ["%%matrixmarket", "matrix"] or words[2] not in ("coordinate", "array"):
-        raise mismatch(f"{item}: line 1", "%%MatrixMarket matrix coordinate|array <field> <symmetry>", first[:60])
-    require(words[3] in ("real", "integer", "double"), f"{item}: line 1", "a real matrix", words[3])
-    require(words[4] in ("general", "symmetric"), f"{item}: line 1", "a general or symmetric matrix", words[4])
-    content = data_lines(text, "%")
-    require(bool(content), item, "a line of sizes", "the end of the file")
-    (number, head), *body = content
-    coordinate, symmetric = words[2] == "coordinate", words[4] == "symmetric"
-    with parsing(f"{item}: line {number}", "the sizes of the matrix", head):
-        sizes = [int(w) for w in head.split()]
-        if len(sizes) != (3 if coordinate else 2):
-            raise ValueError
-    rows, columns = (check_count(n, f"{item}: size line", "a size") for n in sizes[:2])
-    good = not symmetric or rows == columns
-    require(good, f"{item}: size line", "as many rows as columns of a symmetric matrix", f"{rows}, {columns}")
-    n_values = rows * (rows + 1) // 2 if symmetric else rows * columns
-    count = sizes[2] if coordinate else n_values
-    require(count == len(body), f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
-    width = 3 if coordinate else 1
-    words = " ".join(line for _, line in body).split()
-    good = len(words) == width * count
-    require(good, item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
-    try:
-        table = np.array(words, dtype=float).reshape(count, width)
-    except ValueError as error:  # the text of which ends with the first word that is no number
-        raise mismatch(item, "numbers after the sizes", str(error).rpartition(": ")[2]) from None
-    if not coordinate:
-        if not symmetric:
-            return table.reshape(columns, rows).T
-        out = np.zeros((rows, rows))
-        out.T[np.triu_indices(rows)] = table[:, 0]
-        return out + np.tril(out, -1).T
-    index = table[:, :2]
-    whole = np.isfinite(index).all() and np.all(index == np.floor(index))
-    if count and not (whole and index.min() >= 1 and np.all(index.max(axis=0) <= (rows, columns))):
-        raise mismatch(item, f"rows 1 to {rows} and columns 1 to {columns}", f"{index.min():g} to {index.max():g}")
-    row, column = index.astype(np.int64).T - 1
-    value = table[:, 2]
-    if symmetric:
-        off = row != column
-        row, column = np.concatenate([row, column[off]]), np.concatenate([column, row[off]])
-        value = np.concatenate([value, value[off]])
-    return sp.coo_matrix((value, (row, column)), shape=(rows, columns))
-
-
 # ---- Matrices and tables from plain files ----
 
 
@@ -252,8 +193,8 @@ def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
     return content[_chosen(list(content), name, source)]
 
 
-def _from_text(source: Path, name: str | None) -> sp.spmatrix | NDArray:
-    return read_market(source) if _is_market(source) else read_abaqus_matrix(source)[0]
+def _from_text(source: Path, name: str | None) -> sp.spmatrix:
+    return read_abaqus_matrix(source)[0]
 
 
 def _chosen(names: list[str], name: str | None, source: Path) -> str:
@@ -265,18 +206,11 @@ def _chosen(names: list[str], name: str | None, source: Path) -> str:
     return str(name)
 
 
-@reader("a matrix as .mtx")
-def _is_market(source: Path) -> bool:
-    with open(source, "rb") as file:
-        return file.read(14).lower() == b"%%matrixmarket"
-
-
 _MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
     ".npz": _from_npz,
     ".npy": _from_npy,
     ".mat": _from_mat,
     ".mtx": _from_text,
-    ".mm": _from_text,
 }
 """What reads a matrix, by the ending of the name."""
 
@@ -356,6 +290,8 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     dofs : (n, 2) int or None
         Node and component of each row.
     """
+    market = path.read_bytes()[:14].lower() == b"%%matrixmarket"
+    require(not market, str(path), "Abaqus coordinate text", "a Matrix Market file; pass the matrix of scipy.io.mmread")
     table, dofs = number_table(path, 3, 5), None
     if table.shape[1] == 3:
         row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
@@ -475,7 +411,7 @@ def _with_table(given: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matrix
     if not isinstance(given, str | os.PathLike):
         return square_matrix(given, item), None
     path = Path(given)
-    if path.suffix.lower() == ".mtx" and path.is_file() and not _is_market(path):
+    if path.suffix.lower() == ".mtx":
         return read_abaqus_matrix(path)
     return read_matrix(path), None
 

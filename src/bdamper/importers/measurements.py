@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.importers.fe_body import data_lines, parsing
+from bdamper.importers.fe_body import data_lines, parsing, reader
 from bdamper.model.fields import check_all, require
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import mismatch, needed
 from bdamper.util.formatting import brief
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
@@ -38,6 +38,8 @@ HERTZ = {"Hz": 1.0, "kHz": 1e3}
 """Units of frequency in hertz."""
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
 """Units of phase in radians."""
+FREQUENCY = 18
+"""Number of the data type "frequency" in universal files."""
 
 
 @brief
@@ -285,3 +287,29 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
         response = size * np.exp(1j * rest[0])
     own = own if unit is None else unit
     return Measurement(name or Path(path).stem, frequency, response, unit=own, source=str(path))
+
+
+@reader("a universal file", library=True)
+def read_measurements(path: Path) -> tuple[Measurement, ...]:
+    """Read the functions over frequency (data set 58) of a universal file (UNV, UFF).
+
+    The package pyuff (extra ``bdamper[unv]``) is needed.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has no function over frequency.
+    """
+    file = needed("pyuff", "reading a universal file", "unv").UFF(str(path))
+    out: list[Measurement] = []
+    for k in np.flatnonzero(np.atleast_1d(file.get_set_types()) == 58):
+        data = file.read_sets(int(k))
+        if int(data.get("abscissa_spec_data_type", FREQUENCY)) != FREQUENCY:
+            continue
+        name = str(data.get("id1", "")).strip() or f"function {len(out) + 1}"
+        frequency, response = np.asarray(data["x"], float), np.asarray(data["data"]).astype(complex)
+        node, direction = (int(data.get(key, 0)) for key in ("rsp_node", "rsp_dir"))
+        unit = str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
+        out.append(Measurement(name, frequency, response, node, direction, unit, str(path)))
+    require(bool(out), str(path), "functions over frequency (data set 58)", "none")
+    return tuple(out)
