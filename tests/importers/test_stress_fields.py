@@ -14,7 +14,7 @@ from bdamper.fem.sector_faces import no_faces
 from bdamper.importers import read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
 from bdamper.importers.bodies import stress_rows
 from bdamper.importers.fe_body import FEBody
-from bdamper.importers.prepared_body import Placement, PreparedBody, Ring
+from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody, Ring
 from tests.ansys_files import write_rst
 from tests.own_sector import deck, of_kind
 
@@ -173,7 +173,8 @@ def stress_of(body: FEBody, moved, first):
     prepared = PreparedBody("blade", given, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
     laid = SimpleNamespace(interfaces={}, ports={"blade": ()}, rows={"blade": sp.csr_matrix((0, moved.size))})
     elasticity = None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
-    (rows,) = stress_rows(prepared, {"all": first + np.arange(len(moved))}, elasticity, laid, Ring(no_faces(), (), ()))
+    nodes, ring = {"all": first + np.arange(len(moved))}, Ring(no_faces(), (), ())
+    (rows,) = stress_rows(prepared, nodes, elasticity, laid, ring, ImportReport())
     return (rows._rows @ moved.ravel()).reshape(-1, 6)
 
 

@@ -1,8 +1,9 @@
 """Models from the files of finite element programs and from matrices, and measured responses.
 
-Each `read_...` function returns an `FEBody` from files of Abaqus, Ansys, CalculiX, Nastran, MATLAB or plain arrays.
-`build_model` checks units, axes and sector faces, places the contact points (`ContactFaces`), reduces the bodies and
-returns a `BuiltModel`, which prints its report.  `load_measured` and `read_measurements` read measured responses.
+Each ``read_...`` function reads files of Abaqus, Ansys, CalculiX, Nastran, MATLAB or plain arrays; most return an
+`FEBody`.  `build_model` checks units, axes and sector faces, computes the contact points of `ContactFaces`, reduces the
+bodies and returns a `BuiltModel`, which prints its report.  `load_measured`, `read_response` and `read_measurements` read
+measurements.
 """
 
 from bdamper.importers.abaqus import read_calculix, read_frd, read_inp
