@@ -266,7 +266,7 @@ def build_model(
     report = ImportReport(validation.flag("strict", strict))
     bodies = _prepared(blade, damper, Placement(axis, radial, origin, units))
     counts = _counts(list(bodies)[1:], n_modes, n_damper_modes)
-    contacts = _given_contacts(contacts)
+    contacts = _checked_contacts(contacts)
     faces = _sector_faces(bodies["blade"], sector_faces, n_blades, report)
     diameters, excited, reason = _diameters(faces.n_sectors, engine_order, harmonics, nodal_diameters, blade)
     report.checks.append(f"{len(diameters)} nodal diameters, {reason}")
@@ -325,36 +325,36 @@ def _check_bodies(
 
 
 def _known_frequencies(
-    given: Mapping[int, Sequence[float]] | None, diameters: tuple[int, ...]
+    frequencies: Mapping[int, Sequence[float]] | None, diameters: tuple[int, ...]
 ) -> Mapping[int, Sequence[float]]:
-    known = validation.instance("expected_frequencies", {} if given is None else given, Mapping, "a mapping")
+    known = validation.instance("expected_frequencies", {} if frequencies is None else frequencies, Mapping, "a mapping")
     for d, values in known.items():
         require(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
         validation.numbers(f"expected_frequencies at nodal diameter {d}", values, above=0.0, unit="Hz")
     return known
 
 
-def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
-    several = isinstance(given, Iterable) and not isinstance(given, str)
-    contacts = tuple(validation.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
-    validation.that(contacts, "contacts", "a sequence of one or more ContactFaces", given)
-    names = [contact.name for contact in contacts]
+def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
+    several = isinstance(contacts, Iterable) and not isinstance(contacts, str)
+    out = tuple(validation.instance("contacts", contact, ContactFaces) for contact in contacts) if several else ()
+    validation.that(out, "contacts", "a sequence of one or more ContactFaces", contacts)
+    names = [contact.name for contact in out]
     validation.that(len(set(names)) == len(names), "contacts", "each name once", names)
-    return contacts
+    return out
 
 
 def _diameters(
-    n_blades: int, engine_order: int | Sequence[int] | None, harmonics: int | None, given: Sequence[int] | None,
+    n_blades: int, engine_order: int | Sequence[int] | None, harmonics: int | None, nodal_diameters: Sequence[int] | None,
     blade: FEBody,
 ) -> tuple[tuple[int, ...], tuple[int, ...], str]:  # fmt: skip
     """Return the nodal diameters of a model, the excited ones among them, and the reason for the choice."""
     orders = () if engine_order is None else validation.wholes("engine_order", np.atleast_1d(engine_order))
     excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
-    held = None if blade.stiffness is not None or not blade.modes else {modes.nodal_diameter for modes in blade.modes}
-    if given is not None or not orders:
-        if given is None and n_blades > 1 and held is None:
+    listed = None if blade.stiffness is not None or not blade.modes else {modes.nodal_diameter for modes in blade.modes}
+    if nodal_diameters is not None or not orders:
+        if nodal_diameters is None and n_blades > 1 and listed is None:
             raise SettingError("nodal diameters: expected engine_order or nodal_diameters, found neither")
-        chosen = given if given is not None else [0] if n_blades == 1 else sorted(held or ())
+        chosen = nodal_diameters if nodal_diameters is not None else [0] if n_blades == 1 else sorted(listed or ())
         return tuple(sorted({0, *validation.wholes("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
     most = HARMONICS if harmonics is None else validation.whole("harmonics", harmonics, 1, 64)
     reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
@@ -365,28 +365,28 @@ def _diameters(
         wanted.update(needed_nodal_diameters(n_blades, order, max(most, in_time)))
     if harmonics is None:
         reason += " and time integration"
-        wanted &= held or wanted
+        wanted &= listed or wanted
     return tuple(sorted({0, *wanted})), excited, reason
 
 
 def _sector_faces(
-    body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_blades: int | None, report: ImportReport
+    body: PreparedBody, node_sets: tuple[NodeSet, NodeSet] | None, n_blades: int | None, report: ImportReport
 ) -> SectorFaces:
     """Return the sector faces, given or found in the mesh; faces with different meshes are tied by interpolation."""
     n_blades = None if n_blades is None else validation.whole("n_blades", n_blades, least=1)
     if n_blades == 1:
         return no_faces()
     tolerance = BOUNDS.sector_faces * body.size
-    if given is None:
+    if node_sets is None:
         faces = find_faces(body.nodes, body.boundary, n_blades, tolerance) if body.elements else None
         if faces is None:
             expected = "the two faces of the sector" + ("" if n_blades else ", and n_blades (1 if nothing repeats)")
             raise SettingError(f"sector_faces: expected {expected}, as no rotation carries faces of elements onto others")
         report.checks.append(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
-    if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
-        raise validation.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
-    first, second = (body.node_set(s, "sector_faces") for s in given)
+    if isinstance(node_sets, str) or not isinstance(node_sets, Sequence) or len(node_sets) != 2:
+        raise validation.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", node_sets)
+    first, second = (body.node_set(s, "sector_faces") for s in node_sets)
     if n_blades is None:
         n_blades = _sectors_between(body, first, second, report)
     problems = []
@@ -419,12 +419,13 @@ def _sectors_between(body: PreparedBody, first: NDArray, second: NDArray, report
 
 
 def _locations(
-    given: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody], forces: Mapping[str, object] | None,
+    locations: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody], forces: Mapping[str, object] | None,
     report: ImportReport,
 ) -> dict[str, tuple[str, Place]]:  # fmt: skip
     """Return body and node (or field of forces) of each named location."""
     out: dict[str, tuple[str, Place]] = {name: ("blade", f) for name, f in force_fields(forces, bodies["blade"]).items()}
-    for name, value in ({} if given is None else validation.instance("locations", given, Mapping, "a mapping")).items():
+    named = {} if locations is None else validation.instance("locations", locations, Mapping, "a mapping")
+    for name, value in named.items():
         body = "blade"
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
             body, value = value

@@ -150,7 +150,7 @@ def from_first_sector(
         if sector:
             back, damper = turn(-2.0 * np.pi / n_blades * sector), bodies[name]
             moved[name] = replace(damper, placement=replace(damper.placement, radial=(back @ damper.placement.rotation)[1]))
-            report.checks.append(f"{name}: {sector:+d} sectors off in the mesh, moved between the blades of sectors 0 and 1")
+            report.checks.append(f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1")
             contacts = tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
     return contacts, moved
 
