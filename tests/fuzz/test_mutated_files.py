@@ -30,7 +30,6 @@ from bdamper.importers import (
     FEBody,
     Measurement,
     build_model,
-    load_model,
     read_ansys,
     read_arrays,
     read_calculix,
@@ -40,10 +39,9 @@ from bdamper.importers import (
     read_matrix,
     read_measurements,
     read_rst,
-    read_unv,
-    save_model,
 )
 from bdamper.importers.abaqus import read_frd_stress
+from bdamper.model.model_file import load_model, save_model
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
 from bdamper.util.storage import Versions, load
@@ -112,17 +110,8 @@ def frd(numbers, nodes, elements):
     return "\n".join([*lines, " 9999", ""])
 
 
-def unv(numbers, nodes, elements):
-    lines = ["    -1", "    15"]
-    lines += [f"{n:10d}{0:10d}{0:10d}{11:10d}" + "".join(f"{v:13.5e}" for v in x) for n, x in zip(numbers, nodes)]
-    lines += ["    -1", "    -1", "  2412"]
-    for k, e in enumerate(elements.tolist()):
-        lines += [f"{k + 1:10d}{115:10d}{1:10d}{1:10d}{7:10d}{8:10d}", "".join(f"{n:10d}" for n in e[:8])]
-    lines += ["    -1", "    -1", "    55", *5 * ["NONE"], "".join(f"{v:10d}" for v in (1, 2, 2, 8, 2, 3))]
-    lines += ["".join(f"{v:10d}" for v in (2, 4, 0, 1)), "".join(f"{v:13.5e}" for v in (50.0, 1.0, 0.0, 0.0))]
-    for n, x in zip(numbers, nodes):
-        lines += [f"{n:10d}", "".join(f"{v:13.5e}" for v in x)]
-    lines += ["    -1", "    -1", "    58", *5 * ["NONE"]]
+def unv():
+    lines = ["    -1", "    58", *5 * ["NONE"]]
     lines += [f"{4:5d}{0:10d}{1:5d}{0:10d} {'NONE':10s}{3:10d}{1:4d} {'NONE':10s}{3:10d}{1:4d}"]
     lines += ["".join(f"{v:10d}" for v in (5, 4, 1)) + "".join(f"{v:13.5e}" for v in (10.0, 1.0, 0.0))]
     lines += 4 * [f"{18:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}"]
@@ -166,7 +155,6 @@ def folder(tmp_path_factory):
     np.save(path / "k.npy", k.toarray())
     scipy.io.savemat(path / "k.mat", {"K": k})
     scipy.io.savemat(path / "z.mat", {"K": k}, do_compression=True)
-    scipy.io.mmwrite(path / "k.mtx", k.tocoo(), symmetry="symmetric")
     entries = sp.triu(k).tocoo()
     place = [f"{numbers[i // 3]},{i % 3 + 1}" for i in range(len(numbers) * 3)]
     for name, matrix in (("ka.mtx", k), ("ma.mtx", m)):
@@ -187,7 +175,7 @@ def folder(tmp_path_factory):
     rng = np.random.default_rng(1)
     shapes = [(d, 100.0 + d, rng.standard_normal((len(numbers), 3))) for d in (0, 1, 1)]
     write_rst(path / "a.rst", numbers, body.nodes, elements, shapes, 6)
-    (path / "a.unv").write_text(unv(numbers, body.nodes, elements))
+    (path / "a.unv").write_text(unv())
     with contextlib.suppress(ImportError):
         from pyNastran.op4.op4 import OP4
 
@@ -241,7 +229,7 @@ def matrix(name: str) -> Callable[[Path], None]:
 READERS: list[tuple[str, Callable[[Path], object]]] = [
     ("model.h5", lambda p: check_model(load_model(p / "model.h5"))),
     ("measured.h5", lambda p: load(p / "measured.h5")),
-    *((name, matrix(name)) for name in ("k.npz", "k.npy", "k.mat", "z.mat", "k.mtx")),
+    *((name, matrix(name)) for name in ("k.npz", "k.npy", "k.mat", "z.mat")),
     *((name, arrays) for name in ("ka.mtx", "ma.mtx", "nodes.csv", "top.csv")),
     *((f"job.{e}", lambda p: build(read_calculix(p / "job"))) for e in ("inp", "sti", "mas", "dof")),
     ("job.inp", lambda p: read_inp(p / "job.inp")),
@@ -251,7 +239,6 @@ READERS: list[tuple[str, Callable[[Path], object]]] = [
     ("a.cdb", lambda p: build(read_ansys(p / "a.full", p / "a.cdb"))),
     ("a.cdb", lambda p: read_cdb(p / "a.cdb")),
     ("a.rst", lambda p: read_rst(p / "a.rst")),
-    ("a.unv", lambda p: read_unv(p / "a.unv", 1)),
     ("a.unv", lambda p: read_measurements(p / "a.unv")),
     ("a.op4", nastran),
     ("a.bdf", bulk_data),

@@ -38,7 +38,7 @@ def test_plain_arrays_are_numbered_from_0(block):
 def test_another_order_of_the_corners_is_named(block, n):
     K, M, nodes, elements, sets = block
     wrong = np.hstack([elements[:, ROWS], elements[:, 8:]])[:, :n]
-    message = "blade (the given arrays): elements, that of nodes [" + ", ".join(map(str, wrong[0, :8]))
+    message = "blade (the given arrays): elements, such as the one with nodes [" + ", ".join(map(str, wrong[0, :8]))
     with pytest.raises(ModelError, match="^" + re.escape(message)) as caught:
         build_model(read_arrays(K, M, nodes, elements=wrong, sets=sets), n_blades=1, **SETTINGS)
     assert "4 corners in turn around one face, then the 4 opposite ones in the same turn" in str(caught.value)

@@ -113,12 +113,12 @@ def test_a_bad_first_line_is_no_line_of_names(tmp_path):
     [
         ("no/such/file.csv", "No such file|not found"),
         (((1, 2), np.ones((3, 3))), r"forces 'gust': expected \(node numbers"),
-        (((FIRST_NUMBER,), np.zeros((1, 3))), "forces 'gust': expected forces other than 0, found zeros alone"),
+        (((FIRST_NUMBER,), np.zeros((1, 3))), "forces 'gust': expected forces other than 0, found zeros only"),
         (((5,), np.ones((1, 3))), "forces 'gust': expected numbers of existing nodes, found 5"),
     ],
 )
 def test_refusals(given, field, message):
     with pytest.raises((BdamperError, OSError), match=message):
         built(given, {"gust": field})
-    with pytest.raises(bd.SettingError, match="location 'at_0': expected another name than one of forces"):
+    with pytest.raises(bd.SettingError, match="location 'at_0': expected a name that forces do not have"):
         built(given, {"at_0": (given[2], FORCES)})

@@ -55,7 +55,7 @@ def test_real_archives():
     # the elements fill the box that the nodes span: orientation, corners and nodes between them are understood
     assert enclosed_volume(body.boundary, body.nodes) == pytest.approx(np.ptp(beam.nodes, axis=0).prod(), rel=1e-9)
     # what its matrices say must hold on these nodes: no rigid motion costs a force
-    found = PreparedBody("sector", sector, body.place)
+    found = PreparedBody("sector", sector, body.placement)
     assert enclosed_volume(found.boundary, found.nodes) > 0.0
 
 

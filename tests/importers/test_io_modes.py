@@ -79,9 +79,9 @@ def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kin
         assert a.flexibility is None
     text = str(other)
     if kind == "turned":
-        assert f"{COUNT} of them went the other way and were turned" in text
+        assert f"{COUNT} of them travelled the other way and were reversed" in text
     if kind == "pairs":
-        assert f"{COUNT} were made of pairs of real shapes" in text
+        assert f"{COUNT} were combined from pairs of real shapes" in text
     assert "static receptances of the blade (no matrices)" in text
     assert "modal mass from the file or the user (not checked)" in text
 
@@ -180,7 +180,7 @@ def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
 BAD = [
     (lambda m: replace(m, modal_mass=None), "modal masses .or matrices. to rescale"),
     (lambda m: replace(m, frequency=-m.frequency), "frequencies > 0 of a held sector"),
-    (lambda m: replace(m, nodal_diameter=7), "expected modes of nodal diameter 5 once, found those of"),
+    (lambda m: replace(m, nodal_diameter=7), "expected modes of nodal diameter 5 once, found modes of"),
     (lambda m: replace(m, numbers=m.numbers + 5000), "expected nodes of this body, found none"),
     (lambda m: replace(m, numbers=m.numbers[:260], shapes=m.shapes[:260]), "values"),
 ]

@@ -179,41 +179,6 @@ def test_harmless_commands_of_archives_leave_the_mesh_as_it_is(archive):
     assert str(more).replace("more.cdb", "plain.cdb") == str(plain)
 
 
-# ---- universal files ----
-
-
-@pytest.mark.parametrize("kind", [0, 1])
-@pytest.mark.parametrize("old", [True, False])
-def test_nodes_of_universal_files_in_other_axes_are_refused(kind, old, tmp_path):
-    """Data sets 15 with 18 and 2411 with 2420: of the systems 1 (the axes of the file) and 7, the nodes use either."""
-    pytest.importorskip("pyuff", reason="pyuff is not installed (extra bdamper[unv])")
-
-    def written(system):
-        rows = [(0, 0, 0), (1, 0, 0)]
-        if old:
-            systems = ["    18", f"{7:10d}{kind:10d}{0:10d}{8:10d}{1:10d}", "OWN"]
-            systems += ["".join(f"{v:13.5e}" for v in values) for values in ((0.25, 0, 0, 1.25, 0, 0), (0.25, 0, 1))]
-            heads = [f"{k:10d}{system:10d}{0:10d}{11:10d}" for k in (1, 2)]
-            nodes = [head + "".join(f"{v:13.5e}" for v in x) for head, x in zip(heads, rows)]
-            lines = ["    -1", *systems, "    -1", "    -1", "    15", *nodes, "    -1", ""]
-        else:
-            systems = ["  2420", f"{1:10d}", "PART"]
-            for label, form, shift in ((1, 0, 0.0), (7, kind, 0.25)):
-                systems += [f"{label:10d}{form:10d}{8:10d}", f"CS{label}"]
-                systems += ["".join(f"{v:25.16e}" for v in row) for row in (*np.eye(3), (shift, 0.0, 0.0))]
-            nodes = []
-            for k, x in enumerate(rows, 1):
-                nodes += [f"{k:10d}{1:10d}{system:10d}{11:10d}", "".join(f"{v:25.16e}" for v in x)]
-            lines = ["    -1", *systems, "    -1", "    -1", "  2411", *nodes, "    -1", ""]
-        (tmp_path / "a.unv").write_text("\n".join(lines))
-        return tmp_path / "a.unv"
-
-    np.testing.assert_array_equal(read_body(written(1)).nodes, [[0, 0, 0], [1, 0, 0]])
-    expected = r"a\.unv: expected positions and displacements of nodes in the axes of the file, found .* \[7\]"
-    with pytest.raises(ModelError, match=expected):
-        read_body(written(7))
-
-
 # ---- Nastran ----
 
 BULK = """BEGIN BULK

@@ -11,10 +11,10 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.element_stress import Solids, element_rows, node_average
 from bdamper.fem.sector_faces import no_faces
-from bdamper.importers import read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst, read_unv
+from bdamper.importers import read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
 from bdamper.importers.bodies import stress_rows
 from bdamper.importers.fe_body import FEBody
-from bdamper.importers.prepared_body import Placement, PreparedBody, Ring
+from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody, Ring
 from tests.ansys_files import write_rst
 from tests.own_sector import deck, of_kind
 
@@ -29,9 +29,6 @@ ALONG = {4: 4, 6: 6, 8: 8, 10: 4, 15: 6, 20: 8}
 UPRIGHT_FIRST = {4: range(4), 6: range(6), 8: range(8), 10: range(10), 15: [*range(9), 12, 13, 14, 9, 10, 11],
                  20: [*range(12), 16, 17, 18, 19, 12, 13, 14, 15]}  # fmt: skip
 """Nodes between the two triangles or quadrilaterals before those of the upper one: Nastran, results of CalculiX."""
-AROUND = {10: [0, 4, 1, 5, 2, 6, 7, 8, 9, 3], 15: [0, 6, 1, 7, 2, 8, 12, 13, 14, 3, 9, 4, 10, 5, 11],
-          20: [0, 8, 1, 9, 2, 10, 3, 11, 16, 17, 18, 19, 4, 12, 5, 13, 6, 14, 7, 15]}  # fmt: skip
-"""Corners and the nodes between them in turn: universal files."""
 
 
 def box(n):
@@ -105,19 +102,6 @@ def from_bdf(kind, nodes, elements, folder):
     return read_bdf(folder / "a.bdf"), FIRST
 
 
-def from_unv(kind, nodes, elements, folder):
-    n = elements.shape[1]
-    code = {4: 111, 6: 112, 8: 115, 10: 118, 15: 113, 20: 116}[n]
-    lines = ["    -1", "    15"]
-    lines += [f"{FIRST + k:10d}{0:10d}{0:10d}{11:10d}" + "".join(f"{v:13.5e}" for v in x) for k, x in enumerate(nodes)]
-    lines += ["    -1", "    -1", "  2412"]
-    for k, e in enumerate((FIRST + elements[:, AROUND.get(n, range(n))]).tolist(), 1):
-        lines.append("".join(f"{v:10d}" for v in (k, code, 1, 1, 7, n)))
-        lines += ["".join(f"{v:10d}" for v in e[i : i + 8]) for i in range(0, n, 8)]
-    (folder / "a.unv").write_text("\n".join([*lines, "    -1", ""]))
-    return read_unv(folder / "a.unv"), FIRST
-
-
 def from_csv(kind, nodes, elements, folder):
     (folder / "e.csv").write_text("".join(",".join(map(str, e)) + "\n" for e in (FIRST + elements).tolist()))
     (folder / "x.csv").write_text("".join(f"{FIRST + k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(nodes.tolist())))
@@ -130,7 +114,7 @@ ALL = ("C3D4", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20")
 CASES = [
     *((from_inp, kind, {}) for kind in (*ALL, "C3D8R", "C3D8I", "C3D20R")),
     *((from_run, kind, {}) for kind in ("C3D4", "C3D6R", "C3D8", "C3D15")),
-    *((reader, kind, {}) for reader in (from_frd, from_bdf, from_unv, from_csv) for kind in ALL),
+    *((reader, kind, {}) for reader in (from_frd, from_bdf, from_csv) for kind in ALL),
     *((from_rst, kind, {}) for kind in ("C3D8", "C3D10", "C3D20")),
     *((from_cdb, "C3D8", {"number": number}) for number in ("45", "185")),
     *((from_cdb, "C3D10", {"number": number}) for number in ("92", "187")),
@@ -189,7 +173,8 @@ def stress_of(body: FEBody, moved, first):
     prepared = PreparedBody("blade", given, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
     laid = SimpleNamespace(interfaces={}, ports={"blade": ()}, rows={"blade": sp.csr_matrix((0, moved.size))})
     elasticity = None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
-    (rows,) = stress_rows(prepared, {"all": first + np.arange(len(moved))}, elasticity, laid, Ring(no_faces(), (), ()))
+    nodes, ring = {"all": first + np.arange(len(moved))}, Ring(no_faces(), (), ())
+    (rows,) = stress_rows(prepared, nodes, elasticity, laid, ring, ImportReport())
     return (rows._rows @ moved.ravel()).reshape(-1, 6)
 
 
@@ -201,8 +186,6 @@ def test_fields_of_every_element_type_of_every_reader(reader, kind, options, tmp
     """Exact where the element can follow the field; where it has one strain across, that of a linear fit."""
     if reader is from_bdf and importlib.util.find_spec("pyNastran") is None:
         pytest.skip("pyNastran is not installed (extra bdamper[nastran]; make nastran)")
-    if reader is from_unv:
-        pytest.importorskip("pyuff", reason="pyuff is not installed (extra bdamper[unv])")
     n = int(kind.removeprefix("C3D").rstrip("RI"))
     nodes, elements = box(n)
     body, first = reader(kind, nodes, elements, tmp_path, **options)

@@ -11,7 +11,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.importers.fe_body import reader
-from bdamper.importers.universal_file import read_unv
+from bdamper.importers.measurements import read_measurements
 from bdamper.time_domain.integration import every_diameter
 from bdamper.util.errors import quiet, say
 
@@ -91,13 +91,12 @@ def test_a_universal_file_leaves_the_output_of_others(tmp_path, monkeypatch, cap
             pause()
 
         def get_set_types(self):
-            return [2411]
+            return [58]
 
         def read_sets(self, k):
-            return {"type": 2411, "node_nums": [1, 2], "x": [0.0, 1.0], "y": [0.0, 0.0], "z": [0.0, 0.0], "def_cs": [0, 0],
-                    "disp_cs": [0, 0]}  # fmt: skip
+            return {"x": [1.0, 2.0], "data": [1.0, 0.5]}
 
     monkeypatch.setitem(sys.modules, "pyuff", SimpleNamespace(UFF=File))
     (tmp_path / "a.unv").write_text("")
-    heard_beside(lambda: read_unv(tmp_path / "a.unv"), pause, lambda: print("beside"))
+    heard_beside(lambda: read_measurements(tmp_path / "a.unv"), pause, lambda: print("beside"))
     assert capsys.readouterr().out == "beside\n"

@@ -1,12 +1,17 @@
-"""CalculiX: mesh and sets of an input file or of results, stored matrices, modes of a cyclic run.
+r"""CalculiX and Abaqus: mesh and sets of an input file or of results, stored matrices, modes of a cyclic analysis.
 
-``*FREQUENCY, SOLVER=MATRIXSTORAGE`` writes the upper triangles of stiffness and mass (``.sti``, ``.mas``: row, column,
-value) over the free components that ``.dof`` lists (``node.component``).  With ties of cyclic symmetry in the deck,
-``CYCMPC=INACTIVE`` keeps them out of the matrices.
+In CalculiX, ``*FREQUENCY, SOLVER=MATRIXSTORAGE`` writes the upper triangles of stiffness and mass (``.sti`` and ``.mas``
+with row, column, value).  The file ``.dof`` lists the free components of their rows as ``node.component``.  If the deck
+has ties of cyclic symmetry, ``CYCMPC=INACTIVE`` excludes them from the matrices.
 
-A cyclic ``.frd`` has for each mode the blocks DISP and DISPI, real and imaginary part of a travelling wave of either
-direction, scaled to a modal mass of one over the sector.  Positions in it have six digits: take the mesh from
-the input file where there is one.
+In a cyclic ``.frd`` file each mode has the blocks DISP and DISPI: real and imaginary part of a travelling wave of either
+direction, with a modal mass of one over the sector.  Its positions have six digits, so that the mesh of the input file is
+preferable.
+
+References
+----------
+G. Dhondt, *CalculiX CrunchiX User's Manual*, "Input deck format" and \*FREQUENCY.
+K. Wittig, *CalculiX GraphiX User's Manual*, "Result format" (.frd).
 """
 
 from __future__ import annotations
@@ -49,12 +54,12 @@ _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 
 
 def _plain(text: str) -> str:
-    """A keyword or the name of a parameter, in capitals without blanks, which do not count."""
+    """Return a keyword or parameter name in capitals without blanks, since both programs ignore case and blanks."""
     return "".join(text.upper().split())
 
 
 class _Deck:
-    """Blocks of a deck: a keyword with its parameters, then data lines."""
+    """Parser of an input file: blocks of a keyword with parameters, followed by data lines."""
 
     def __init__(self, source: Path) -> None:
         self.source = source
@@ -73,7 +78,7 @@ class _Deck:
         self.included = Included()
 
     def read(self, source: Path, depth: int = 0) -> None:
-        """One file, with those that it includes."""
+        """Read a file and the files that it includes."""
         for at, keyword, parameters, lines in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
             item = f"{source}: {keyword} in line {at}"
             if adds_to_matrices(keyword, parameters, item):
@@ -85,7 +90,7 @@ class _Deck:
 
     @staticmethod
     def _blocks(deck: str) -> Iterator[tuple[int, str, dict[str, str], list[tuple[int, str]]]]:
-        """Line, keyword and parameters, in capitals without blanks, and data lines of each block."""
+        """Iterate over line number, keyword, parameters and data lines of each block."""
         block = None
         for number, text in data_lines(deck, "**"):
             if text.startswith("*"):
@@ -122,13 +127,12 @@ class _Deck:
             self.material = parameters.get("NAME", "").upper()
         elif keyword == "*ELASTIC" and lines and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
             with parsing(self._line(lines[0][0]), "Young's modulus, Poisson's ratio", lines[0][1]):
-                young, poisson = (float(word) for word in lines[0][1].split(",")[:2])  # at the lowest temperature
+                young, poisson = (float(word) for word in lines[0][1].split(",")[:2])  # of the lowest temperature
                 self.elastic[self.material] = young, poisson
         elif keyword == "*SOLIDSECTION":
             self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
 
     def _integers(self, lines: list[tuple[int, str]]) -> list[int]:
-        """The whole numbers of some lines."""
         numbers: list[int] = []
         for number, text in lines:
             with parsing(self._line(number), "whole numbers", text):
@@ -136,11 +140,9 @@ class _Deck:
         return numbers
 
     def _line(self, number: int) -> str:
-        """How messages name a line."""
         return f"{self.source}: line {number}"
 
     def _kinds(self) -> list[ElementKind]:
-        """Type and material of each element."""
         elastic = {
             element: self.elastic.get(material, ())
             for name, material in self.sections.items()
@@ -171,7 +173,7 @@ class _Deck:
             return
         words = self._integers(lines)
         expected = f"1 + {n} numbers for each element of type {kind}"
-        require(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers in all")
+        require(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers")
         for k in range(0, len(words), n + 1):
             self.element_of[words[k]] = words[k + 1 : k + n + 1]
             self.type_of[words[k]] = plain + next((letter for letter in "RI" if letter in kind[len(plain) :]), "")
@@ -199,9 +201,9 @@ class _Deck:
                     members.extend(sets[word.upper()])
 
     def body(self) -> FEBody:
-        """The deck as a body without matrices."""
+        """Return the body of the deck, without matrices."""
         require(bool(self.numbers), str(self.source), "*NODE with at least one node", "none")
-        # A node given twice is the same node; the last one counts, as in the program.
+        # As in CalculiX, the last definition of a node is used.
         unique = dict(zip(self.numbers, self.positions))
         numbers = np.array(list(unique), dtype=np.int64)
         nodes = np.array(list(unique.values()), float)
@@ -227,13 +229,13 @@ class _Deck:
                 members = [int(who)] if who.isdigit() else self.element_sets[who.upper()]
                 for element in members:
                     require(element in self.element_of, item, "solid elements of this deck", f"element {element}")
-                    own = self.element_of[element]
-                    faces = FACES[N_CORNER[len(own)]]
+                    connected = self.element_of[element]
+                    faces = FACES[N_CORNER[len(connected)]]
                     labels = [f"S{k}" for k in range(1, len(faces) + 1)]
                     require(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
-                    missing = [n for n in own if n not in index]
+                    missing = [n for n in connected if n not in index]
                     require(not missing, item, "elements with existing nodes", f"nodes {missing}")
-                    rows = np.array([index[n] for n in own])
+                    rows = np.array([index[n] for n in connected])
                     facet = oriented_facet(rows[list(faces[labels.index(label.upper())])], rows, nodes)
                     facets.setdefault(len(facet), []).append(numbers[facet])
             if facets:
@@ -243,13 +245,22 @@ class _Deck:
 
 @reader("an input file of CalculiX", ".inp")
 def read_inp(path: Path) -> FEBody:
-    """Nodes, solid elements, node sets and surfaces of a CalculiX or Abaqus input file.
+    """Read nodes, solid elements, node sets and surfaces of an input file of CalculiX or Abaqus.
 
-    Names of sets are in capitals.  Elastic constants of isotropic materials are kept, steps and loads ignored.
+    The names of sets are in capitals.  Elastic constants of isotropic materials are read; steps and loads are ignored.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    FEBody
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has a keyword that could change the mesh.
     """
     deck = _Deck(path)
     deck.read(path)
@@ -262,7 +273,7 @@ def read_inp(path: Path) -> FEBody:
 
 @reader("lines of row, column, value")
 def _triplets(path: Path, n: int) -> sp.csr_matrix:
-    """Symmetric matrix (n, n) from lines of row, column, value."""
+    """Read a symmetric matrix (n, n) from lines of row, column, value."""
     table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
     require(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
     row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
@@ -276,14 +287,18 @@ def _triplets(path: Path, n: int) -> sp.csr_matrix:
 def _condensed(
     stiffness: sp.csr_matrix, mass: sp.csr_matrix, internal: NDArray, body: FEBody
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """Matrices without the amplitudes of the bubbles of C3D8I, nine to an element, for which CalculiX adds three nodes."""
+    """Condense the internal degrees of freedom of elements C3D8I.
+
+    An element has nine of them (amplitudes of its incompatible modes), for which CalculiX adds three nodes.
+    """
     n = sum(9 * len(e) for e, kind in zip(body.elements, body.element_kinds) if kind.name == "C3D8I")
     found = int(internal.sum())
     require(found == n, f"{body.source}: elements C3D8I", f"{n} rows of their internal nodes in the matrices", found)
     outer, inner = np.flatnonzero(~internal), np.flatnonzero(internal)
-    own = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
-    require(own.data.shape[0] == n // 9, f"{body.source}: elements C3D8I", "one block of nine rows for each", len(own.data))
-    inverse = sp.bsr_matrix((np.linalg.inv(own.data), own.indices, own.indptr)).tocsr()
+    blocks = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
+    good, item = len(blocks.data) == n // 9, f"{body.source}: elements C3D8I"
+    require(good, item, "one block of nine rows for each", len(blocks.data))
+    inverse = sp.bsr_matrix((np.linalg.inv(blocks.data), blocks.indices, blocks.indptr)).tocsr()
     shapes = sp.vstack([sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr")
     order = np.concatenate([outer, inner])
     k, m = ((shapes.T @ matrix[order][:, order] @ shapes).tocsr() for matrix in (stiffness, mass))
@@ -291,20 +306,26 @@ def _condensed(
 
 
 def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()) -> FEBody:
-    """A body from a run with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
+    """Read a body from a run with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
 
     Parameters
     ----------
     job : path-like
-        ``job.sti``, ``job.mas`` and ``job.dof`` are read; an ending of the name is left aside.
+        Name of the job, with or without ending; ``job.sti``, ``job.mas`` and ``job.dof`` are read.
     mesh : path-like, optional
-        File with nodes and elements, of any kind that :func:`read_body` reads; by default ``job.inp``, else ``job.frd``.
-    modes : path-like or tuple of them
+        File with nodes and elements for :func:`read_body`; by default ``job.inp``, or ``job.frd`` if it does
+        not exist.
+    modes : path-like or tuple of path-like
         Result files (.frd) of modal analyses to compare with.
 
     Returns
     -------
     FEBody
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        If a file does not exist or is damaged, or the matrices do not belong to the mesh.
     """
     base = Path(job)
     if base.suffix.lower() in (".inp", ".sti", ".mas", ".dof", ".frd"):
@@ -318,12 +339,14 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
         stiffness, mass = _condensed(stiffness, mass, internal, body)
         dofs = dofs[~internal]
-    # Wedges of CalculiX have two integration points.
+    # CalculiX integrates wedges at two points.
     kinds = body.element_kinds or tuple(ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements)
-    own = {"element_kinds": tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)}
+    kinds = tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)
     files = (modes,) if isinstance(modes, str | os.PathLike) else modes
-    found, source = [mode for path in files for mode in read_frd(path).modes], f"{base} (.sti, .mas, .dof), {mesh}"
-    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=source, **own)
+    compared, source = tuple(mode for path in files for mode in read_frd(path).modes), f"{base} (.sti, .mas, .dof), {mesh}"
+    return replace(
+        body, stiffness=stiffness, mass=mass, dofs=dofs, modes=compared, source=source, element_kinds=kinds
+    )
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -332,40 +355,57 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
 
 @reader("a result file of CalculiX in text form (.frd)", ".frd")
 def read_frd(path: Path) -> FEBody:
-    """Nodes, solid elements and modes of a result file in text form.
+    """Read nodes, solid elements and modes of a result file in text form.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    FEBody
+        Body without matrices.
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is binary or damaged.
     """
     return _Frd(path).body()
 
 
 @reader("a result file of CalculiX in text form (.frd)")
 def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
-    """Nodal stress of a result file in text form (``*EL FILE`` with ``S``), in the file's unit.
+    """Read the nodal stress of a result file in text form (``*EL FILE`` with ``S``).
+
+    Parameters
+    ----------
+    path : path-like
 
     Returns
     -------
     list of (numbers, stress)
-        For each step or mode of the file: node numbers (n,), and (n, 6) components xx, yy, zz, xy, yz, xz, complex where
-        the file has an imaginary part.
+        Node numbers (n,) and stress (n, 6) of each step or mode, with the components xx, yy, zz, xy, yz, xz in the unit of
+        the file.  The stress is complex if the file has an imaginary part.
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has no stress at the nodes of its mesh.
     """
     file = _Frd(path, stress=True)
     file.body()
-    stress = [(own, values) for _, own, values in file.found["STRESS"]]
+    stress = [(numbers, values) for _, numbers, values in file.results["STRESS"]]
     require(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
-    for k, (own, _) in enumerate(stress):
-        good = len(np.unique(own)) == len(own) and np.isin(own, file.numbers).all()
-        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", own)
+    for k, (numbers, _) in enumerate(stress):
+        good = len(np.unique(numbers)) == len(numbers) and np.isin(numbers, file.numbers).all()
+        require(good, f"{path}: stress {k + 1}", "nodes of the mesh, each once", numbers)
     return stress
 
 
 class _Frd:
+    """Parser of a result file in text form."""
+
     def __init__(self, source: Path, stress: bool = False) -> None:
         with open(source, "rb") as raw:
             if b"\x00" in raw.read(100_000):
@@ -375,13 +415,13 @@ class _Frd:
         self.numbers: NDArray = np.empty(0, np.int64)
         self.nodes: NDArray = np.empty((0, 3))
         self.elements: list[list[int]] = []
-        # diameter, number and frequency of a mode or step, nodes, values; by the name of the result
-        self.found: dict[str, list[tuple[tuple[int, int, float], NDArray, NDArray]]] = {"DISP": []}
+        # by the name of the result: (nodal diameter, number, frequency in Hz), node numbers, values
+        self.results: dict[str, list[tuple[tuple[int, int, float], NDArray, NDArray]]] = {"DISP": []}
         if stress:
-            self.found["STRESS"] = []
+            self.results["STRESS"] = []
 
     def _rows(self, head: str, n_values: int) -> tuple[NDArray, NDArray]:
-        """Node numbers and values of the lines up to the end of a block; the end of its first line tells the format."""
+        """Read node numbers and values up to the end of a block, in the format at the end of its first line."""
         numbers, values = [], []
         start = 8 if head.rstrip().endswith("0") else 13
         while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
@@ -421,7 +461,7 @@ class _Frd:
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
         require(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
-        shapes = self.found["DISP"]
+        shapes = self.results["DISP"]
         modes = modes_by_diameter(((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source)
         return FEBody(self.numbers, self.nodes, **by_kind(self.elements), modes=modes, source=self.source)
 
@@ -434,13 +474,13 @@ class _Frd:
             if line.startswith(" -4"):
                 name = line[5:13].strip()
         kind, imaginary = name.removesuffix("I"), name.endswith("I")
-        if kind not in self.found:
+        if kind not in self.results:
             return
-        found, n_values = self.found[kind], {"DISP": 3, "STRESS": 6}[kind]
+        blocks, n_values = self.results[kind], {"DISP": 3, "STRESS": 6}[kind]
         if not imaginary:
-            found.append(((diameter, mode, frequency), *self._rows(head, n_values)))
-        elif found and found[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
-            key, own, real = found[-1]
+            blocks.append(((diameter, mode, frequency), *self._rows(head, n_values)))
+        elif blocks and blocks[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
+            key, numbers, real = blocks[-1]
             nodes, values = self._rows(head, n_values)
-            require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", f"nodes {own} in both parts", nodes)
-            found[-1] = (key, own, real + 1j * values)
+            require(np.array_equal(numbers, nodes), f"{self.source}: mode {mode}", f"nodes {numbers} in both parts", nodes)
+            blocks[-1] = (key, numbers, real + 1j * values)

@@ -1,19 +1,24 @@
 """Ansys MAPDL: matrices of a ``.full`` file, mesh and components of a ``.cdb`` archive, modes of a ``.rst`` file.
 
 Binary files consist of records: the number of 32-bit words, a word of flags, the words, and their number again.  The
-highest byte of the flags tells integers (0x80) from floating-point numbers, single from double precision (0x40), and three
-compressed forms: zlib (0x20), windows of non-zero values (0x10), and a bit for each non-zero value (0x08).  Pointers
-count words from the start of the file, or from that of a data set.  The first record is the standard header, the second
-the header of the kind of file; positions in it are those of the include files ``fdfull.inc`` and ``fdresu.inc`` that come
-with the program.
+highest byte of the flags has a bit for integers (0x80, otherwise floating point) and one for short numbers (0x40: 16-bit
+integers or single precision).  Other bits mark three compressed forms: zlib (0x20), windows of non-zero values
+(0x10), and one bit per non-zero value (0x08).  Pointers count words from the start of the file or of a data set.  The
+first record is the standard header, the second the header of the kind of file.
 
-Only the records that an import needs are read, and every length is checked against the file, so that damaged files are
-refused.
+Only the records that an import needs are read.  Each length is checked against the size of the file, so that a damaged
+file causes an error.
 
-A ``.full`` file keeps rows for components that are fixed; they are empty except for a one and are dropped.  The modes of a
-cyclic analysis come as real shapes of the base sector, two for each wave; :mod:`bdamper.fem.cyclic_symmetry`
-finds their pairing and direction.  They are scaled to a modal mass of one over base and duplicate sector, which
-is what ``a + i b`` of a pair has over one sector.
+A ``.full`` file has rows for fixed components.  They contain a one on the diagonal only and are dropped.
+
+A cyclic analysis writes real shapes of the base sector, two for each travelling wave.
+:mod:`bdamper.fem.cyclic_symmetry` finds their pairing and direction.  Their modal mass is one over base and duplicate
+sector, which equals the modal mass of ``a + i b`` of a pair over one sector.
+
+References
+----------
+Ansys, *Programmer's Reference*, "Format of Binary Data Files", with the include files ``fdfull.inc`` and ``fdresu.inc``.
+Ansys, *Command Reference*, commands CDWRITE, NBLOCK, EBLOCK and CMBLOCK.
 """
 
 from __future__ import annotations
@@ -40,10 +45,10 @@ from bdamper.util.errors import mismatch
 from bdamper.util.storage import FilePath
 
 _INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08
-_HEADER = 103  # the second record starts here
+_HEADER = 103  # word at which the second record starts
 _FULL, _RESULT = 4, 12
 _KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
-_MODAL = 2
+_MODAL = 2  # number of a modal analysis
 
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
@@ -53,7 +58,7 @@ _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10
 
 
 class _Binary:
-    """Records of a binary file that is held in memory."""
+    """Records of a binary file in memory."""
 
     def __init__(self, source: Path, kind: int) -> None:
         self.source = source
@@ -64,11 +69,11 @@ class _Binary:
         require(int(head[0]) == kind, str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
 
     def record(self, word: int, item: str) -> NDArray:
-        """Numbers of the record at a word of the file."""
+        """Return the numbers of the record at a word of the file."""
         return self._record(word, item)[0]
 
     def run(self, word: int, count: int, item: str) -> Iterator[NDArray]:
-        """``count`` records one after another."""
+        """Iterate over ``count`` successive records."""
         for k in range(count):
             values, word = self._record(word, f"{item}, record {k + 1} of {count}")
             yield values
@@ -77,7 +82,7 @@ class _Binary:
         where = f"{self.source}: {item} at word {word}"
         start = 4 * int(word)
         within, words = 0 <= start <= len(self.data) - 12, len(self.data) // 4
-        require(within, where, f"a record within {words} words", "a place outside: the file is truncated")
+        require(within, where, f"a record within {words} words", "a pointer beyond its end: truncated")
         size, flags = struct.unpack_from("<iI", self.data, start)
         end = start + 8 + 4 * size
         within, found = size >= 0 and end + 4 <= len(self.data), f"a length of {size} words: damaged or truncated"
@@ -103,44 +108,49 @@ class _Binary:
         return check_count(size, where, "a length", largest=100_000_000), second
 
     def _bits(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
-        """One bit for each of at most 32 values tells whether it follows or is zero."""
+        """Decompress at most 32 values.  The bit of a value is set if the value follows; otherwise the value is 0."""
         size, code = self._head(raw, where)
         require(size <= 32, where, "at most 32 values in a record compressed by bits", size)
-        set_ = np.array([(code >> k) & 1 for k in range(size)], bool)
-        require(8 + int(set_.sum()) * dtype.itemsize <= len(raw), where, f"{int(set_.sum())} values", "fewer: damaged")
+        nonzero = np.array([(code >> k) & 1 for k in range(size)], bool)
+        count = int(nonzero.sum())
+        require(8 + count * dtype.itemsize <= len(raw), where, f"{count} values", "fewer: damaged")
         out = np.zeros(size, dtype)
-        out[set_] = np.frombuffer(raw, dtype, int(set_.sum()), 8)
+        out[nonzero] = np.frombuffer(raw, dtype, count, 8)
         return out
 
     def _windows(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
-        """Single values at positive places; at others a run of values, or of one value if its length is negative."""
+        """Decompress windows of a sparse record.
+
+        A positive index precedes a single value.  Any other index (with its sign reversed) precedes a length and a run of
+        this length, or one repeated value if the length is negative.
+        """
         size, count = self._head(raw, where)
         step = max(dtype.itemsize, 4)
         out = np.zeros(size, dtype)
         at = 8
         for _ in range(count):
             require(at + 8 <= len(raw), where, f"{count} windows", "the end of the record")
-            place, length = struct.unpack_from("<ii", raw, at)
-            if place > 0:
+            index, length = struct.unpack_from("<ii", raw, at)
+            if index > 0:
                 length = 1
-            at += 4 if place > 0 else 8
+            at += 4 if index > 0 else 8
             taken = 1 if length < 0 else length
-            place, length = abs(place), abs(length)
+            first, length = abs(index), abs(length)
             stored = step if taken == 1 else taken * dtype.itemsize
-            within = place + length <= size and at + taken * dtype.itemsize <= len(raw)
-            require(within, where, f"windows within {size} values", f"one of {length} from {place}")
-            out[place : place + length] = np.frombuffer(raw, dtype, taken, at)
+            within = first + length <= size and at + taken * dtype.itemsize <= len(raw)
+            require(within, where, f"windows within {size} values", f"one of {length} from {first}")
+            out[first : first + length] = np.frombuffer(raw, dtype, taken, at)
             at += stored
         return out
 
 
 def _long(low: int, high: int) -> int:
-    """A place in the file, of two words."""
+    """Return a position in the file from its two words."""
     return (int(high) << 32) + (int(low) & 0xFFFFFFFF)
 
 
 class _Header:
-    """A record of whole numbers, by positions that count from one; short headers end in zeros."""
+    """Record of integers with positions from 1, as in the include files of Ansys; absent positions are 0."""
 
     def __init__(self, file: _Binary, word: int, name: str) -> None:
         self.item = f"{file.source}: {name}"
@@ -148,11 +158,10 @@ class _Header:
         require(self.values.dtype.kind == "i", self.item, "whole numbers", str(self.values.dtype))
 
     def count(self, position: int, what: str, smallest: int = 1) -> int:
-        """A number that the size of the file bounds."""
+        """Return a count that the size of the file limits."""
         return check_count(self[position], self.item, what, smallest, self.largest)
 
     def pointer(self, low: int, high: int) -> int:
-        """A place in the file, of two words."""
         return _long(self[low], self[high])
 
     def __getitem__(self, position: int) -> int:
@@ -169,13 +178,13 @@ class FullMatrices(NamedTuple):
     Parameters
     ----------
     stiffness, mass : (n_eq, n_eq) sparse
-        Both triangles, of the free components only.
+        Both triangles, for the free components only.
     dofs : (n_eq, 2) int
         Node number and component (1, 2, 3) of each row.
     dropped : int
-        Rows of fixed components that were left out.
+        Number of dropped rows of fixed components.
     nodes : (n_nodes,) int
-        Numbers of all nodes, those that are fixed included.
+        Numbers of all nodes, including fixed ones.
     """
 
     stiffness: sp.csr_matrix
@@ -187,11 +196,20 @@ class FullMatrices(NamedTuple):
 
 @reader("a matrix file of Ansys (.full)")
 def read_full(path: Path) -> FullMatrices:
-    """Stiffness and mass of a ``.full`` file, without its empty rows.
+    """Read stiffness and mass of a ``.full`` file, without the rows of fixed components.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    FullMatrices
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist or is damaged, or has unsymmetric or lumped matrices, constraint equations, or rotations.
     """
     file = _Binary(path, _FULL)
     head = _Header(file, _HEADER, "header")
@@ -207,8 +225,8 @@ def read_full(path: Path) -> FullMatrices:
     counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
     dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
     require(len(constraint) >= n_eq, f"{path}: table of fixed components", f"{n_eq} entries", len(constraint))
-    places = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
-    matrices = [_full_matrix(file, place, n_eq, name) for name, place in places.items()]
+    pointers = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
+    matrices = [_full_matrix(file, word, n_eq, name) for name, word in pointers.items()]
     keep = np.flatnonzero(constraint[:n_eq] >= 0)
     empty = matrices[0].diagonal()[keep] == 0.0
     keep = keep[~empty]
@@ -220,19 +238,19 @@ def read_full(path: Path) -> FullMatrices:
 
 
 def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int) -> NDArray:
-    """Node number and component of each equation."""
+    """Return node number and component (n_eq, 2) of each equation."""
     for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
         require(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
     numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
     good = counts.min() >= 0 and counts.max() <= len(dof_names) and counts.sum() == n_eq
     require(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
     first = np.repeat(np.cumsum(counts) - counts, counts)
-    place = np.arange(n_eq) - first
-    return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[place]])
+    within_node = np.arange(n_eq) - first
+    return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[within_node]])
 
 
 def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matrix:
-    """One triangle, row by row: columns, then values."""
+    """Read one triangle, stored by rows as a record of columns and a record of values."""
     item = f"{name} matrix"
     require(word > 0, f"{file.source}: {item}", "a matrix", "none in the file")
     rows, columns, values = [], [], []
@@ -241,7 +259,7 @@ def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matri
         column, value = next(records), next(records)
         where = f"{file.source}: {item}, row {row + 1}"
         good = column.dtype.kind == "i" and value.dtype.kind == "f" and len(column) == len(value)
-        require(good, where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
+        require(good, where, "records of columns and values of the same length", f"{len(column)} and {len(value)}")
         low, high = column.min(initial=1), column.max(initial=1)
         require(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
         rows.append(np.full(len(column), row))
@@ -253,29 +271,33 @@ def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matri
 
 
 def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = None) -> FEBody:
-    """A body from matrices, the archive with its mesh and components, and optionally the modes of a cyclic analysis.
+    """Read a body from its matrices, its archive, and optionally the modes of a cyclic analysis.
 
     Parameters
     ----------
     full : path-like
         ``.full`` file of the sector without cyclic symmetry, or of the damper.
     archive : path-like
-        ``.cdb`` file (CDWRITE,DB) of the same model.
+        ``.cdb`` file of the same model (CDWRITE,DB), with its mesh and components.
     results : path-like, optional
-        ``.rst`` file to compare with.
+        ``.rst`` file with modes to compare with.
+
+    Returns
+    -------
+    FEBody
 
     Raises
     ------
     FileNotFoundError, ModelError
-        Also if the matrices have a node that the archive lacks, or lack one of its solid elements.
+        If a file does not exist or is damaged, or matrices and archive do not have the same nodes.
     """
     body, found = read_cdb(archive), read_full(full)
     solid = np.unique(np.concatenate([np.zeros(0, np.int64), *(e.ravel() for e in body.elements)]))
-    for place, nodes, others, of in ((archive, body.numbers, found.nodes, full), (full, found.nodes, solid, archive)):
+    for file, nodes, others, other in ((archive, body.numbers, found.nodes, full), (full, found.nodes, solid, archive)):
         missing = np.setdiff1d(others, nodes)
         some = ", ".join(map(str, missing[:5])) + ", ..." * (len(missing) > 5)
-        wanted = f"the nodes of {of}, which is to be of the same model"
-        require(not len(missing), str(place), wanted, f"{len(missing)} of {len(others)} missing: {some}")
+        wanted = f"the nodes of {other}, from the same model"
+        require(not len(missing), str(file), wanted, f"{len(missing)} of {len(others)} missing: {some}")
     modes = read_rst(results).modes if results is not None else ()
     notes = (*body.notes, f"{found.dropped} rows of fixed components dropped from {full}")
     matrices = {"stiffness": found.stiffness, "mass": found.mass, "dofs": found.dofs}
@@ -288,16 +310,27 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
 
 @reader("an archive of Ansys (.cdb)", ".cdb")
 def read_cdb(path: Path) -> FEBody:
-    """Nodes, solid elements and components of nodes of an archive (CDWRITE).
+    """Read nodes, solid elements and components of nodes from an archive (CDWRITE).
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    FEBody
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has a command that could change the mesh.
     """
     return _Archive(Lines(path, "latin-1")).body()
 
 
 class _Archive:
+    """Parser of an archive."""
+
     def __init__(self, lines: Lines) -> None:
         self.source, self.lines = str(lines.source), lines
         self.numbers: list[int] = []
@@ -305,19 +338,24 @@ class _Archive:
         self.angles: list[list[float]] = []
         self.types: dict[int, str] = {}
         self.elements: list[list[int]] = []
-        self.owners: list[tuple[str, int]] = []  # type and number of the material of each element
+        self.owners: list[tuple[str, int]] = []  # element type and material number
         self.elastic: dict[str, dict[int, float]] = {}
         self.sets: dict[str, NDArray] = {}
         self.skipped: Counter[str] = Counter()
 
     def _integers(self, what: str, fields: list[tuple[bool, slice]]) -> list[int]:
-        """Whole numbers on the next line."""
         text = self.lines.take(what)
-        with parsing(self.lines.item, "whole numbers in the columns that the format of the block says", text):
+        with parsing(self.lines.item, "whole numbers in the columns of the format of the block", text):
             return [int(text[columns]) for _, columns in fields if text[columns].strip()]
 
     def _fields(self, block: str) -> list[tuple[bool, slice]]:
-        """Whether each field holds a whole number, and its columns, by a Fortran format like (1i7,2i9,6e21.13e3)."""
+        """Parse a Fortran format such as (1i7,2i9,6e21.13e3).
+
+        Returns
+        -------
+        list of (bool, slice)
+            Whether a field contains an integer, and its columns.
+        """
         text = self.lines.take(f"the format of {block}")
         fields: list[tuple[bool, slice]] = []
         for count, letter, width in re.findall(r"(\d*)([iedfg])(\d+)", text.lower()):
@@ -352,9 +390,9 @@ class _Archive:
         return FEBody(numbers, nodes, **solids, node_sets=self.sets, node_axes=axes, source=self.source, notes=tuple(notes))
 
     def _skip(self, key: str, line: str) -> None:
-        """Refuse a command that could change the mesh; comments, assignments and numbers of other blocks are none."""
+        """Raise ModelError for a command that could change the mesh; other commands need no action."""
         assigned = "$" not in line and re.match(r"\s*\w+\s*=", line)
-        end = key in ("N", "EN") and re.search(r"\s-1[\s,]*$", line)  # of a block
+        end = key in ("N", "EN") and re.search(r"\s-1[\s,]*$", line)  # end of a block
         known = end or assigned or key in (*CDB_HARMLESS, *CDB_READ[-1:])
         if re.match(r"[*/]?[A-Z_]", key) and (not known or ("$" in line and not key.startswith("/"))):
             refuse(line.strip()[:40], self.lines.item, CDB_READ)
@@ -397,7 +435,7 @@ class _Archive:
             if known not in (4, 8, 10, 20) or len(nodes) != count:
                 self.skipped[name or f"{count} nodes"] += 1
                 continue
-            if 0 in nodes or count != known:  # nodes between corners left out
+            if 0 in nodes or count != known:  # without some mid-side nodes
                 nodes = nodes[: N_CORNER[known]]
             self.elements.append(_without_repeats(nodes))
             self.owners.append((name, words[0]))
@@ -416,7 +454,7 @@ class _Archive:
             self.lines.require(bool(more), wanted, len(found))
             found += more
         members, last = [np.zeros(0, np.int64)], 0
-        for number in found[:total]:  # a negative one ends a range
+        for number in found[:total]:  # a negative number ends a range
             good = number >= 0 or 0 < last <= -number <= last + 50_000_000
             require(good, item, f"ranges in component '{name}'", number)
             members.append(np.arange(last + 1 if number < 0 else number, abs(number) + 1))
@@ -426,15 +464,15 @@ class _Archive:
 
 
 def _without_repeats(nodes: list[int]) -> list[int]:
-    """Nodes of a wedge or tetrahedron that is written as a hexahedron with repeated nodes; others as they are."""
-    places = {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8]))) if len(nodes) in (8, 20) else None
-    own = [nodes[k] for k in places or ()]
-    out = own + [n for n in dict.fromkeys(nodes[8:]) if n not in own]
-    return out if len(out) in N_CORNER and set(own) == set(nodes[:8]) else nodes
+    """Return the distinct nodes of a wedge or tetrahedron that is stored as a hexahedron; other elements are unchanged."""
+    corners = {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8]))) if len(nodes) in (8, 20) else None
+    distinct = [nodes[k] for k in corners or ()]
+    out = distinct + [n for n in dict.fromkeys(nodes[8:]) if n not in distinct]
+    return out if len(out) in N_CORNER and set(distinct) == set(nodes[:8]) else nodes
 
 
 def _node_axes(angles: NDArray) -> NDArray:
-    """(3, 3) rows: axes of a node turned by its angles (degrees) about Z, then about its X, then about its Y."""
+    """Return the axes of a node as rows (3, 3), rotated about Z, the new X and the new Y by three angles (degrees)."""
     return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
 
 
@@ -444,17 +482,22 @@ def _node_axes(angles: NDArray) -> NDArray:
 
 @reader("a result file of Ansys (.rst)", ".rst")
 def read_rst(path: Path) -> FEBody:
-    """Nodes, solid elements and modes of a modal analysis, cyclic or not.
+    """Read nodes, solid elements and modes of a modal analysis, cyclic or not.
+
+    Parameters
+    ----------
+    path : path-like
 
     Returns
     -------
     FEBody
-        Its modes are standing waves of the base sector, two for each wave of a nodal diameter between 0 and N/2, in the
-        axes of the file.
+        Body without matrices.  Its modes are standing waves of the base sector in the axes of the file, two for each
+        travelling wave of a nodal diameter between 0 and N/2.
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has no modal analysis with displacements UX, UY, UZ.
     """
     file = _Binary(path, _RESULT)
     head = _Header(file, _HEADER, "header")
@@ -464,7 +507,7 @@ def read_rst(path: Path) -> FEBody:
     index = file.record(head.pointer(11, 41), "index of result sets")
     if len(index) < 2 * room or index.dtype.kind != "i":
         raise mismatch(f"{path}: index of result sets", f"{2 * room} whole numbers", len(index))
-    places = [_long(index[k], index[room + k]) for k in range(n_sets)]
+    words = [_long(index[k], index[room + k]) for k in range(n_sets)]
     frequency = file.record(head.pointer(12, 42), "frequencies")[:n_sets].astype(float)
     numbers = file.record(head.pointer(15, 46), "node numbers")[:n_nodes].astype(np.int64)
     diameter = np.zeros(n_sets, int)
@@ -474,7 +517,7 @@ def read_rst(path: Path) -> FEBody:
     if min(len(frequency), len(diameter)) < n_sets or len(numbers) < n_nodes:
         raise mismatch(str(path), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
     body, axes = _rst_mesh(file, head.pointer(16, 47))
-    shapes = [_rst_shape(file, place, numbers, axes, k) for k, place in enumerate(places)]
+    shapes = [_rst_shape(file, word, numbers, axes, k) for k, word in enumerate(words)]
     each = zip(diameter.tolist(), frequency.tolist(), shapes)
     modes = modes_by_diameter(((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path))
     notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
@@ -482,7 +525,7 @@ def read_rst(path: Path) -> FEBody:
 
 
 def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
-    """Nodes and solid elements; axes of the nodes that have their own."""
+    """Return nodes and solid elements, and the axes of nodes with rotated axes."""
     head = _Header(file, word, "geometry header")
     n_nodes, n_elements = head.count(4, "a number of nodes"), head.count(5, "a number of elements", 0)
     table = np.empty((n_nodes, 7))
@@ -493,12 +536,12 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
     numbers = table[:, 0].astype(np.int64)
     elements = []
     if n_elements:
-        place = head.pointer(29, 30) or head[11]
-        offsets = file.record(place, "index of elements")
+        start = head.pointer(29, 30) or head[11]
+        offsets = file.record(start, "index of elements")
         words = np.ascontiguousarray(offsets).astype("<i4").view("<i8") if len(offsets) >= 2 * n_elements else offsets
         for k in range(n_elements):
             require(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
-            element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
+            element = file.record(start + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
                 elements.append(np.array(_without_repeats(element.tolist())))
     body = FEBody(numbers, table[:, 1:4], **by_kind(elements), source=str(file.source))
@@ -506,18 +549,17 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
 
 
 def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArray], k: int) -> NDArray:
-    """(n_nodes, 3) displacements of one result set in the axes of the file."""
+    """Return the displacements (n_nodes, 3) of a result set in the axes of the file."""
     head = _Header(file, word, f"result set {k + 1}")
     item, n = head.item, head.count(3, "a number of nodes")
     per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
     names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
     require(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
-    place = word + (head.pointer(105, 106) or head[11])
-    values = file.record(place, f"displacements of result set {k + 1}").astype(float)
+    values = file.record(word + (head.pointer(105, 106) or head[11]), f"displacements of result set {k + 1}").astype(float)
     if len(values) < n * per_node or n != len(numbers):
         raise mismatch(item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values")
     out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
-    out[out == 2.0**100] = 0.0
+    out[out == 2.0**100] = 0.0  # number of Ansys for "no value"
     check_all(np.isfinite(out), out, "finite displacements", item)
     for j, number in enumerate(numbers.tolist()):
         if number in axes:

@@ -1,16 +1,15 @@
-"""Matrices and tables from plain files: NumPy, MATLAB, Matrix Market, Abaqus coordinate text, CSV.
+"""Matrices and tables from plain files: NumPy, MATLAB, Abaqus coordinate text and CSV.
 
-Real matrices from MATLAB files of version 5 to 7.2.
+MATLAB files of version 5 to 7.2 are read by this module, since the reader of SciPy crashes on damaged files.  After a
+header of 128 bytes a file consists of data elements.  Each has a type and a length in eight bytes (four bytes for at most
+four bytes of data), then the data, padded to eight bytes.  Type 15 contains other elements, compressed by zlib.  Type 14 is
+an array: flags with its class, dimensions, name, then the numbers by columns.  A sparse array has row indices, column
+pointers and numbers instead.
 
-The package has a reader of its own, since the common one crashes on damaged files.  After a header of 128 bytes come data
-elements: a type and a length (eight bytes, or four for data of at most four bytes), then the data, padded to eight bytes.
-An element of type 15 holds others, compressed by zlib; one of type 14 is an array: flags with its class, dimensions,
-name, then numbers by columns, or rows, column pointers and numbers of a sparse one.
-
-Real matrices from Matrix Market files.
-
-The package has a reader of its own, since the common one crashes on damaged files.  The first line names object, format,
-field and symmetry; comments start with ``%``; then come the sizes, then one entry a line, or the numbers by columns.
+References
+----------
+MathWorks, *MAT-File Format*, version 5 (MATLAB documentation).
+Dassault Systèmes, *Abaqus Analysis User's Guide*, "Generating matrices" (formats COORDINATE and MATRIX INPUT).
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ from bdamper.importers.fe_body import (
     by_kind,
     check_count,
     data_lines,
-    parsing,
     read_body,
     reader,
 )
@@ -44,7 +42,7 @@ from bdamper.model.fields import check_all, require
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import MOST_BYTES, FilePath
 
-# ---- Real matrices from MATLAB files of version 5 to 7 ----
+# ---- MATLAB files of version 5 to 7.2 ----
 
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -54,11 +52,12 @@ _COMPLEX = 0x08
 
 
 def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
-    """All real two-dimensional matrices of a file, by name; other variables are skipped.
+    """Read the real two-dimensional matrices of a MATLAB file, by name; skip other variables.
 
     Raises
     ------
     ModelError
+        If the file has another version or is damaged.
     """
     data = source.read_bytes()
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
@@ -85,10 +84,11 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
 
 
 def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]:
+    """Iterate over type and content of data elements."""
     at = 0
     while at + 8 <= len(data):
         kind, length = struct.unpack_from(order + "II", data, at)
-        if kind >> 16:  # a small element: length and type share the first word, the data are in the second
+        if kind >> 16:  # small element: length and type in the first word, data in the second
             length, kind, start, step = kind >> 16, kind & 0xFFFF, at + 4, 8
             require(length <= 4, item, "small elements of at most four bytes", length)
         else:
@@ -108,6 +108,7 @@ def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
 
 
 def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.spmatrix]) -> None:
+    """Add a real two-dimensional array to ``out``; skip arrays of other kinds."""
     parts = _elements(content, order, item)
     head = [next(parts, None) for _ in range(3)]
     if any(part is None for part in head):
@@ -138,87 +139,33 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     out[name] = sp.coo_matrix((value, (row, np.repeat(np.arange(columns), steps))), shape=(rows, columns))
 
 
-# ---- Real matrices from Matrix Market files ----
-
-
-def read_market(source: Path) -> sp.coo_matrix | NDArray:
-    """The matrix of a file; of a symmetric one, both triangles.
-
-    Raises
-    ------
-    ModelError
-    """
-    text, item = source.read_text(encoding="latin-1"), str(source)
-    first = text.partition("\n")[0]
-    words = first.lower().split()
-    if len(words) != 5 or words[:2] != ["%%matrixmarket", "matrix"] or words[2] not in ("coordinate", "array"):
-        raise mismatch(f"{item}: line 1", "%%MatrixMarket matrix coordinate|array <field> <symmetry>", first[:60])
-    require(words[3] in ("real", "integer", "double"), f"{item}: line 1", "a real matrix", words[3])
-    require(words[4] in ("general", "symmetric"), f"{item}: line 1", "a general or symmetric matrix", words[4])
-    content = data_lines(text, "%")
-    require(bool(content), item, "a line of sizes", "the end of the file")
-    (number, head), *body = content
-    coordinate, symmetric = words[2] == "coordinate", words[4] == "symmetric"
-    with parsing(f"{item}: line {number}", "the sizes of the matrix", head):
-        sizes = [int(w) for w in head.split()]
-        if len(sizes) != (3 if coordinate else 2):
-            raise ValueError
-    rows, columns = (check_count(n, f"{item}: size line", "a size") for n in sizes[:2])
-    good = not symmetric or rows == columns
-    require(good, f"{item}: size line", "as many rows as columns of a symmetric matrix", f"{rows}, {columns}")
-    n_values = rows * (rows + 1) // 2 if symmetric else rows * columns
-    count = sizes[2] if coordinate else n_values
-    require(count == len(body), f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
-    width = 3 if coordinate else 1
-    words = " ".join(line for _, line in body).split()
-    good = len(words) == width * count
-    require(good, item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
-    try:
-        table = np.array(words, dtype=float).reshape(count, width)
-    except ValueError as error:  # the text of which ends with the first word that is no number
-        raise mismatch(item, "numbers after the sizes", str(error).rpartition(": ")[2]) from None
-    if not coordinate:
-        if not symmetric:
-            return table.reshape(columns, rows).T
-        out = np.zeros((rows, rows))
-        out.T[np.triu_indices(rows)] = table[:, 0]
-        return out + np.tril(out, -1).T
-    index = table[:, :2]
-    whole = np.isfinite(index).all() and np.all(index == np.floor(index))
-    if count and not (whole and index.min() >= 1 and np.all(index.max(axis=0) <= (rows, columns))):
-        raise mismatch(item, f"rows 1 to {rows} and columns 1 to {columns}", f"{index.min():g} to {index.max():g}")
-    row, column = index.astype(np.int64).T - 1
-    value = table[:, 2]
-    if symmetric:
-        off = row != column
-        row, column = np.concatenate([row, column[off]]), np.concatenate([column, row[off]])
-        value = np.concatenate([value, value[off]])
-    return sp.coo_matrix((value, (row, column)), shape=(rows, columns))
-
-
 # ---- Matrices and tables from plain files ----
 
 
 COMMENTS = ("#", "*", "%")
-"""How lines start that are no numbers."""
+"""Beginnings of comment lines."""
 
 
 @reader("a matrix as .npz, .npy, .mat or .mtx", library=True)
 def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
-    """A square matrix from a file, the kind of which follows from its ending.
+    """Read a square matrix from a file, by the ending of its name.
 
     Parameters
     ----------
     path : path-like
-        ``.npz`` (scipy.sparse.save_npz, or arrays), ``.npy``, ``.mat``, ``.mtx`` (Matrix Market, or Abaqus coordinate
-        text: lines of row, column, value or of node, dof, node, dof, value).
+        ``.npz`` of scipy.sparse.save_npz or of arrays, ``.npy``, ``.mat``, or ``.mtx`` (Abaqus coordinate text).
     name : str, optional
-        Of the array, in files with several.
+        Name of the array in a file with several arrays.
 
     Returns
     -------
     (n, n) sparse, float
-        For Abaqus text with nodes see :func:`read_abaqus_matrix`, which also returns the table of them.
+        :func:`read_abaqus_matrix` returns the table of nodes and components in addition.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        If the file does not exist or has no such square matrix of finite real numbers.
     """
     kind = path.suffix.lower()
     require(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
@@ -243,7 +190,7 @@ def _from_npy(source: Path, name: str | None) -> NDArray:
 
 
 def _check_bytes(count: int, source: Path) -> None:
-    """Refuse arrays that would take too much memory before they are read."""
+    """Raise ModelError if arrays need too much memory, before they are read."""
     check_count(count, f"{source}: arrays", "a size, bytes,", 1, MOST_BYTES)
 
 
@@ -252,12 +199,11 @@ def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
     return content[_chosen(list(content), name, source)]
 
 
-def _from_text(source: Path, name: str | None) -> sp.spmatrix | NDArray:
-    return read_market(source) if _is_market(source) else read_abaqus_matrix(source)[0]
+def _from_text(source: Path, name: str | None) -> sp.spmatrix:
+    return read_abaqus_matrix(source)[0]
 
 
 def _chosen(names: list[str], name: str | None, source: Path) -> str:
-    """The name that was asked for, or the only one there is."""
     if name is None and len(names) == 1:
         return names[0]
     wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
@@ -265,24 +211,17 @@ def _chosen(names: list[str], name: str | None, source: Path) -> str:
     return str(name)
 
 
-@reader("a matrix as .mtx")
-def _is_market(source: Path) -> bool:
-    with open(source, "rb") as file:
-        return file.read(14).lower() == b"%%matrixmarket"
-
-
 _MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
     ".npz": _from_npz,
     ".npy": _from_npy,
     ".mat": _from_mat,
     ".mtx": _from_text,
-    ".mm": _from_text,
 }
-"""What reads a matrix, by the ending of the name."""
+"""Functions that read a matrix, by the ending of the file name."""
 
 
 def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
-    """A square matrix of finite real numbers with indices in range, or an error that names ``item``."""
+    """Return a matrix in CSR format; raise ModelError unless it is square, real and finite with valid indices."""
     matrix = matrix if sp.issparse(matrix) else np.asarray(matrix)
     good = matrix.dtype.kind in "fiu" and matrix.ndim == 2
     require(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
@@ -299,26 +238,32 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
 
 
 def number_rows(source: Path, *columns: int, mixed: bool = False, separators: str = ",;") -> list[list[float]]:
-    """Numbers of a text file, separated by commas or blanks, one row a line.
+    """Read rows of numbers from a text file, separated by commas or blanks.
+
+    A first line of column names and lines that start with a comment sign are skipped.
 
     Parameters
     ----------
     source : Path
     *columns : int
-        How many numbers a row may have.
+        Permitted numbers of columns.
     mixed : bool
-        Whether rows may differ in their number.
+        Whether rows may differ in length.
     separators : str
-        Letters that count as blanks.
+        Characters that are treated as blanks.
+
+    Raises
+    ------
+    ModelError
+        If a row is not numeric or has another length; the message names the line.
     """
     rows: list[list[float]] = []
     for k, line in data_lines(source.read_text(errors="replace"), COMMENTS):
-        own = line.partition("#")[0]
-        words = own.translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE")).split()
+        words = line.partition("#")[0].translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE")).split()
         try:
             row = [float(word) for word in words]
         except ValueError:
-            if not rows and not any(re.match(r"[-+.]*\d", word) for word in words):  # a line of column names
+            if not rows and not any(re.match(r"[-+.]*\d", word) for word in words):  # line of column names
                 continue
             raise mismatch(f"{source}: line {k}", "numbers", line[:60]) from None
         if len(row) not in columns or not (mixed or len(row) == len((rows or [row])[0])):
@@ -330,14 +275,14 @@ def number_rows(source: Path, *columns: int, mixed: bool = False, separators: st
 
 
 def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
-    """Rows of as many finite numbers each; parameters as of :func:`number_rows`."""
+    """Read a table of finite numbers; parameters as for :func:`number_rows`."""
     table = np.array(number_rows(source, *columns, **options))
     check_all(np.isfinite(table), table, "finite numbers", str(source))
     return table
 
 
 def as_integers(values: NDArray, item: str) -> NDArray:
-    """Whole numbers from a table of floats."""
+    """Convert an array of floats to integers; raise ModelError if a number is not whole."""
     if len(values) and (np.any(values != np.round(values)) or np.abs(values).max() > 2**53):
         raise mismatch(item, "whole numbers", values[np.argmax(values != np.round(values))])
     return values.astype(np.int64)
@@ -345,17 +290,24 @@ def as_integers(values: NDArray, item: str) -> NDArray:
 
 @reader("Abaqus coordinate text")
 def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
-    """Matrix from Abaqus coordinate text.
+    """Read a matrix from Abaqus coordinate text.
 
-    Lines of ``row, column, value`` (``FORMAT=COORDINATE``), or of ``node, dof, node, dof, value``
-    (``FORMAT=MATRIX INPUT``).  Where only one triangle is in the file, the other is its mirror image.
+    The lines contain ``row, column, value`` (``FORMAT=COORDINATE``) or ``node, dof, node, dof, value``
+    (``FORMAT=MATRIX INPUT``).  If the file contains one triangle only, the matrix is symmetric.
 
     Returns
     -------
     matrix : (n, n) sparse
     dofs : (n, 2) int or None
-        Node and component of each row.
+        Node number and component of each row, if the file has them.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        If the file does not exist or is damaged.
     """
+    market = path.read_bytes()[:14].lower() == b"%%matrixmarket"
+    require(not market, str(path), "Abaqus coordinate text", "a Matrix Market file; pass the matrix of scipy.io.mmread")
     table, dofs = number_table(path, 3, 5), None
     if table.shape[1] == 3:
         row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
@@ -370,7 +322,7 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
 
 
 def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> sp.csr_matrix:
-    """Matrix (n, n) from entries; if all are on one side of the diagonal, with their mirror images."""
+    """Return a matrix (n, n) from its entries; if all are in one triangle, mirror them at the diagonal."""
     matrix = sp.coo_matrix((value, (row, column)), shape=(n, n)).tocsr()
     if np.all(row <= column) or np.all(row >= column):
         matrix = (matrix + matrix.T - sp.diags(matrix.diagonal())).tocsr()
@@ -379,23 +331,49 @@ def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> s
 
 @reader("CSV with the columns number, x, y, z")
 def read_nodes(path: Path) -> tuple[NDArray, NDArray]:
-    """Node numbers (n,) and positions (n, 3) from CSV with the columns number, x, y, z."""
+    """Read a table of nodes from CSV with the columns number, x, y, z.
+
+    Returns
+    -------
+    numbers : (n,) int
+    positions : (n, 3) float
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
     table = number_table(path, 4)
     return as_integers(table[:, 0], f"{path}: column 1"), table[:, 1:]
 
 
 @reader("CSV with the columns node, component")
 def read_dofs(path: Path) -> NDArray:
-    """Node number and component (1, 2, 3) of each matrix row, (n, 2), from CSV or from text like ``12.3``."""
+    """Read node number and component (1, 2, 3) of each equation from CSV, or from lines such as ``12.3``.
+
+    Returns
+    -------
+    (n_eq, 2) int
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
     table = number_table(path, 2, separators=",;.")
     return as_integers(table.ravel(), str(path)).reshape(-1, 2)
 
 
 @reader("CSV of node numbers")
 def read_set(path: Path) -> NDArray:
-    """Node numbers (n,) from CSV with any number of them a line, or faces (n, 3 | 4 | 6 | 8), one a line.
+    """Read node numbers or faces from CSV.
 
-    A file with a single number a line is a set of nodes; one with a fixed count of 3, 4, 6 or 8 a line holds faces.
+    Returns
+    -------
+    (n,) int or (n, 3 | 4 | 6 | 8) int
+        Node numbers from a file with one number per line; otherwise the node numbers of one face per line.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
     """
     table = number_table(path, 1, 3, 4, 6, 8)
     whole: Any = as_integers(table.ravel(), str(path)).reshape(table.shape)
@@ -404,9 +382,18 @@ def read_set(path: Path) -> NDArray:
 
 @reader("CSV of the node numbers of solid elements")
 def read_elements(path: Path) -> tuple[NDArray, ...]:
-    """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first.
+    """Read solid elements from CSV, with the node numbers of one element (4, 6, 8, 10, 15 or 20) per line.
 
-    Hexahedra: four corners in turn around one face, then the four opposite ones in the same turn.
+    The corners are first, in the order of :class:`FEBody`.
+
+    Returns
+    -------
+    tuple of (n, n_nodes) int arrays
+        One for each number of nodes.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
     """
     rows = number_rows(path, *N_CORNER, mixed=True)
     return tuple(by_kind(as_integers(np.array(row), str(path)) for row in rows)["elements"])
@@ -421,27 +408,37 @@ def read_arrays(
     elements: FilePath | NDArray | tuple[NDArray, ...] = (),
     source: str = "",
 ) -> FEBody:
-    """A body from matrices, a node table, a dof table and sets, each given as arrays or as a file.
+    """Make a body from matrices, nodes, a table of equations, sets and elements, given as arrays or as files.
 
     Parameters
     ----------
-    stiffness, mass : path-like or sparse matrix
-        See :func:`read_matrix`.
+    stiffness, mass : path-like or (n_eq, n_eq) sparse
+        Matrices, or files for :func:`read_matrix`.
     nodes : path-like, (n, 3) array, (numbers, positions) or FEBody
-        See :func:`read_nodes`; positions alone are numbered from 0; or a mesh, as a body or a file that :func:`read_body`
-        reads, with its elements and sets.
+        File for :func:`read_nodes`, positions of nodes numbered from 0, numbers and positions, or a mesh.  A mesh is an
+        FEBody or a file for :func:`read_body`; its elements and sets are used.
     dofs : path-like or (n_eq, 2) int, optional
-        See :func:`read_dofs`; by default three rows a node, or the table in Abaqus text with nodes.
+        Node number and component of each equation, or a file for :func:`read_dofs`.  By default the table in Abaqus text,
+        or three equations per node.
     sets : mapping of name to path-like or array, optional
-        One-dimensional: node numbers; two-dimensional: faces of elements.
-    elements : path-like, int array or tuple of these
-        See :func:`read_elements` and :class:`FEBody`.
+        Node numbers (one-dimensional) or faces of elements (two-dimensional), or files for :func:`read_set`.
+    elements : path-like, int array or tuple of int arrays
+        Elements as in :class:`FEBody`, or a file for :func:`read_elements`.
     source : str
-        What messages call the body; the file of the stiffness by default.
+        Name of the body in messages; by default the file of the stiffness.
+
+    Returns
+    -------
+    FEBody
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        If a file does not exist or is damaged, or the two matrices have different equations.
     """
-    what = source or "the given arrays"
-    k, k_dofs = _with_table(stiffness, f"{what}: stiffness matrix")
-    m, m_dofs = _with_table(mass, f"{what}: mass matrix")
+    label = source or "the given arrays"
+    k, k_dofs = _with_table(stiffness, f"{label}: stiffness matrix")
+    m, m_dofs = _with_table(mass, f"{label}: mass matrix")
     if dofs is None and k_dofs is not None and m_dofs is not None:
         m = _reordered(m, m_dofs, k_dofs, str(mass))
     dofs = k_dofs if dofs is None else np.asarray(_loaded(dofs, read_dofs))
@@ -456,35 +453,33 @@ def read_arrays(
     loaded = {name: np.asarray(_loaded(given, read_set)) for name, given in (sets or {}).items()}
     node_sets = {name: values for name, values in loaded.items() if values.ndim == 1}
     face_sets = {name: (values,) for name, values in loaded.items() if values.ndim != 1}
-    own = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
-    source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
+    solids = _loaded((elements,) if isinstance(elements, np.ndarray) else elements, read_elements)
+    source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else label)
     return replace(
-        mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=own or mesh.elements,
-        element_kinds=() if own else mesh.element_kinds, node_sets={**mesh.node_sets, **node_sets},
+        mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=solids or mesh.elements,
+        element_kinds=() if solids else mesh.element_kinds, node_sets={**mesh.node_sets, **node_sets},
         face_sets={**mesh.face_sets, **face_sets},
     )  # fmt: skip
 
 
-def _loaded(given: Any, read: Callable[[FilePath], Any]) -> Any:
-    """The content of a file; what is no path is taken as it is."""
-    return read(given) if isinstance(given, str | os.PathLike) else given
+def _loaded(values: Any, read: Callable[[FilePath], Any]) -> Any:
+    return read(values) if isinstance(values, str | os.PathLike) else values
 
 
-def _with_table(given: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matrix, NDArray | None]:
-    """A matrix, given or from a file, and the table of its rows where it is Abaqus text."""
-    if not isinstance(given, str | os.PathLike):
-        return square_matrix(given, item), None
-    path = Path(given)
-    if path.suffix.lower() == ".mtx" and path.is_file() and not _is_market(path):
+def _with_table(matrix: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matrix, NDArray | None]:
+    if not isinstance(matrix, str | os.PathLike):
+        return square_matrix(matrix, item), None
+    path = Path(matrix)
+    if path.suffix.lower() == ".mtx":
         return read_abaqus_matrix(path)
     return read_matrix(path), None
 
 
-def _reordered(matrix: sp.csr_matrix, own: NDArray, wanted: NDArray, item: str) -> sp.csr_matrix:
-    """The matrix with rows in the order of another table of nodes and components."""
-    index = {tuple(pair): k for k, pair in enumerate(wanted.tolist())}
-    pairs = [tuple(pair) for pair in own.tolist()]
+def _reordered(matrix: sp.csr_matrix, dofs: NDArray, order: NDArray, item: str) -> sp.csr_matrix:
+    """Return the matrix with its rows in the order of another table of nodes and components."""
+    index = {tuple(pair): k for k, pair in enumerate(order.tolist())}
+    pairs = [tuple(pair) for pair in dofs.tolist()]
     unknown = sorted(set(pairs) - set(index))
     require(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
-    place, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
-    return sp.csr_matrix((entries.data, (place[entries.row], place[entries.col])), shape=(len(wanted), len(wanted)))
+    row, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
+    return sp.csr_matrix((entries.data, (row[entries.row], row[entries.col])), shape=(len(order), len(order)))

@@ -1,7 +1,7 @@
-"""Interfaces of an imported model: pairs of faces that touch, and the contact points laid over them.
+"""Interfaces of an imported model: pairs of faces in contact, and their contact points.
 
-A contact point is the mean over a patch that both faces have in common (:mod:`bdamper.fem.contact_patches`).  The sector in
-which a damper meets its neighbour follows from the positions of the faces and the directions in which they look.
+The displacement of a contact point is the mean over a patch that both faces share (:mod:`bdamper.fem.contact_patches`).
+The sector in which a damper touches its neighbour follows from the positions and normals of the faces.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bdamper.fem.contact_patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
 from bdamper.fem.surface import Facets, area_vectors
 from bdamper.importers.fe_body import BOUNDS
-from bdamper.importers.prepared_body import FaceSet, PreparedBody
+from bdamper.importers.prepared_body import FaceSet, ImportReport, PreparedBody
 from bdamper.model.fields import require
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
 from bdamper.util import validation
@@ -29,34 +29,36 @@ from bdamper.util.formatting import brief
 @brief
 @dataclass(frozen=True)
 class ContactFaces:
-    """A pair of faces that touch, and how contact points are laid over them.
+    """Pair of faces in contact, and the arrangement of its contact points.
 
     Parameters
     ----------
     name : str
-        Of the interface.
-    faces_a : str, (n,) int, (n, 3 | 4 | 6 | 8) int, or tuple of such arrays
-        On body a: name of a set, node numbers (the faces of elements between them are found), or faces of elements by
-        their node numbers, seen from outside counter-clockwise.
-    faces_b : the same, or None against the ground
+        Name of the interface.
+    faces_a : str, (n,) int, (n, 3 | 4 | 6 | 8) int, or tuple of such two-dimensional arrays
+        Face of body a: name of a set, node numbers that include whole element faces, or element faces by their node
+        numbers, counter-clockwise as seen from outside.
+    faces_b : as faces_a, optional
+        Face of body b; None for a contact with the ground.
     body_a, body_b : {"damper", "blade", "ground"} or the name of one of several free bodies
     points : int or (int, int)
-        Contact points, in all or along t1 and t2.
+        Number of contact points, in total or along t1 and t2.
     kind : {"friction", "constraint"}
-    sector_b : int, optional
-        Sector in which body b is met, -1, 0 or 1; found from the positions by default.
-    gap : float (in the units of the files) or "measured"
-        Initial normal distance; "measured" takes that of the two meshes.
+        A constraint has no friction.
+    sector_b : {-1, 0, 1}, optional
+        Sector of body b.  By default it follows from the positions of the faces.
+    gap : float or "measured"
+        Initial normal distance in the unit of length of the files; "measured" takes the distance of the meshes.
     patches : Patches, optional
-        Rectangles in one plane, in the axes of the model, in place of a grid.  The normal of a grid is the mean outward
-        normal of face a, and t2 points against the axis of rotation.
+        Rectangles in one plane, in the axes of the model, which replace the grid.  In a grid the normal n is the mean
+        outward normal of face a, and t2 points against the axis of rotation.
     stiffness : (3,) or (n_points, 3) float, N/m, optional
-        Contact stiffness of the user along t1, t2, n.
+        Contact stiffness along t1, t2, n.
 
     Raises
     ------
     SettingError
-        If a value is of another type or out of range.
+        If a value has another type or is out of range.
     """
 
     name: str
@@ -77,7 +79,7 @@ class ContactFaces:
 
     @property
     def item(self) -> str:
-        """Name of this contact in messages."""
+        """Name of the contact in messages."""
         return f"contact '{self.name}'"
 
 
@@ -100,18 +102,19 @@ def _gap(name: str, gap: float | str) -> float | str:
 
 @dataclass(frozen=True)
 class LaidContacts:
-    """All interfaces of a model and the rows of its bodies at their contact points.
+    """Interfaces of a model, and the displacements of contact points as functions of nodal displacements.
 
     Parameters
     ----------
     interfaces : dict of interface name to Interface
     stiffness : dict of interface name to ContactStiffness
-        Of the user.
+        Contact stiffness from the user.
     faces : tuple of str
-        Figures of each interface, for the report.
+        Area, overlap and normal of each interface, for the report.
     ports : dict of body name to tuple of Port
+        Interfaces and sides of each body.
     rows : dict of body name to (3 n_points, 3 n_nodes) sparse
-        From the nodal displacements of a body, in the axes of its own sector, to the contact points of its ports.
+        Displacements at the contact points of the ports from the nodal displacements of the body in its own sector.
     """
 
     interfaces: dict[str, Interface]
@@ -122,19 +125,32 @@ class LaidContacts:
 
 
 def from_first_sector(
-    contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
+    contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int, report: ImportReport
 ) -> tuple[tuple[ContactFaces, ...], dict[str, PreparedBody]]:
-    """Contacts and bodies with free bodies in sector 0: between its blade and the next one, wherever they are drawn.
+    """Move free bodies to the position between the blades of sectors 0 and 1.
 
-    A damper beside another blade, or at the other flank, is turned about the axis by whole pitches.
+    A damper that the mesh has at another blade, or at the other flank, is rotated by whole sectors.
+
+    Parameters
+    ----------
+    contacts : sequence of ContactFaces
+    bodies : mapping of name to PreparedBody
+    n_blades : int
+    report : ImportReport
+
+    Returns
+    -------
+    contacts : tuple of ContactFaces
+        Contacts with the free body as body a.
+    bodies : dict of name to PreparedBody
     """
     contacts, moved = tuple(_from_free(c) if c.body_b in bodies else c for c in contacts), dict(bodies)
     for name in [name for name in bodies if name != "blade"]:
         sector = _sector_drawn(name, contacts, bodies, n_blades)
         if sector:
             back, damper = turn(-2.0 * np.pi / n_blades * sector), bodies[name]
-            moved[name] = replace(damper, place=replace(damper.place, radial=(back @ damper.place.rotation)[1]))
-            damper.checks.append(f"{name}: drawn {sector:+d} sectors on, moved between the blades of sectors 0 and 1")
+            moved[name] = replace(damper, placement=replace(damper.placement, radial=(back @ damper.placement.rotation)[1]))
+            report.checks.append(f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1")
             contacts = tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
     return contacts, moved
 
@@ -142,7 +158,7 @@ def from_first_sector(
 def _sector_drawn(
     name: str, contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
 ) -> int:
-    """Sector of the first of the blades that a free body touches, counted from that of the blade."""
+    """Return the first sector of the blades in contact with a free body, relative to the sector of the blade."""
     damper, blade, sectors = bodies[name], bodies["blade"], set()
     for contact in contacts:
         if (contact.body_a, contact.body_b) == (name, "blade") and contact.faces_b is not None:
@@ -153,7 +169,7 @@ def _sector_drawn(
 
 
 def _from_free(contact: ContactFaces) -> ContactFaces:
-    """The same contact with a free body as body a."""
+    """Return the contact with the free body as body a."""
     plain = contact.patches is None and contact.faces_b is not None
     if not plain or contact.body_a != "blade" or contact.body_b == "blade":
         return contact
@@ -163,26 +179,36 @@ def _from_free(contact: ContactFaces) -> ContactFaces:
 
 
 def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
-    """A contact of a damper that is turned by ``back`` (3, 3), so many sectors."""
+    """Return the contact of a damper that is rotated by ``back`` (3, 3), a number of sectors."""
     patches = None if contact.patches is None else contact.patches.turned(back)
     sector_b = None if contact.sector_b is None or contact.body_b == "ground" else contact.sector_b - sector
     return replace(contact, patches=patches, sector_b=sector_b)
 
 
 def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int) -> LaidContacts:
-    """Lay contact points over all pairs of faces.
+    """Compute the contact points of all pairs of faces.
+
+    Parameters
+    ----------
+    contacts : sequence of ContactFaces
+    bodies : mapping of name to PreparedBody
+    n_blades : int
+
+    Returns
+    -------
+    LaidContacts
 
     Raises
     ------
     ModelError, SettingError
-        If a body or a set does not exist, or two faces do not touch.
+        If a body or set does not exist, or two faces are not in contact.
     """
     interfaces, stiffness, faces = {}, {}, []
     ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
     rows = {name: [sp.csr_matrix((0, 3 * len(body.nodes)))] for name, body in bodies.items()}
-    unit = bodies["blade"].place.units.length
-    for given in contacts:
-        contact = given if isinstance(given.gap, str) else replace(given, gap=unit * given.gap)
+    unit = bodies["blade"].placement.units.length
+    for contact in contacts:
+        contact = contact if isinstance(contact.gap, str) else replace(contact, gap=unit * contact.gap)
         interface, means, figures = _laid(contact, bodies, n_blades)
         interfaces[contact.name] = interface
         faces.append(figures)
@@ -190,10 +216,10 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
         ports[contact.body_b].append((contact.name, "b"))
         rows[contact.body_a].append(means.matrix_a)
         if means.matrix_b is not None:
-            # Body b, s sectors on, moves there by R^s times its own displacement (and a phase, which enters later).
+            # In sector s the displacements of body b are rotated by R^s.  Their phase enters with the nodal diameter.
             rotation = sp.csr_matrix(turn(2.0 * np.pi / n_blades * interface.sector_b))
-            own = sp.kron(sp.identity(means.matrix_b.shape[1] // 3), rotation, format="csr")
-            rows[contact.body_b].append((means.matrix_b @ own).tocsr())
+            rotations = sp.kron(sp.identity(means.matrix_b.shape[1] // 3), rotation, format="csr")
+            rows[contact.body_b].append((means.matrix_b @ rotations).tocsr())
         if contact.stiffness is not None:
             stiffness[contact.name] = _user_stiffness(contact, len(means.area))
     stacked = {name: sp.vstack(parts, format="csr") for name, parts in rows.items()}
@@ -210,34 +236,34 @@ def _user_stiffness(contact: ContactFaces, n: int) -> ContactStiffness:
 def _laid(
     contact: ContactFaces, bodies: Mapping[str, PreparedBody], n_blades: int
 ) -> tuple[Interface, PatchMeans, str]:
-    """Interface, means and figures of one pair of faces."""
+    """Return interface, patch means and report text of one pair of faces."""
     item, body_a, body_b = contact.item, contact.body_a, contact.body_b
     validation.require(body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{body_a}'")
     known = [*sorted(bodies), "ground"]
     validation.require(body_b in known, item, f"body_b out of {known}", f"'{body_b}'")
-    given, found = contact.faces_b is not None, "none" if contact.faces_b is None else "some"
-    validation.require(given == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found)
+    has_b, found = contact.faces_b is not None, "none" if contact.faces_b is None else "some"
+    validation.require(has_b == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found)
     a = bodies[body_a]
     face_a = a.faces(contact.faces_a, item)
-    areas, sector, face_b, placed = [_area(face_a, a.nodes)], 0, None, None
+    areas, sector, face_b, nodes_b = [_area(face_a, a.nodes)], 0, None, None
     with a.refusing(item, "faces on which contact points can be laid"):
         if contact.faces_b is not None:
             b = bodies[body_b]
             face_b = b.faces(contact.faces_b, item)
             sector = _sector_of(contact, a, face_a, b, face_b, n_blades)
-            placed = b.nodes @ turn(2.0 * np.pi / n_blades * sector).T
-            areas.append(_area(face_b, placed))
-        means = _means(contact, a.nodes, face_a, placed, face_b)
+            nodes_b = b.nodes @ turn(2.0 * np.pi / n_blades * sector).T
+            areas.append(_area(face_b, nodes_b))
+        means = _means(contact, a.nodes, face_a, nodes_b, face_b)
     _check_touching(contact, means, areas)
     distance = means.distance
     gap = distance.copy() if isinstance(contact.gap, str) else np.full(len(means.area), float(contact.gap))
-    places = (means.points_a, means.area, means.frame)
-    interface = Interface(contact.name, contact.kind, body_a, 0, body_b, sector, *places, gap)
+    points = (means.points_a, means.area, means.frame)
+    interface = Interface(contact.name, contact.kind, body_a, 0, body_b, sector, *points, gap)
     area = float(means.area.sum())
-    shares = ", ".join(f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas))
+    fractions = ", ".join(f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas))
     normal = ", ".join(f"{c:.4f}" for c in means.frame[:, 2].mean(axis=0))
     return interface, means, (
-        f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({shares}), side b in sector {sector:+d}\n"
+        f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({fractions}), side b in sector {sector:+d}\n"
         f"    mean outward normal of side a ({normal}), meshes {distance.min():.2g} to {distance.max():.2g} m apart"
     )
 
@@ -245,7 +271,7 @@ def _laid(
 def _means(
     contact: ContactFaces, nodes_a: NDArray, face_a: Facets, nodes_b: NDArray | None, face_b: Facets | None
 ) -> PatchMeans:
-    """Means over the patches of the user, or over a grid on what the faces have in common."""
+    """Return the means over the rectangles of the user, or over a grid on the overlap of the faces."""
     what = (f"{contact.item}, faces of the {contact.body_a}", f"{contact.item}, faces of the {contact.body_b}")
     if contact.patches is None:
         return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, what=what)
@@ -261,9 +287,9 @@ def _area(face: Facets, nodes: NDArray) -> float:
 
 
 def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[float]) -> None:
-    """Refuse faces that hardly overlap, lie apart, or have a gap of the size of the face; warn of a lesser misfit.
+    """Raise ModelError if two faces hardly overlap or are far apart; warn of a smaller misfit.
 
-    Faces that touch, but not as they would in one assembly, may belong to a body that stands beside its place.
+    A smaller misfit indicates a body that is not at its position in the assembly.
     """
     item, distance, area = contact.item, means.distance, float(means.area.sum())
     width, share = np.sqrt(area), area / min(areas)
@@ -284,7 +310,7 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[fl
             expected = f"meshes within {BOUNDS.misfit * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
             implausible(item, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
     if measured and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas) and share < 1.0 - BOUNDS.misfit:
-        found = f"{100.0 * share:.3g} % in common, as of a shift by some {(1.0 - share) * width:.2g} m"
+        found = f"{100.0 * share:.3g} % in common, as after a shift by about {(1.0 - share) * width:.2g} m"
         implausible(item, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
 
 
@@ -299,10 +325,10 @@ def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray
 def _sector_of(
     contact: ContactFaces, a: PreparedBody, face_a: Facets, b: PreparedBody, face_b: Facets, n_blades: int
 ) -> int:
-    """Sector in which face b lies on face a: the one in which it is nearest; there it must look the other way."""
-    own = contact.body_a == contact.body_b
-    allowed = [s for s in (-1, 0, 1) if (s == 0 or n_blades > 1) and not (own and s == 0)]
-    validation.require(allowed, contact.item, "another body, or a neighbouring sector of the same one", "neither")
+    """Return the sector in which face b is nearest to face a; raise ModelError unless their normals are opposed."""
+    same_body = contact.body_a == contact.body_b
+    allowed = [s for s in (-1, 0, 1) if (s == 0 or n_blades > 1) and not (same_body and s == 0)]
+    validation.require(allowed, contact.item, "another body, or a neighbouring sector of the same body", "neither")
     wrong = contact.sector_b is not None and contact.sector_b not in allowed
     validation.require(not wrong, contact.item, f"sector_b in {allowed}", contact.sector_b)
     candidates = allowed if contact.sector_b is None else [contact.sector_b]
@@ -316,7 +342,16 @@ def _sector_of(
 def _nearest(
     sectors: Iterable[int], a: PreparedBody, face_a: Facets, b: PreparedBody, face_b: Facets, n_blades: int
 ) -> tuple[float, float, int]:
-    """Distance of the centres of two faces (m), cosine of their normals, and the sector of face b in which it is least."""
+    """Return the sector in which face b is nearest to face a.
+
+    Returns
+    -------
+    distance : float
+        Distance of the centres, m.
+    cosine : float
+        Cosine of the angle between the normals.
+    sector : int
+    """
     (centre_a, normal_a), (centre_b, normal_b) = _centre_and_normal(face_a, a.nodes), _centre_and_normal(face_b, b.nodes)
     scores = []
     for sector in sectors:

@@ -1,7 +1,12 @@
-"""Keywords of mesh files by their effect on nodes, elements and sets.
+"""Keywords of mesh files, grouped by their effect on nodes, elements and sets.
 
-A reader knows three kinds: keywords that it reads, keywords without effect on the mesh, and keywords that add stiffness or
-mass, which only matrices can show.  All others are refused: they could make, move or tie nodes, elements or sets.
+A reader knows three groups.  It reads some keywords.  Others do not change the mesh.  A third group adds stiffness or mass
+that only the matrices contain.  Any other keyword is an error, since it could create, move or tie nodes, elements or sets.
+
+References
+----------
+G. Dhondt, *CalculiX CrunchiX User's Manual*; Dassault Systèmes, *Abaqus Keywords Reference Guide*; Ansys, *Command
+Reference*; MSC, *Nastran Quick Reference Guide*.
 """
 
 from __future__ import annotations
@@ -18,25 +23,28 @@ def _table(text: str) -> frozenset[str]:
 
 
 def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
-    """Refuse a keyword that is in no table of this module.
+    """Raise the error for a keyword in none of the groups.
 
     Parameters
     ----------
-    found, item : str
-        The keyword, and its place in a file.
+    found : str
+        Keyword.
+    item : str
+        File and line.
     read : iterable of str
         Keywords that are read.
 
     Raises
     ------
     ModelError
+        Always.
     """
-    what = "which could make, move or tie nodes, elements or sets and is not read: write the mesh without it"
-    raise mismatch(item, f"a mesh of {', '.join(read)}", f"{found}, {what}")
+    advice = "which could make, move or tie nodes, elements or sets and is not read: write the mesh without it"
+    raise mismatch(item, f"a mesh of {', '.join(read)}", f"{found}, {advice}")
 
 
 # -----------------------------------------------------------------------------------------------------------
-# CalculiX and Abaqus; names without blanks, which both programs ignore
+# CalculiX and Abaqus; names without blanks, since both programs ignore them
 
 INP_READ: Mapping[str, frozenset[str]] = {
     "*INCLUDE": _table("INPUT"),
@@ -46,14 +54,14 @@ INP_READ: Mapping[str, frozenset[str]] = {
     "*ELSET": _table("ELSET GENERATE UNSORTED INTERNAL"),
     "*SURFACE": _table("NAME TYPE INTERNAL"),
 }
-"""Keywords that define the mesh, with the parameters that are understood."""
+"""Keywords that define the mesh, with their permitted parameters."""
 
 INP_IN_MATRICES = _table(
     """*BEAMGENERALSECTION *BEAMSECTION *CONTACT *CONTACTCONTROLS *CONTACTDAMPING *CONTACTINCLUSIONS *CONTACTPAIR
     *CONTACTPROPERTYASSIGNMENT *DASHPOT *GAP *GASKETSECTION *MASS *MEMBRANESECTION *ROTARYINERTIA *SHELLGENERALSECTION
     *SHELLSECTION *SPRING *SURFACESECTION *USERELEMENT *USERSECTION"""
 )
-"""Stiffness and mass of something else than solid elements."""
+"""Stiffness and mass of parts other than solid elements."""
 
 INP_HARMLESS = _table(
     """*ACCELERATION *AMPLITUDE *ANISOTROPIC *ANNEAL *BASEMOTION *BOUNDARY *BOUNDARYF *BUCKLE *CFLUX *CLOAD
@@ -71,23 +79,24 @@ INP_HARMLESS = _table(
     *TEMPERATURE *TIMEPOINTS *UNCOUPLEDTEMPERATURE-DISPLACEMENT *USERMATERIAL *USEROUTPUTVARIABLES *VIEWFACTOR *VISCO
     *VISCOELASTIC"""
 )
-"""Materials, loads, supports, steps and output: some are read for the elastic constants, none changes the mesh."""
+"""Materials, loads, supports, steps and output.  Elastic constants are read; nothing here changes the mesh."""
 
 
 def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> bool:
-    """Return whether a keyword of a deck adds stiffness or mass; refuse it if it could change the mesh.
+    """Return whether a keyword of a deck adds stiffness or mass.
 
     Parameters
     ----------
     keyword : str
-        As in the tables.
-    parameters : mapping
+        Keyword in capitals without blanks.
+    parameters : mapping of name to str
     item : str
-        Name of the line in messages.
+        File and line, for messages.
 
     Raises
     ------
     ModelError
+        If the keyword could change the mesh.
     """
     if keyword in INP_READ:
         unknown = [f"{key}={value}".rstrip("=") for key, value in parameters.items() if key not in INP_READ[keyword]]
@@ -116,7 +125,7 @@ CDB_HARMLESS = _table(
     TBTEMP TIME TIMINT TINTP TOFFST TREF TRNOPT TUNIF TYPE"""
 )
 """Materials, sections, loads, supports, coordinate systems and settings of a solution.  TYPE, MAT, REAL and ESYS apply
-to elements of the command E; an EBLOCK has its own numbers."""
+to elements of the command E only, since the lines of an EBLOCK contain these numbers."""
 
 # -----------------------------------------------------------------------------------------------------------
 # Nastran

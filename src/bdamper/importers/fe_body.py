@@ -1,15 +1,12 @@
-"""Data of one body from another program: nodes, elements, sets, matrices and modes, as numbers in its own units.
+"""Data of one body of a finite element model, and the parts that the readers of files share.
 
-The readers fill these classes and :func:`bdamper.importers.build_model` makes a model of them.  Nothing here is converted:
-units, axes and phases are converted where the model is built.
+The readers fill :class:`FEBody` with numbers in the units, axes and node numbers of the file.
+:func:`bdamper.importers.build_model` converts them and makes a model.
 
-Reading files of other programs: one registry of readers, and what they share.
+Each reader is a function of a path decorated by :func:`reader`.  The decorator turns a failure into one ModelError with
+the file, its expected content and the content found.  :func:`read_body` selects a reader by the ending of the file name.
 
-A reader is a function of a path under :func:`reader`, which turns every failure in it into one ModelError that names the
-file, what was expected of it and what was found; with endings of names, :func:`read_body` finds it by them.  Checks within
-a file go through :func:`bdamper.model.fields.require` or, where there are lines, :meth:`Lines.require`.
-
-One table of the bounds of all checks of an import, with what each is of and what it was measured on.
+:data:`BOUNDS` contains the limits of all plausibility checks of an import.
 """
 
 from __future__ import annotations
@@ -34,20 +31,22 @@ from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.formatting import brief
 from bdamper.util.storage import MOST_BYTES, FilePath
 
-# ---- Data of one body from another program ----
+# ---- Data of one body ----
 
 
 @validation.spelt
 @dataclass(frozen=True)
 class Units(validation.Checked):
-    """Units of a finite element model, as factors to metres and kilograms; time is in seconds.
+    """Units of a finite element model, as factors to metres and kilograms.
+
+    The unit of time is the second.
 
     Parameters
     ----------
     length : float
         Metres per unit of length.
     mass : float
-        Kilograms per unit of mass; the unit of force is mass times length over second squared.
+        Kilograms per unit of mass.  The unit of force is the unit of mass times the unit of length over second squared.
     """
 
     length: validation.Positive = 1.0
@@ -60,26 +59,33 @@ UNITS = {
     "mm-kg-s": Units(1e-3, 1.0),
     "in-lbf-s": Units(0.0254, 175.12683524647638),
 }
-"""Systems of units by name; "mm-t-s" is that of N and MPa."""
+"""Systems of units by name.  The units N and MPa belong to "mm-t-s"."""
 
 
 @brief
 @dataclass(frozen=True)
 class Modes:
-    """Modes of one body at one nodal diameter, as a file has them.
+    """Modes of one body at one nodal diameter, in the units and axes of the file.
 
     Parameters
     ----------
     nodal_diameter : int
-    frequency : (n_modes,) float, Hz
+    frequency : (n_modes,) float
+        Natural frequencies, Hz.
     numbers : (n_nodes,) int
-        Node numbers of the rows of ``shapes``.
+        Node number of each row of ``shapes``.
     shapes : (n_nodes, 3, n_modes) float or complex
-        Travelling waves (complex) or standing ones (real), of any direction, pairing and length.
+        Complex travelling waves or real standing waves.  Direction, pairing and scale are arbitrary.
     modal_mass : (n_modes,) float, optional
-        Of each mode over one sector, in the file's unit of mass, as the file or the user states it; for standing waves,
-        that of ``a + i b`` for a pair ``a, b``.  Not needed where a mass matrix is at hand.
+        Modal mass of each mode over one sector.  For a pair of standing waves a and b it is the modal mass of ``a + i b``.
+        It is not needed if the body has a mass matrix.
     source : str
+        File or program, for messages.
+
+    Raises
+    ------
+    ModelError
+        If shapes do not match, values are not finite, a node number is repeated, or a modal mass is not positive.
     """
 
     nodal_diameter: int
@@ -104,21 +110,27 @@ class Modes:
                 raise mismatch(item, f"{m} modal masses > 0", self.modal_mass)
 
 
-def modes_by_diameter(given: Iterable[tuple[int, float, float, NDArray, NDArray]], source: str) -> tuple[Modes, ...]:
-    """Modes that a file lists one by one, sorted by nodal diameter and frequency.
+def modes_by_diameter(listed: Iterable[tuple[int, float, float, NDArray, NDArray]], source: str) -> tuple[Modes, ...]:
+    """Group single modes by nodal diameter, sorted by frequency.
 
     Parameters
     ----------
-    given : iterable of (nodal diameter, frequency in Hz, modal mass or 0, node numbers (n,), shape (n, 3))
+    listed : iterable of (nodal diameter, frequency in Hz, modal mass or 0 if unknown, node numbers (n,), shape (n, 3))
     source : str
+        File, for messages.
+
+    Returns
+    -------
+    tuple of Modes
+        One for each nodal diameter.
 
     Raises
     ------
     ModelError
-        If modes of one nodal diameter are not given at the same nodes.
+        If modes of one nodal diameter have different nodes.
     """
     out = []
-    for d, group in groupby(sorted(given, key=lambda mode: mode[:2]), key=lambda mode: mode[0]):
+    for d, group in groupby(sorted(listed, key=lambda mode: mode[:2]), key=lambda mode: mode[0]):
         _, frequency, mass, nodes, shapes = zip(*group)
         if others := [other for other in nodes if not np.array_equal(nodes[0], other)]:
             raise mismatch(f"{source}: modes of nodal diameter {d}", f"the nodes {nodes[0]} in every mode", others[0])
@@ -130,14 +142,15 @@ def modes_by_diameter(given: Iterable[tuple[int, float, float, NDArray, NDArray]
 @brief
 @dataclass(frozen=True)
 class MassProperties:
-    """Mass, centre and inertia of a rigid body, for a free body without a mass matrix.
+    """Mass, centre of mass and inertia of a rigid free body without a mass matrix, in the units and axes of the file.
 
     Parameters
     ----------
     mass : float
     centre : (3,) float
+        Centre of mass.
     inertia : (3, 3) float
-        About the centre.
+        Inertia tensor about the centre of mass.
     """
 
     mass: float
@@ -147,14 +160,14 @@ class MassProperties:
 
 @dataclass(frozen=True)
 class ElementKind:
-    """Type and isotropic material of solid elements, for their stress.
+    """Type and isotropic material of solid elements, from which stress is recovered.
 
     Parameters
     ----------
     name : str
-        As CalculiX and Abaqus call the type, "C3D20R"; plain ones need none.
+        Type in the notation of CalculiX and Abaqus, such as "C3D20R".
     youngs_modulus, poisson_ratio : float, optional
-        In the units of the file.
+        Elastic constants in the units of the file.
     """
 
     name: str
@@ -165,7 +178,15 @@ class ElementKind:
 def by_kind(
     elements: Iterable[Sequence[int] | NDArray], kinds: Iterable[ElementKind | None] = repeat(None)
 ) -> dict[str, Any]:
-    """``elements`` and, where they are known, ``element_kinds`` of an :class:`FEBody` from elements one by one."""
+    """Group single elements into the arguments ``elements`` and ``element_kinds`` of :class:`FEBody`.
+
+    Parameters
+    ----------
+    elements : iterable of (n,) int
+        Node numbers of each element.
+    kinds : iterable of ElementKind or None
+        Kind of each element.
+    """
     groups: dict[tuple[ElementKind | None, int], list[Sequence[int] | NDArray]] = {}
     for nodes, kind in zip(elements, kinds):
         groups.setdefault((kind, len(nodes)), []).append(nodes)
@@ -176,7 +197,7 @@ def by_kind(
 @brief
 @dataclass(frozen=True)
 class FEBody:
-    """A body of a finite element model, in the units, axes and numbers of the program that made it.
+    """Body of a finite element model, in the units, axes and node numbers of its file.
 
     Parameters
     ----------
@@ -184,33 +205,39 @@ class FEBody:
         Node numbers.
     nodes : (n_nodes, 3) float
         Positions.
-    stiffness, mass : (n_eq, n_eq) sparse or None
-        None if only modes are known.
-    dofs : (n_eq, 2) int or None
-        Node number and component (1, 2, 3) of each row of the matrices; None for three rows a node in the order of
-        ``numbers``.  Components without a row count as fixed.
+    stiffness, mass : (n_eq, n_eq) sparse, optional
+        Matrices with both triangles.  They can be omitted if ``modes`` are given.
+    dofs : (n_eq, 2) int, optional
+        Node number and component (1, 2, 3) of each equation.  By default each node of ``numbers`` has three equations in
+        turn.  Components without an equation are fixed.
     elements : tuple of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
-        Node numbers of solid elements; needed where faces are given as sets of nodes.  Corners first: of hexahedra four in
-        turn around one face, then the four opposite ones in the same turn.
-    element_kinds : tuple of ElementKind
-        Of each array of ``elements``; none counts as full integration and unknown material.
+        Node numbers of solid elements, corners first.  The corners of hexahedra are four in turn around one face, then the
+        opposite four in the same turn.  Elements are needed if faces are given as sets of nodes.
     node_sets : mapping of name to (n,) int
         Node numbers.
     face_sets : mapping of name to tuple of (n, 3 | 4 | 6 | 8) int arrays
-        Node numbers of faces of elements, seen from outside counter-clockwise, corners first.
+        Node numbers of element faces, corners first, counter-clockwise as seen from outside.
     node_axes : mapping of node number to (3, 3) float
-        Rows: the axes of displacements at nodes with axes of their own.
+        Axes of the displacements of single nodes, as rows.
     modes : tuple of Modes
-        Compared with those of the matrices, or used in their place if there are none.
+        Modes to compare with the modes of the matrices, or to use if there are no matrices.
     rigid : MassProperties, optional
+        Mass properties of a free body without matrices.
     source : str
         File or program, for messages and the report.
     notes : tuple of str
-        Parts that a reader left out or changed.
+        Parts of the file that a reader omitted or changed.
     rotor_speed : float, rad/s
-        Of the stiffness or the modes.
+        Rotor speed of the stiffness or the modes.
     faster : FEBody, optional
-        The same body at a higher rotor speed, as :func:`bdamper.importers.over_speed` puts them together.
+        Same body at a higher rotor speed, see :func:`bdamper.importers.over_speed`.
+    element_kinds : tuple of ElementKind
+        Kind of each array of ``elements``.  By default elements have full integration and an unknown material.
+
+    Raises
+    ------
+    ModelError
+        If ``elements`` is not a tuple of two-dimensional arrays.
     """
 
     numbers: NDArray
@@ -250,40 +277,45 @@ class FEBody:
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
-# ---- Reading files of other programs ----
+# ---- Shared parts of the readers ----
 
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 BODIES: dict[str, Callable[[FilePath], Any]] = {}
-"""Readers that return an FEBody, by the endings of the names of their files."""
+"""Readers that return an FEBody, by the ending of the file name."""
 
-# Exceptions that damaged input causes in parsers and libraries.  Programming errors of this package (AttributeError,
-# NameError) pass unchanged; libraries that raise those too are read with ``library=True``.
+# Exceptions that damaged input causes in parsers.  AttributeError and NameError are errors of this package and pass
+# unchanged, except from other packages (``library=True``).
 _CAUSES: tuple[type[Exception], ...] = (OSError, EOFError, MemoryError, RecursionError, ValueError, LookupError, TypeError)
 _CAUSES += (ArithmeticError, NotImplementedError, struct.error, zlib.error)
 
 LARGEST_COUNT = MOST_BYTES // 8
-"""Nodes, entries and so on beyond which a count in a file is taken for damage."""
+"""Largest plausible count of nodes, entries and so on; a larger one indicates a damaged file."""
 
 MOST_INCLUDED, DEEPEST = 100, 5
-"""Files that may be included in one file, in all and in each other."""
+"""Largest number of included files, and of nested inclusions."""
 
 
 def reader(
     expected: str, *endings: str, library: bool = False
 ) -> Callable[[Callable[Concatenate[Path, P], T]], Callable[Concatenate[FilePath, P], T]]:
-    """Decorate a function that reads one kind of file: failures become a ModelError.
+    """Decorate a function that reads a file, so that a failure becomes one ModelError.
 
     Parameters
     ----------
     expected : str
-        What the file should be, for the message.
+        Expected content of the file, for the message.
     endings : str
-        If given, the function returns an :class:`bdamper.importers.FEBody` and reads files whose names end so.
+        Endings of file names for which :func:`read_body` calls the function.  It must return an FEBody.
     library : bool
-        Whether a foreign library reads: then every exception is turned.
+        Whether another package parses the file.  Then every exception becomes a ModelError.
+
+    Raises
+    ------
+    FileNotFoundError
+        From the decorated function, if there is no such file.
     """
 
     def decorate(function: Callable[Concatenate[Path, P], T]) -> Callable[Concatenate[FilePath, P], T]:
@@ -293,7 +325,7 @@ def reader(
             if not source.is_file():
                 raise FileNotFoundError(f"there is no file '{source}'")
             try:
-                with np.errstate(all="ignore"):  # on this thread; catch_warnings changes all
+                with np.errstate(all="ignore"):  # acts on this thread only, unlike catch_warnings
                     return function(source, *args, **keywords)
             except SystemExit as error:
                 raise mismatch(str(source), expected, "the library ended the program") from error
@@ -310,22 +342,23 @@ def reader(
 
 
 def read_body(path: FilePath) -> Any:
-    """A body from a file of any program: its reader follows from the ending of the name.
+    """Read a body from a file of any program, by the ending of its name.
 
     Parameters
     ----------
     path : path-like
-        ``.inp`` and ``.frd`` of CalculiX or Abaqus, ``.cdb`` and ``.rst`` of Ansys, ``.bdf``, ``.dat`` and ``.nas`` of
-        Nastran, ``.unv`` and ``.uff``.
+        ``.inp`` or ``.frd`` of CalculiX or Abaqus, ``.cdb`` or ``.rst`` of Ansys, ``.bdf``, ``.dat`` or ``.nas`` of
+        Nastran.
 
     Returns
     -------
     FEBody
-        Nodes and what else the file has: elements, sets, modes.
+        Nodes and, if the file has them, elements, sets and modes.
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, its ending is unknown, or its content is damaged.
     """
     ending = Path(path).suffix.lower()
     require(ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'")
@@ -333,16 +366,21 @@ def read_body(path: FilePath) -> Any:
 
 
 def check_count(value: int, item: str, what: str, smallest: int = 0, largest: int = LARGEST_COUNT) -> int:
-    """A count read from a file, if it can be one."""
+    """Return a count read from a file; raise ModelError if it is out of range."""
     require(smallest <= value <= largest, item, f"{what} from {smallest} to {largest}", value)
     return int(value)
 
 
 @contextmanager
 def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
-    """Turn what damaged data or numbers that do not fit raise in the block into the error for a thing.
+    """Turn errors of parsing or of numerical functions in the block into one ModelError.
 
-    It says what was ``found``, a text, or otherwise what was raised.
+    Parameters
+    ----------
+    item, expected : str
+        Subject of the message and its expected content.
+    found : object, optional
+        Text that was parsed.  By default the message shows the original error.
     """
     try:
         yield
@@ -353,37 +391,40 @@ def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
 
 
 def data_lines(text: str, comments: str | tuple[str, ...]) -> list[tuple[int, str]]:
-    """Lines of a text, with their numbers, that are neither empty nor comments."""
+    """Return the lines of a text, with their numbers, without empty lines and comments."""
     lines = [(k, line.strip()) for k, line in enumerate(text.split("\n"), 1)]
     return [(k, line) for k, line in lines if line and not line.startswith(comments)]
 
 
 class Included:
-    """Files that a file includes: a bounded number, from its own folder or below."""
+    """Resolver of the files included by a file, limited in number and to the folder of that file."""
 
     def __init__(self) -> None:
         self._count = 0
 
     def path(self, name: str, source: Path, depth: int, item: str) -> Path:
-        """Find a file that ``source`` includes.
+        """Return the path of an included file.
 
         Parameters
         ----------
         name : str
+            Name in the including file.
         source : Path
+            Including file.
         depth : int
-            Number of files that include each other down to ``source``.
+            Number of nested inclusions down to ``source``.
         item : str
             Name of the line in messages.
 
         Raises
         ------
         ModelError
+            If there are too many files, or the file does not exist below the folder of ``source``.
         """
         self._count += 1
         limits = f"at most {MOST_INCLUDED} included files, {DEEPEST} in each other"
         require(self._count <= MOST_INCLUDED and depth < DEEPEST, item, limits, "more")
-        relative = PureWindowsPath(name)  # takes both kinds of slashes
+        relative = PureWindowsPath(name)  # accepts slashes and backslashes
         below = not relative.anchor and ".." not in relative.parts
         require(below, item, "a file in the folder of this one or below", f"'{name[:60]}'")
         path = source.parent / relative.as_posix()
@@ -392,7 +433,7 @@ class Included:
 
 
 class Lines:
-    """The lines of a text file one after another, and errors that name the line that was read last."""
+    """Iterator over the lines of a text file, whose errors name the line read last."""
 
     def __init__(self, source: Path, encoding: str) -> None:
         self.source = source
@@ -400,88 +441,90 @@ class Lines:
         self._read = 0
 
     def __iter__(self) -> Iterator[str]:
-        """The lines that are left; others may be taken by :meth:`take` in between."""
+        """Iterate over the remaining lines; :meth:`take` may read lines in between."""
         while self._read < len(self._lines):
             yield self.take("another line")
 
     def take(self, what: str) -> str:
-        """The next line, which is to hold ``what``."""
+        """Return the next line; at the end of the file raise ModelError with the missing content ``what``."""
         require(self._read < len(self._lines), str(self.source), what, "the end of the file")
         self._read += 1
         return self._lines[self._read - 1]
 
     def follows(self, *starts: str) -> bool:
-        """Whether there is a next line, and it starts with one of these texts."""
+        """Return whether the next line starts with one of the texts."""
         return self._read < len(self._lines) and self._lines[self._read].startswith(starts)
 
     @property
     def item(self) -> str:
-        """How messages name the line that was read last."""
+        """Name of the line read last, for messages."""
         return f"{self.source}: line {self._read}"
 
     def require(self, good: object, expected: str, found: object) -> None:
-        """Raise the error for the line that was read last unless it is good."""
+        """Raise the error for the line read last unless ``good``."""
         require(good, self.item, expected, found)
 
 
-# ---- One table of the bounds of all checks of an import, with what each is of and what it was m ----
+# ---- Limits of all checks of an import ----
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of the checks of an import; shares and relative differences where no unit is given."""
+    """Limits of the checks of an import: fractions or relative differences, if no unit is stated."""
 
-    # What no machine has points to mistaken units.
+    # Values outside these ranges indicate mistaken units.
     size: tuple[float, float] = (1e-3, 30.0)
     """Largest extent of a body, m."""
     density: tuple[float, float] = (200.0, 30000.0)
-    """Mass over volume, kg/m3."""
+    """Mass divided by volume, kg/m3."""
     frequency: tuple[float, float] = (0.1, 5e6)
     """Lowest elastic frequency, Hz."""
     wave_speed: tuple[float, float] = (1000.0, 15000.0)
-    """Of longitudinal waves in solids of machines, m/s: 2200 in lead and in plastics, 12900 in beryllium."""
+    """Speed of longitudinal waves, m/s: 2200 in lead and in plastics, 12900 in beryllium."""
     radial_angle: float = 15.0
-    """Largest angle (degrees) between ``radial`` and the middle of a narrow sector, for a lean of the blade."""
+    """Largest angle (degrees) between ``radial`` and the middle of a narrow sector; it allows for lean of the blade."""
 
-    # Matrices that belong to their nodes.
+    # Matrices and nodes that belong together.
     symmetry: float = 1e-6
-    """Difference between a matrix and its transpose over its largest entry."""
+    """Difference between a matrix and its transpose, divided by the largest entry."""
     rigid_strain: float = 3e-3
-    """Strain of a rigid motion: the root of its energy over that of a stretch with the same displacements."""
+    """Strain of a rigid motion: root of the ratio of its energy to the energy of a stretch of the same displacements."""
     rigid_force: float = 0.01
-    """Force of a rigid motion on a node, over the sum of the sizes of its parts.  On reference sector and damper at most
-    4e-15 in the right order of the rows, 4e-5 with positions rounded to a micrometre; at least 0.1 and at the median 0.4
-    to 0.8 in the order of components.  Stress stiffening adds some stress over modulus."""
+    """Nodal force of a rigid motion, divided by the sum of the sizes of its parts.
+
+    On the reference sector and damper it is at most 4e-15 with rows in the right order, and 4e-5 with positions rounded to
+    a micrometre.  With rows in the order of components it is at least 0.1, with a median of 0.4 to 0.8.  Stress stiffening
+    contributes about stress divided by modulus."""
     odd_ones: float = 0.5
-    """Share of the nodes on which there may be such forces (springs to the ground act on few), and of the elements that may
-    be twisted (sliver elements of a good mesh are few)."""
+    """Fraction of nodes with such forces, and fraction of twisted elements, above which the model is rejected.  Springs to
+    the ground act on few nodes, and a good mesh has few sliver elements."""
 
-    # Two things that should be one.
+    # Quantities that should agree.
     same_place: float = 1e-9
-    """Distance of nodes at one place over the size of a body."""
+    """Distance of coincident nodes, divided by the size of the body."""
     sector_faces: float = 1e-5
-    """Distance of matching nodes of the sector faces over the size of the sector: files round positions."""
+    """Distance of matching nodes of the sector faces, divided by the size of the sector; files round positions."""
     tied_faces: float = 1e-4
-    """Distance of sector faces whose meshes differ over the size of the sector: one blade of 100 too many is 6e-4."""
+    """Distance of sector faces with different meshes, divided by the size of the sector; 101 blades, not 100, give 6e-4."""
     agreement: float = 0.01
-    """Difference up to which two programs agree on a frequency, two faces are equal in area, and modes at one speed are
-    combinations of those at another."""
+    """Largest difference of frequencies of two programs, of areas of equal faces, and of singular values from 1 for modes
+    of two rotor speeds."""
     axes: float = 1e-6
-    """Product of two directions at right angles, and deviation of their lengths from 1."""
+    """Scalar product of two perpendicular directions, and deviation of their lengths from 1."""
 
-    # Faces that touch.
+    # Faces in contact.
     overlap: float = 0.05
-    """Share of the smaller face that two faces must have in common."""
+    """Smallest overlap of two faces, as a fraction of the smaller face."""
     distance: float = 0.2
-    """Distance of two faces, or gap between them, over the width of what they have in common."""
+    """Largest distance of two faces, or gap, divided by the width of their overlap."""
     misfit: float = 0.02
-    """Distance of the meshes of two faces beside the gap that is given, over their width, and lack of overlap of faces that
-    are equal in area; more than that draws a warning."""
+    """Difference between the distance of two meshes and the given gap, divided by the width of the overlap, and lack of
+    overlap of faces of equal area, above which the import warns."""
 
-    # Numbers of things.
+    # Largest counts.
     modes: int = 1000
     points: int = 400
-    """Contact points on one face; a study with more than some 200 takes minutes."""
+    """Contact points on one face.  A study with more than about 200 takes minutes."""
 
 
 BOUNDS = Bounds()

@@ -1,8 +1,14 @@
 """Measured responses over frequency, and measured resonances over load.
 
-A CSV file of resonances has a header with units and one row for each measurement.  The column ``load (N)`` is required;
-``amplitude`` in any unit and ``frequency (Hz)`` may be given both or one of them.  A row with load 0 is the structure
-without load on its dampers, the reference of a fit (:func:`bdamper.fit`).  Lines that start with ``#`` are comments.
+A CSV file of resonances has a header with units and one row per measurement.  The column ``load (N)`` is required, with
+``amplitude`` in any unit, ``frequency (Hz)``, or both.  A row with load 0 is the structure without load on its dampers,
+which :func:`bdamper.fit` uses as the reference.  Lines that start with ``#`` are comments.
+
+Functions over frequency in universal files are data sets of type 58.
+
+References
+----------
+Structural Dynamics Research Laboratory, University of Cincinnati, *Universal File Formats*, data set 58.
 """
 
 from __future__ import annotations
@@ -17,11 +23,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.importers.fe_body import data_lines, parsing
+from bdamper.importers.fe_body import data_lines, parsing, reader
 from bdamper.model.fields import check_all, require
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import mismatch, needed
 from bdamper.util.formatting import brief
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
@@ -38,6 +44,8 @@ HERTZ = {"Hz": 1.0, "kHz": 1e3}
 """Units of frequency in hertz."""
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
 """Units of phase in radians."""
+FREQUENCY = 18
+"""Number of the data type "frequency" in universal files."""
 
 
 @brief
@@ -45,19 +53,27 @@ ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
 class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     """Measured response over frequency.
 
-    ``plot`` draws the amplitude in metres as small open circles (:func:`bdamper.plot.plot_measurement`).
-
     Parameters
     ----------
     name : str
     frequency : (n,) float, Hz
     response : (n,) complex
-        In the unit of the file; ``amplitude`` is its modulus.
+        Response in ``unit``.
     node, direction : int
-        Where and along which axis (±1, ±2, ±3 for X, Y, Z).
+        Measured node, and axis (±1, ±2, ±3 for X, Y, Z).
     unit : str
-        As the file has it; empty counts as metres.
+        Unit in the file; an empty text means metres.
     source : str
+        File, for messages.
+
+    Raises
+    ------
+    ModelError
+        If the arrays are empty, differ in length, or contain values that are not finite.
+
+    Notes
+    -----
+    ``plot`` draws the amplitude in metres as small open circles (:func:`bdamper.plot.plot_measurement`).
     """
 
     name: str
@@ -77,26 +93,26 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
 
     @property
     def amplitude(self) -> NDArray:
-        """(n,) float."""
+        """Modulus of the response (n,), in ``unit``."""
         return np.abs(self.response)
 
     @property
     def phase(self) -> Radians:
-        """(n,) float."""
+        """Phase of the response (n,), rad."""
         return np.angle(self.response)
 
     def columns(self) -> dict[str, Column]:
-        """A row for each frequency."""
+        """Return the columns of the table, with one row per frequency."""
         return super().columns() | {"amplitude": Column(self.amplitude, self.unit or "m")}
 
     @property
     def metres(self) -> float:
-        """Length of the unit in metres.
+        """Metres per unit of the response.
 
         Raises
         ------
         SettingError
-            If it is not a unit of length that is known.
+            If the unit is not a known unit of length.
         """
         unit = _plain(self.unit) or "m"
         expected = f"displacements in one of {tuple(LENGTHS)} or a scale to metres (scale=...)"
@@ -112,20 +128,22 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
 
 
 COLUMNS: dict[str, Mapping[str, float] | None] = {"load": FORCES, "amplitude": None, "frequency": HERTZ}
-"""Columns of resonances, with their units."""
+"""Columns of measured resonances, with their units."""
 
 
 @brief
 @dataclass(frozen=True)
 class Measured:
-    """Measured resonances.
+    """Measured resonances over load.
 
     Parameters
     ----------
     load : (n,) float
+        Load on the damper, N.
     amplitude, frequency : (n,) float
-        NaN where not measured.
+        Amplitude in the unit of the file and frequency in Hz, NaN if not measured.
     source : str
+        File, for messages.
     """
 
     load: NDArray
@@ -135,13 +153,21 @@ class Measured:
 
 
 def load_measured(path: str | PathLike[str]) -> Measured:
-    """Read measured points from a CSV file (see this module's docstring).
+    """Read measured resonances over load from a CSV file (see the docstring of the module).
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Measured
 
     Raises
     ------
     BdamperError
-        If a column or its unit is missing, a row is longer than the header, or a value is not a finite number of at
-        least 0; the message names the line.
+        If a column or its unit is missing, a row is longer than the header, or a value is not a finite number
+        of at least 0.  The message names the line.
     """
     load, amplitude, frequency = COLUMNS
     sets = (load, amplitude, frequency), (load, amplitude), (load, frequency)
@@ -159,28 +185,28 @@ def read_columns(
 ) -> dict[str, tuple[NDArray, str]]:
     """Read columns of a CSV file by name, with the unit in brackets after each name in the header.
 
-    Names and units are read in lower case.  Lines that start with ``#``, empty lines and other columns are ignored.
+    Names and units are compared in lower case.  Lines that start with ``#``, empty lines and other columns are ignored.
 
     Parameters
     ----------
     path : path-like
     *sets : tuple of str
-        Names of columns that belong together; the first set that the file contains is read.
+        Alternative groups of columns.  The first group that the file contains completely is read.
     units : mapping of name to mapping of unit to factor, or None
-        Factors by which the values of a column are multiplied.  None: any unit, and the values are not changed.
+        Factors for the values of a column.  None accepts any unit and leaves the values unchanged.
     signed : bool
-        Whether numbers below 0 are allowed.
+        Whether negative numbers are permitted.
     blank : tuple of str
-        Columns in which a value may be missing; it is NaN then.
+        Columns in which a value may be missing; it becomes NaN.
 
     Returns
     -------
-    dict of name to (values, unit)
+    dict of name to (values (n,), unit)
 
     Raises
     ------
     BdamperError
-        If no set is complete, a column has no unit or an unknown one, or a value is not a finite number; the message
+        If no group is complete, a unit is missing or unknown, or a value is not a finite number.  The message
         names the line.
     """
     require(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
@@ -195,20 +221,20 @@ def read_columns(
     for k, text in enumerate(names):
         if found := HEADER.fullmatch(text):
             head.setdefault(found[1], (k, (found[2] or "").strip()))
-    there = next((each for each in sets if set(each) <= head.keys()), None)
+    group = next((each for each in sets if set(each) <= head.keys()), None)
     at = f"{path}, line {first}"
-    if there is None:
+    if group is None:
         raise mismatch(at, f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
-    factors = [check_unit(at, name, head[name][1], units[name]) for name in there]
+    factors = [check_unit(at, name, head[name][1], units[name]) for name in group]
     rows = []
     for k, line in lines:
         where, row = f"{path}, line {k}", next(csv.reader([line]))
         expected = f"{len(names)} values separated by commas, as the header has, with points in numbers"
         require(len(row) <= len(names), where, expected, f"{len(row)}: '{line[:60]}'")
         row += [""] * (len(names) - len(row))
-        rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in there])
+        rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in group])
     require(bool(rows), str(path), "rows of numbers after the header", "none")
-    return {name: (factor * column, head[name][1]) for name, factor, column in zip(there, factors, np.array(rows).T)}
+    return {name: (factor * column, head[name][1]) for name, factor, column in zip(group, factors, np.array(rows).T)}
 
 
 HEADER = re.compile(r"(.*?)\s*(?:[(\[](.*)[)\]])?")
@@ -216,13 +242,20 @@ HEADER = re.compile(r"(.*?)\s*(?:[(\[](.*)[)\]])?")
 
 
 def check_unit(where: str, column: str, unit: str, known: Mapping[str, float] | None) -> float:
-    """Return the factor of a column's unit, or raise an error that shows how the header states it.
+    """Return the factor of the unit of a column.
 
     Parameters
     ----------
-    where, column, unit : str
+    where : str
+        File and line, for the message.
+    column, unit : str
     known : mapping of unit to factor, optional
-        None allows any unit and makes the factor 1.
+        Permitted units.  None accepts any unit, with the factor 1.
+
+    Raises
+    ------
+    ModelError
+        If the unit is missing or unknown.
     """
     shown = [name for name in known or LENGTHS if name]
     expected = f"its unit in the header, such as '{column} ({shown[0]})'" + (f", one of {shown}" if known else "")
@@ -249,7 +282,7 @@ def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> fl
 def read_response(path: str | PathLike[str], *, unit: str | None = None, name: str | None = None) -> Measurement:
     """Read a measured response over frequency from a CSV file.
 
-    The header names the columns, with their units in brackets: ``frequency (Hz)``, and ``amplitude (mm)`` with or without
+    The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude (mm)`` with or without
     ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  Other columns and lines that start with ``#`` are ignored.
     Files of ``curve.to_csv`` can be read.
 
@@ -257,31 +290,66 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
     ----------
     path : path-like
     unit : str, optional
-        Unit of the amplitude, in place of the unit in the header.
+        Unit of the amplitude, which replaces the unit in the header.
     name : str, optional
-        In legends; that of the file by default.
+        Name in legends; by default the name of the file.
 
     Returns
     -------
     Measurement
-        ``measurement.plot(ax=...)`` lays it over curves.
+        ``measurement.plot(ax=...)`` adds it to a plot of response curves.
 
     Raises
     ------
     BdamperError
-        If a column or its unit is missing, or a value is not a finite number; the message names the line.
+        If a column or its unit is missing, or a value is not a finite number.  The message names the line.
     """
     sets = ("frequency", "real", "imag"), ("frequency", "amplitude", "phase"), ("frequency", "amplitude")
     sizes = dict.fromkeys(("amplitude", "real", "imag"), None if unit is None else dict.fromkeys(("", unit), 1.0))
     found = read_columns(path, *sets, units={"frequency": HERTZ, "phase": ANGLES, **sizes})
     frequency, size, *rest = (values for values, _ in found.values())
-    _, own, *others = (text for _, text in found.values())
+    _, stated, *others = (text for _, text in found.values())
     if "imag" in found:
-        require(others == [own], str(path), "real and imag in the same unit", f"'{own}' and '{others[0]}'")
+        require(others == [stated], str(path), "real and imag in the same unit", f"'{stated}' and '{others[0]}'")
     response = size.astype(complex)
     if "imag" in found:
         response = size + 1j * rest[0]
     elif rest:
         response = size * np.exp(1j * rest[0])
-    own = own if unit is None else unit
-    return Measurement(name or Path(path).stem, frequency, response, unit=own, source=str(path))
+    stated = stated if unit is None else unit
+    return Measurement(name or Path(path).stem, frequency, response, unit=stated, source=str(path))
+
+
+@reader("a universal file", library=True)
+def read_measurements(path: Path) -> tuple[Measurement, ...]:
+    """Read the functions over frequency (data set 58) of a universal file (UNV, UFF).
+
+    The package pyuff (extra ``bdamper[unv]``) is needed.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    tuple of Measurement
+        One for each function over frequency.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has no function over frequency.
+    """
+    file = needed("pyuff", "reading a universal file", "unv").UFF(str(path))
+    out: list[Measurement] = []
+    for k in np.flatnonzero(np.atleast_1d(file.get_set_types()) == 58):
+        data = file.read_sets(int(k))
+        if int(data.get("abscissa_spec_data_type", FREQUENCY)) != FREQUENCY:
+            continue
+        name = str(data.get("id1", "")).strip() or f"function {len(out) + 1}"
+        frequency, response = np.asarray(data["x"], float), np.asarray(data["data"]).astype(complex)
+        node, direction = (int(data.get(key, 0)) for key in ("rsp_node", "rsp_dir"))
+        unit = str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
+        out.append(Measurement(name, frequency, response, node, direction, unit, str(path)))
+    require(bool(out), str(path), "functions over frequency (data set 58)", "none")
+    return tuple(out)

@@ -1,8 +1,14 @@
-"""Nastran by pyNastran (extra ``bdamper[nastran]``): bulk data, matrices of OP4 files or DMIG cards, modes of OP2 files.
+"""Nastran: bulk data, matrices of OP4 files or DMIG cards, modes of OP2 files, parsed by pyNastran.
 
-OP4 matrices KNN and MNN have six rows for each grid point without multipoint constraints, in ascending order of the numbers
-of grid points.  Empty rows (rotations of solid elements, fixed components written out) are dropped.  Multipoint constraints
-and rigid elements are refused: they tie grid points, and matrices of the g-set (KGG, MGG) do not contain them.
+The package pyNastran (extra ``bdamper[nastran]``) is needed.  OP4 matrices KNN and MNN contain six rows for each grid point
+without multipoint constraints, in ascending order of the numbers of grid points.  Empty rows (rotations of solid elements,
+fixed components) are dropped.  Multipoint constraints and rigid elements are errors: they tie grid points, and the matrices
+KGG and MGG of the g-set do not contain them.
+
+References
+----------
+MSC, *Nastran Quick Reference Guide* (bulk data, DMIG, OUTPUT4).
+S. Doyle et al., *pyNastran*, documentation of the packages bdf, op2 and op4.
 """
 
 from __future__ import annotations
@@ -32,11 +38,20 @@ _SOLIDS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 
 @reader("an OP4 file", library=True)
 def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
-    """All square matrices of an OP4 file, by name.
+    """Read the square matrices of an OP4 file, by name.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    dict of name to (n, n) sparse
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has no square matrix.
     """
     op4 = needed("pyNastran.op4.op4", *_EXTRA).OP4
     _check_op4_sizes(path)
@@ -53,7 +68,7 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
 
 
 def _check_op4_sizes(source: Any) -> None:
-    """Sizes in the heads of a text file, before a library makes room for them."""
+    """Check the sizes at the head of a text file, before pyNastran allocates arrays for them."""
     with open(source, "rb") as file:
         text = file.read(16).decode("ascii", errors="replace")
     if text.replace("-", " ").replace(" ", "").isdigit():
@@ -63,16 +78,25 @@ def _check_op4_sizes(source: Any) -> None:
 
 @reader("a bulk data file of Nastran", ".bdf", ".dat", ".nas", library=True)
 def read_bdf(path: Path) -> FEBody:
-    """Grid points, solid elements, sets and DMIG matrices KAAX and MAAX of a bulk data file.
+    """Read grid points, solid elements, sets and DMIG matrices KAAX and MAAX of a bulk data file.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    FEBody
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has a card that could change the mesh.
     """
     bdf = needed("pyNastran.bdf.bdf", *_EXTRA).BDF
     model, text = bdf(debug=None), _with_included(path, Included())
     whole = re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE)
-    # bulk data alone may come with the lines around them or without
+    # bulk data without case control may or may not have the lines BEGIN BULK and ENDDATA
     begin = r"^\s*BEGIN\s+BULK.*$"
     cards = text if whole else re.split(begin, text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
     model.read_bdf(StringIO(cards), punch=not whole, xref=False)
@@ -86,11 +110,11 @@ def read_bdf(path: Path) -> FEBody:
         corners = _SOLIDS.get(element.type)
         if corners is None:
             continue
-        own = [n for n in element.nodes if n not in (None, 0)]
-        if len(own) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
-            own = own[:corners]
-        elements.append(own)
-        kinds.append(_kind(model, element.pid, len(own)))
+        nodes_of_element = [n for n in element.nodes if n not in (None, 0)]
+        if len(nodes_of_element) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
+            nodes_of_element = nodes_of_element[:corners]
+        elements.append(nodes_of_element)
+        kinds.append(_kind(model, element.pid, len(nodes_of_element)))
     axes = _displacement_axes(model, numbers, nodes)
     sets = {f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids}
     others = {name: count for name, count in model.card_count.items() if name in BDF_IN_MATRICES}
@@ -101,7 +125,7 @@ def read_bdf(path: Path) -> FEBody:
 
 
 def _with_included(source: Path, included: Included, depth: int = 0) -> str:
-    """Read a file, with the files that it includes in their places."""
+    """Return the text of a file, with included files inserted."""
     lines, text = [], source.read_text(encoding="latin-1")
     for number, line in enumerate(text.splitlines(), 1):
         named = re.match(r"\s*INCLUDE\b\s*(.*)", line, re.IGNORECASE)
@@ -116,7 +140,7 @@ def _with_included(source: Path, included: Included, depth: int = 0) -> str:
 
 
 def _check_cards(names: Iterable[str], text: str, source: Path) -> None:
-    """Refuse cards that could make, move or tie grid points, elements or sets."""
+    """Raise ModelError for a card that could create, move or tie grid points, elements or sets."""
     for name in names:
         if name not in BDF_READ | BDF_HARMLESS | BDF_IN_MATRICES:
             at = re.search(rf"^\s*{re.escape(name)}\b.*", text, re.MULTILINE | re.IGNORECASE)
@@ -124,13 +148,13 @@ def _check_cards(names: Iterable[str], text: str, source: Path) -> None:
 
 
 def _kind(model: Any, pid: int, n_nodes: int) -> ElementKind:
-    """Type and material (MAT1) of an element by the number of its section (PSOLID)."""
+    """Return type and material (MAT1) of an element from its section (PSOLID)."""
     material = model.materials.get(getattr(model.properties.get(pid), "mid", None))
     return ElementKind(f"C3D{n_nodes}", getattr(material, "e", None), getattr(material, "nu", None))
 
 
 def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int, NDArray]:
-    """Axes of displacements of grid points with a coordinate system of their own (rectangular or cylindrical)."""
+    """Return the axes of displacement of grid points with a rectangular or cylindrical coordinate system."""
     out = {}
     for number, position in zip(numbers.tolist(), nodes):
         key = model.nodes[number].Cd()
@@ -142,7 +166,7 @@ def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int
         if system.type in ("CORD1C", "CORD2C"):
             radial = axes @ (position - np.asarray(system.origin, float)) * [1.0, 1.0, 0.0]
             length = np.linalg.norm(radial)
-            require(length > 0.0, f"GRID {number}", "a place off the axis of its cylindrical axes", "one on it")
+            require(length > 0.0, f"GRID {number}", "a position off the axis of its cylindrical system", "a position on it")
             r = radial / length
             axes = np.array([r, np.cross([0.0, 0.0, 1.0], r), [0.0, 0.0, 1.0]]) @ axes
         elif system.type not in ("CORD1R", "CORD2R"):
@@ -152,7 +176,7 @@ def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int
 
 
 def _with_dmig(body: FEBody, model: Any, source: str) -> FEBody:
-    """Stiffness and mass of DMIG cards, if both are there; others are named in a note."""
+    """Add stiffness and mass of DMIG cards if the file has both, and a note on any other matrices."""
     pair = next((pair for pair in (("KAAX", "MAAX"), ("K2GG", "M2GG")) if set(pair) <= set(model.dmig)), ())
     unused = sorted(set(model.dmig) - set(pair))
     if unused:
@@ -162,20 +186,20 @@ def _with_dmig(body: FEBody, model: Any, source: str) -> FEBody:
     tables = []
     for name in pair:
         matrix, rows, columns = model.dmig[name].get_matrix(is_sparse=True, apply_symmetry=True)
-        own, other = (np.array([table[k] for k in range(len(table))], np.int64) for table in (rows, columns))
-        tables.append((own, other, sp.coo_matrix(matrix)))
-    pairs = [table for own, other, _ in tables for table in (own, other)]
+        row_dofs, column_dofs = (np.array([dof[k] for k in range(len(dof))], np.int64) for dof in (rows, columns))
+        tables.append((row_dofs, column_dofs, sp.coo_matrix(matrix)))
+    pairs = [dof for *both, _ in tables for dof in both]
     dofs, index = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
     places = np.split(np.ravel(index), np.cumsum([len(table) for table in pairs])[:-1])
-    made = []
-    for (*_, matrix), own, other in zip(tables, places[::2], places[1::2]):
-        full = triangle_to_full(own[matrix.row], other[matrix.col], matrix.data.real, len(dofs))
-        made.append(square_matrix(full, source))
-    return _without_empty(replace(body, stiffness=made[0], mass=made[1], dofs=dofs))
+    matrices = []
+    for (*_, matrix), row, column in zip(tables, places[::2], places[1::2]):
+        full = triangle_to_full(row[matrix.row], column[matrix.col], matrix.data.real, len(dofs))
+        matrices.append(square_matrix(full, source))
+    return _without_empty(replace(body, stiffness=matrices[0], mass=matrices[1], dofs=dofs))
 
 
 def _without_empty(body: FEBody) -> FEBody:
-    """Rows that neither matrix uses are dropped."""
+    """Drop the rows that are empty in both matrices."""
     assert body.stiffness is not None and body.mass is not None and body.dofs is not None
     used = np.asarray(abs(body.stiffness).sum(axis=1)).ravel() + np.asarray(abs(body.mass).sum(axis=1)).ravel() > 0.0
     keep = np.flatnonzero(used)
@@ -192,23 +216,27 @@ def read_nastran(
     names: tuple[str, str] = ("KNN", "MNN"),
     modes: tuple[Modes, ...] = (),
 ) -> FEBody:
-    """A body from bulk data and matrices.
+    """Read a body from bulk data and matrices.
 
     Parameters
     ----------
     bulk : path-like
-        Bulk data; its DMIG matrices are used if no files of matrices are given.
+        Bulk data.  Its DMIG matrices are used if ``stiffness`` is omitted.
     stiffness, mass : path-like, optional
-        OP4 files with six rows for each grid point; both matrices may be in one.
+        OP4 files with six rows for each grid point.  One file may contain both matrices.
     names : (str, str)
-        Of the matrices in these files.  KNN and MNN come after multipoint constraints, which the number of their rows
-        shows; KGG and MGG come before them.
+        Names of the matrices in these files.  KNN and MNN include multipoint constraints, KGG and MGG do not.
     modes : tuple of Modes
-        See :func:`read_op2`.
+        Modes to compare with, see :func:`read_op2`.
+
+    Returns
+    -------
+    FEBody
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If a file does not exist or is damaged, or has no matrices of these names and sizes.
     """
     body = read_bdf(bulk)
     if stiffness is not None:
@@ -230,21 +258,26 @@ def read_nastran(
 def read_op2(
     path: Path, nodal_diameter: int = 0, subcase: int | None = None, axes: Mapping[int, NDArray] | None = None
 ) -> Modes:
-    """Real modes of an OP2 file.
+    """Read real modes from an OP2 file.
 
     Parameters
     ----------
     path : path-like
     nodal_diameter : int
-        That of the modes; a pair of equal frequencies makes one wave.
+        Nodal diameter of the modes.  A pair of equal frequencies makes one travelling wave.
     subcase : int, optional
-        The first one by default.
+        Subcase of the modes; by default the first one.
     axes : mapping of node number to (3, 3) float, optional
-        ``FEBody.node_axes`` of the bulk data: displacements are written in the axes of each grid point.
+        ``FEBody.node_axes`` of the bulk data, since displacements are in the axes of each grid point.
+
+    Returns
+    -------
+    Modes
 
     Raises
     ------
     FileNotFoundError, ModelError
+        If the file does not exist, is damaged, or has no eigenvectors of this subcase.
     """
     op2 = needed("pyNastran.op2.op2", *_EXTRA).OP2
     model = op2(debug=None)

@@ -1,4 +1,7 @@
-"""Plausibility of sizes, densities, wave speeds and frequencies: values that no machine has point to mistaken units."""
+"""Plausibility of an import: order of rows, corners and matrices, sizes, densities, wave speeds and frequencies.
+
+Values outside :data:`bdamper.importers.fe_body.BOUNDS` indicate mistaken units.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,14 @@ from numpy.typing import NDArray
 
 from bdamper.fem.surface import N_CORNER, enclosed_volume, twisted
 from bdamper.importers.fe_body import BOUNDS, UNITS
-from bdamper.importers.prepared_body import PreparedBody
+from bdamper.importers.prepared_body import ImportReport, PreparedBody
 from bdamper.model.fields import require
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body
 
 
 def ratio_in_words(ratio: float) -> str | None:
-    """Mistake that explains a ratio of two frequencies that should be equal; None if there is none."""
+    """Return the mistake that explains a ratio of two frequencies, or None."""
     candidates = {
         "2 pi: hertz against radians per second": 2.0 * np.pi,
         "1/(2 pi): radians per second against hertz": 0.5 / np.pi,
@@ -25,22 +28,29 @@ def ratio_in_words(ratio: float) -> str | None:
     return next((words for words, value in candidates.items() if abs(ratio / value - 1.0) < 0.02), None)
 
 
-def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: str) -> float:
-    """Largest relative difference of the frequencies that both have.
+def compare_frequencies(computed: NDArray, expected: NDArray, item: str, source: str) -> float:
+    """Return the largest relative difference between two sets of natural frequencies.
+
+    Parameters
+    ----------
+    computed, expected : (n,), (m,) float
+        Frequencies, Hz.  The lowest ``min(n, m)`` are compared.
+    item, source : str
+        Names of the computed and of the expected frequencies in the message.
 
     Raises
     ------
     ModelError
-        If they do not agree; the message names a mistaken unit that explains the ratio.
+        If the difference exceeds ``BOUNDS.agreement``.  The message names a mistaken unit that explains the ratio.
     """
-    n = min(len(found), len(expected))
+    n = min(len(computed), len(expected))
     require(n > 0, item, f"frequencies to compare with {source}", "none")
-    found, expected = np.sort(found)[:n], np.sort(expected)[:n]
-    ratio = found / np.maximum(expected, 1e-300)
+    computed, expected = np.sort(computed)[:n], np.sort(expected)[:n]
+    ratio = computed / np.maximum(expected, 1e-300)
     middle, error = float(np.median(ratio)), float(np.abs(ratio - 1.0).max())
     words = ratio_in_words(middle) if np.abs(ratio / middle - 1.0).max() < 0.02 else None
     suspicion = f"the ratio {middle:.6g} is {words}" if words else f"ratios {ratio.min():.4g} to {ratio.max():.4g}"
-    shown, wanted = (", ".join(f"{f:.6g}" for f in values[:3]) for values in (found, expected))
+    shown, wanted = (", ".join(f"{f:.6g}" for f in values[:3]) for values in (computed, expected))
     require(
         error <= BOUNDS.agreement, item, f"the frequencies of {source}, {wanted}, ... Hz", f"{shown}, ... Hz; {suspicion}"
     )
@@ -48,23 +58,28 @@ def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: st
 
 
 def _rigid_motions(body: PreparedBody) -> tuple[NDArray, NDArray]:
-    """Positions about the middle of a body, and its rigid motions (3 n_nodes, 6), which are all of its size."""
+    """Return positions relative to the middle of a body, and its rigid motions (3 n_nodes, 6), scaled to its size."""
     centre = 0.5 * (body.nodes.min(axis=0) + body.nodes.max(axis=0))
     motion = rigid_motions(body.nodes, centre, np.eye(3))
     motion[:, :3] *= body.size
     return body.nodes - centre, motion
 
 
-def check_rigid_motion(body: PreparedBody) -> None:
-    """Check that the stiffness matrix of a free body resists no rigid motion of its nodes.
+def check_rigid_motion(body: PreparedBody, report: ImportReport) -> None:
+    """Check that a rigid motion of a free body causes no force.
 
-    Energies are compared with those of three stretches about the same centre, so the measure is a strain: positions that
-    are one per cent too long show as 0.01, positions rounded to six digits as some 1e-4.
+    The measure is a strain: the root of the energy of a rigid motion, divided by the energy of a stretch about the same
+    centre.  Positions that are 1 % too long give 0.01; positions rounded to six digits give about 1e-4.
+
+    Raises
+    ------
+    ModelError
+        If the strain exceeds ``BOUNDS.rigid_strain``.
     """
     arm, motion = _rigid_motions(body)
     stretch = np.stack([(arm * axis).ravel() for axis in np.eye(3)], axis=1)
     energy, scale = (np.einsum("ij,ij->j", u, body.structure.stiffness @ u) for u in (motion, stretch))
-    body.require(scale.max() > 0.0, "stiffness matrix", "a body that resists being stretched", "no force at all")
+    body.require(scale.max() > 0.0, "stiffness matrix", "a body that resists stretching", "no force")
     strain = np.sqrt(np.abs(energy) / scale.max())
     for kind, part, hint in (
         ("translation along", strain[:3], "fixed nodes, springs to the ground, or a table of nodes of another body"),
@@ -73,22 +88,26 @@ def check_rigid_motion(body: PreparedBody) -> None:
         found = f"a strain of {part.max():.2g} of its size under a {kind} {'XYZ'[part.argmax()]}: {hint}"
         good = part.max() <= BOUNDS.rigid_strain
         body.require(good, "stiffness matrix", "a free body, which no rigid motion strains", found)
-    body.checks.append(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
+    report.checks.append(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
 
 
-def check_table(body: PreparedBody) -> None:
-    """Refuse a sector whose matrices do not belong to its nodes in the order of the table of nodes and components.
+def check_table(body: PreparedBody, report: ImportReport) -> None:
+    """Check that the rows of the stiffness matrix are in the order of the table of nodes and components.
 
-    A rigid motion of all nodes costs no force at a node that neither is held nor has a held neighbour: the rows of its
-    three components sum to nothing over all components that they couple.  With rows in another order (all x, then all y,
-    then all z, instead of node by node) there are forces of the size of the stiffness itself at nearly every node.
+    A rigid motion of all nodes causes no force at a node that is neither fixed nor a neighbour of a fixed node.  If the
+    rows are in another order (all x, then all y, then all z), large forces arise at nearly every node.
+
+    Raises
+    ------
+    ModelError
+        If forces arise at more than the fraction ``BOUNDS.odd_ones`` of the nodes.
     """
     held = np.asarray(body.fixed(None).any(axis=1))
     away = np.isin(np.arange(len(held)), body.used) & ~held
     for elements in body.elements:
         away[elements[held[elements].any(axis=1)]] = False
     if not away.any():
-        body.checks.append(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
+        report.checks.append(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
         return
     stiffness, (_, motion) = body.structure.stiffness, _rigid_motions(body)
     pairs = (stiffness, motion), (abs(stiffness), np.abs(motion))
@@ -98,24 +117,24 @@ def check_table(body: PreparedBody) -> None:
     found += "order than the table (or than x, y, z of node after node), or positions of other nodes"
     expected = "rows in the order of the table of nodes and components"
     body.require(share <= 100.0 * BOUNDS.odd_ones, "stiffness matrix", expected, found)
-    body.checks.append(f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones")
+    report.checks.append(f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones")
 
 
 def check_corners(body: PreparedBody) -> None:
-    """Refuse elements whose corners stand in another order than that from which faces are read."""
-    for elements, given in zip(body.elements, body.given.elements):
+    """Raise ModelError if the corners of many wedges or hexahedra are not in the order of :class:`FEBody`."""
+    for elements, numbers in zip(body.elements, body.raw.elements):
         n = N_CORNER.get(elements.shape[1], 0)
         if n not in (6, 8):
             continue
         wrong = np.flatnonzero(twisted(elements[:, :n], body.nodes))
         if len(wrong) > BOUNDS.odd_ones * len(elements):
-            item = f"elements, that of nodes {np.asarray(given)[wrong[0], :n].tolist()}"
+            item = f"elements, such as the one with nodes {np.asarray(numbers)[wrong[0], :n].tolist()}"
             expected = f"{n // 2} corners in turn around one face, then the {n // 2} opposite ones in the same turn"
             raise body.error(item, expected, f"another order in {len(wrong)} of {len(elements)}")
 
 
-def check_radial(body: PreparedBody, n_blades: int) -> None:
-    """Check that a sector narrower than a half circle stands where ``radial`` points."""
+def check_radial(body: PreparedBody, n_blades: int, report: ImportReport) -> None:
+    """Check that a sector narrower than a half circle lies in the direction ``radial``."""
     pitch = 360.0 / n_blades
     limit = max(pitch, BOUNDS.radial_angle)
     nodes = body.nodes[body.used]
@@ -123,31 +142,37 @@ def check_radial(body: PreparedBody, n_blades: int) -> None:
     if limit >= 180.0 or np.hypot(x, y) < 0.05 * body.size:
         return
     angle = np.rad2deg(np.arctan2(x, y))
-    middle, given = body.place.rotation.T @ [x, y, 0.0] / np.hypot(x, y), body.place.radial
+    middle, given = body.placement.rotation.T @ [x, y, 0.0] / np.hypot(x, y), body.placement.radial
     middle_text, given_text = (f"({', '.join(f'{a:.3g}' for a in axis)})" for axis in (middle, given))
     expected = f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
     expected += f"{middle_text} in the axes of the file"
     body.require(abs(angle) <= limit, "radial", expected, f"{given_text}, {abs(angle):.3g} degrees off")
-    body.checks.append(f"{body.name}: the middle of the sector stands {abs(angle):.2g} degrees from radial")
+    report.checks.append(f"{body.name}: the middle of the sector is {abs(angle):.2g} degrees from radial")
 
 
 def check_not_swapped(body: PreparedBody) -> None:
-    """Tell the matrices apart: a mass matrix resists any translation of all nodes, a stiffness matrix where it is held."""
+    """Check that the stiffness and mass matrices are not exchanged.
+
+    A mass matrix resists a translation of all nodes, while a stiffness matrix resists it near fixed nodes only.
+    """
     along = np.tile(np.eye(3), (len(body.nodes), 1))
     stiffness, mass = (
         float(np.einsum("ik,ik->", along, matrix @ along)) / max(float(matrix.diagonal().sum()), 1e-300)
         for matrix in (body.structure.stiffness, body.structure.mass)
     )
-    found = "one that resists translations as a mass does, then one that does not: they came swapped"
+    found = "a matrix that resists translations as a mass does, then one that does not: exchange the swapped matrices"
     body.require(mass >= 0.1 or stiffness <= 0.5, "matrices", "a stiffness matrix, then a mass matrix", found)
 
 
 def wave_speed(body: PreparedBody) -> float:
-    """Speed (m/s) of longitudinal waves in the material: the energy of a uniform stretch against the mass.
+    r"""Return the speed (m/s) of longitudinal waves in the material.
 
-    ``u^T K u = (lambda + 2 mu) V`` for the displacements ``u`` of a unit strain along one axis, ``1^T M 1 = rho V``.  It
-    is the least over the axes, about the middle of the nodes without rows, since material that they hold is strained
-    more.
+    A uniform strain along an axis, with displacements u of unit gradient, and a unit translation 1 give
+
+    .. math:: u^T K u = (\lambda + 2 \mu) V, \qquad 1^T M 1 = \rho V.
+
+    The result is the lowest of the three axes.  The strain is centred at the fixed nodes, since their surroundings are
+    strained more.
     """
     structure, held = body.structure, body.fixed(None).any(axis=1)
     centre = body.nodes[held].mean(axis=0) if held.any() else body.nodes.mean(axis=0)
@@ -162,43 +187,43 @@ def wave_speed(body: PreparedBody) -> float:
 def _check_within(
     body: PreparedBody, item: str, what: str, limits: tuple[float, float], value: float, unit: str, hint: str
 ) -> None:
-    """Refuse a quantity beyond its limits, with the mistaken unit that explains it."""
-    given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
+    """Raise ModelError for a quantity outside its limits, with the unit that explains it."""
+    given = next((name for name, u in UNITS.items() if u == body.placement.units), "the given units")
     found = f"{value:.4g} {unit} with units='{given}': {hint}; pass check_units=False if they are right"
     body.require(limits[0] <= value <= limits[1], item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
 
 
-def check_sizes(body: PreparedBody) -> None:
-    """Refuse sizes, densities and wave speeds far from anything built."""
+def check_sizes(body: PreparedBody, report: ImportReport) -> None:
+    """Check size, density and wave speed of a body."""
     hint = f"{'millimetres' if body.size > BOUNDS.size[1] else 'another unit of length'} suspected"
     _check_within(body, "positions", "an extent of", BOUNDS.size, body.size, "m", hint)
-    body.checks.append(f"{body.name}: extent {body.size:.4g} m")
+    report.checks.append(f"{body.name}: extent {body.size:.4g} m")
     if not body.has_matrices:
         return
     if body.elements:
         along = np.tile([0.0, 0.0, 1.0], len(body.nodes))
         mass, volume = float(along @ (body.structure.mass @ along)), enclosed_volume(body.boundary, body.nodes)
         density = mass / volume if volume > 0.0 else np.inf
-        in_file, (low, high) = density / body.place.units.mass * body.place.units.length**3, BOUNDS.density
+        in_file, (low, high) = density / body.placement.units.mass * body.placement.units.length**3, BOUNDS.density
         fitting = [name for name, u in UNITS.items() if low <= in_file * u.mass / u.length**3 <= high]
         hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
         _check_within(body, "mass matrix", "a density of", BOUNDS.density, density, "kg/m3", hint)
-        body.checks.append(f"{body.name}: mass {mass:.6g} kg on free nodes, {density:.4g} kg/m3")
+        report.checks.append(f"{body.name}: mass {mass:.6g} kg on free nodes, {density:.4g} kg/m3")
     speed, (low, high) = wave_speed(body), BOUNDS.wave_speed
     if body.fixed(None).any():
-        high = np.inf  # what holds a body is strained, too
+        high = np.inf  # the material at fixed nodes is strained as well
     hint = f"a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that of a metal (some 6000 m/s), other "
     hint += "units of the stiffness or the mass matrix suspected"
     what = "a material in which longitudinal waves travel at"
     _check_within(body, "stiffness and mass matrix", what, (low, high), speed, "m/s", hint)
-    body.checks.append(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
+    report.checks.append(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
 
 
-def check_lowest(body: PreparedBody, made: Body) -> None:
-    """Compare lowest frequencies with what is built."""
-    for d, basis in made.bases.items():
+def check_lowest(body: PreparedBody, reduced: Body, report: ImportReport) -> None:
+    """Check the lowest natural frequency at each nodal diameter; a failure is a failed comparison."""
+    for d, basis in reduced.bases.items():
         lowest = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf)) / (2.0 * np.pi))
         hint = "units of mass or stiffness off by powers of 10 suspected"
         if np.isfinite(lowest):
-            with body.compared():
+            with report.comparison():
                 _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)
