@@ -2,7 +2,7 @@
 #ifndef MARCH_H
 #define MARCH_H
 
-#include "bd_element.h"
+#include "contact/element.h"
 
 #include <math.h>
 #include <stdlib.h>

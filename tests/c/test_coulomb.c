@@ -1,5 +1,5 @@
 /* Coupled friction: steady circular motion, straight lines, the settled cycle of an ellipse, finite differences. */
-#include "bd_contact.h"
+#include "contact/evaluator.h"
 #include "check.h"
 
 #include <string.h>

@@ -1,6 +1,6 @@
 /* Sums over a cycle against Gauss-Legendre quadrature, and the linear limits of the element. */
-#include "bd_element.h"
-#include "bd_trig.h"
+#include "contact/element.h"
+#include "util/trig_polynomial.h"
 #include "check.h"
 
 enum { HARM = 3, COEF = 2 * HARM + 1, POWER = 4 * HARM + 2 };

@@ -1,5 +1,5 @@
 /* Event-exact evaluation: closed forms at one harmonic, the marched law at three, and finite differences. */
-#include "bd_event.h"
+#include "contact/event_driven.h"
 #include "check.h"
 #include "march.h"
 

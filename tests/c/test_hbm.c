@@ -1,5 +1,5 @@
 /* Harmonic balance equations: a stuck system by hand, finite differences, life and death of the workspace. */
-#include "bd_hbm.h"
+#include "balance/harmonic_balance.h"
 #include "check.h"
 
 #include <string.h>

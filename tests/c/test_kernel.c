@@ -1,5 +1,5 @@
 /* Inner loops of every build that this machine runs against plain loops, for every remainder of the tiles. */
-#include "bd_kernel.h"
+#include "util/kernels.h"
 #include "check.h"
 
 #include <string.h>

@@ -1,8 +1,8 @@
 /* Memory that runs out at any allocation: what creates a workspace says so and leaves nothing behind.  The linker sends the
  * allocations of the core to the functions here. */
-#include "bd_dense.h"
-#include "bd_modes.h"
-#include "bd_time.h"
+#include "balance/sector.h"
+#include "balance/nonlinear_mode.h"
+#include "time/integration.h"
 #include "check.h"
 
 #include <limits.h>

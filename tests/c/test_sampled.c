@@ -1,5 +1,5 @@
 /* Sampled evaluation against the law marched in plain C, and its approach to the exact evaluation. */
-#include "bd_contact.h"
+#include "contact/evaluator.h"
 #include "check.h"
 #include "march.h"
 

@@ -1,5 +1,5 @@
 /* The search for the settled slider where Newton's method has no step: the ellipse alone leads to it, from anywhere. */
-#include "../../csrc/bd_coulomb.c"
+#include "../../csrc/contact/coupled_friction.c"
 #include "check.h"
 
 /* A period map that turns by an angle about the end and contracts, P(s) - end = q turn(s - end), which Newton's method is told

@@ -1,7 +1,7 @@
 /* Newton's method on systems of one and two modes: a hardening contact, a neutral direction, a peak, bad input; the order
  * of the calls on equations. */
-#include "bd_dense.h"
-#include "bd_solver.h"
+#include "balance/sector.h"
+#include "solver/newton.h"
 #include "check.h"
 
 #include <limits.h>

@@ -2,7 +2,7 @@
  * differences, all builds of the loop alike. */
 #define BD_VARIANT of_the_test
 #define BD_VARIANT_NAME "of the test"
-#include "bd_time_loop.c" /* for the derivatives, which no other file sees */
+#include "time/generalised_alpha.c" /* for the derivatives, which no other file sees */
 #include "check.h"
 
 #include <string.h>

@@ -1,5 +1,5 @@
 /* Trigonometric polynomials against sums of sines and cosines, and against polynomials made from their roots. */
-#include "bd_trig.h"
+#include "util/trig_polynomial.h"
 #include "check.h"
 
 #include <string.h>

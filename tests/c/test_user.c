@@ -1,6 +1,6 @@
 /* Contact laws as functions: Jenkins elements beside our friction, tangents by differences, and the march in time. */
-#include "bd_contact.h"
-#include "bd_time.h"
+#include "contact/evaluator.h"
+#include "time/integration.h"
 #include "check.h"
 
 #include <string.h>

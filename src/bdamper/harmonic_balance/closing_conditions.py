@@ -1,7 +1,7 @@
 """What is asked of a point beside the equations: one condition for the one free parameter.
 
 A linear one is a plane in scaled unknowns; a stationary one holds where something has no slope along the curve, which
-Newton's method on the curve and a secant along it find together (``csrc/bd_solver.c``).
+Newton's method on the curve and a secant along it find together (``csrc/solver/newton.c``).
 """
 
 from __future__ import annotations

@@ -1,0 +1,323 @@
+/* The march of a slider through the pieces of a cycle; see bd_event.c for the law.
+ *
+ * The roots of n0 + kn v, of lo' and of hi', the events, cut the period into pieces over which contact does not change and lo
+ * and hi are monotone, so that in a piece w can only be pushed by one of them, from a single onset on:
+ *
+ *     lo rises above w       slip+ from the onset to the end of the piece (T = +mu N)
+ *     hi falls below w       slip-                                        (T = -mu N)
+ *     otherwise              stick
+ *
+ * The map of w over one period is a composition of clips, hence itself a clip and idempotent: one period of marching
+ * over the ends of the pieces gives the settled slider, a second one adds up the integrals over the pieces.
+ *
+ * The slider remembers the instant theta* that set it, and so does its derivative (b the basis at theta*):
+ *
+ *     set by lo (end of slip+)    dw = b.du - (mu kn/kt) b.dv        lo' = 0 there, so theta* may move freely
+ *     set by hi (end of slip-)    dw = b.du + (mu kn/kt) b.dv
+ *     set by closing              dw = b.du - (u'/v') b.dv           theta* moves by -b.dv/v'
+ *     never set                   dw = 0
+ */
+#include "contact/event_slider.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { GIVEN, SET_BY_LO, SET_BY_HI, SET_BY_CLOSING };
+enum { CONTACT = 1, LO_RISES = 2, HI_FALLS = 4 };
+enum { NOTHING = -1 }; /* besides bd_state */
+
+/* Where the slider stands, and what set it there. */
+typedef struct {
+    int kind;
+    int event; /* index of the instant that set it */
+    double w;
+} slider;
+
+/* The part of the cycle that is being marched through. */
+typedef struct {
+    int state;
+    double start;
+    int at; /* work->power[at] belongs to its beginning */
+    slider held;
+} run;
+
+/* x and y at exp(i theta) = z. */
+static void pair_at(int n_harm, const double *x, const double *y, const double *z, double *at_x, double *at_y) {
+    const double c = z[0], s = z[1];
+    double re = c, im = s, sum_x = x[0], sum_y = y[0];
+    for (int l = 1; l <= n_harm; ++l) {
+        sum_x += x[2 * l - 1] * re + x[2 * l] * im;
+        sum_y += y[2 * l - 1] * re + y[2 * l] * im;
+        const double next = re * c - im * s;
+        im = re * s + im * c;
+        re = next;
+    }
+    *at_x = sum_x;
+    *at_y = sum_y;
+}
+
+double bd_march_clear_value(int n_harm, const double *f, double start, double length) {
+    static const double place[4] = {0.29, 0.67, 0.11, 0.87};
+    const int n_coef = bd_n_coef(n_harm);
+    double size = 0.0, value = bd_trig_value(n_harm, f, start + 0.5 * length);
+    for (int i = 0; i < n_coef; ++i) size += fabs(f[i]);
+    for (int i = 0; i < 4 && fabs(value) <= 1e-3 * size; ++i) {
+        const double other = bd_trig_value(n_harm, f, start + place[i] * length);
+        if (fabs(other) > fabs(value)) value = other;
+    }
+    return value;
+}
+
+/* ---- parts of the cycle ---- */
+
+static void push_segment(bd_event_work *work, int d, double start, double end, int state) {
+    bd_segment *segment = work->segment[d];
+    const int n = work->n_segment[d];
+    if (n > 0 && segment[n - 1].state == state && segment[n - 1].end == start) {
+        segment[n - 1].end = end;
+    } else if (end > start) {
+        segment[n] = (bd_segment){start, end, state};
+        work->n_segment[d] = n + 1;
+    }
+}
+
+void bd_march_whole(bd_event_work *work, int d, int state) {
+    work->n_segment[d] = 0;
+    push_segment(work, d, 0.0, BD_TWO_PI, state);
+}
+
+static void reverse(bd_segment *s, int n) {
+    for (int i = 0, j = n - 1; i < j; ++i, --j) {
+        const bd_segment swap = s[i];
+        s[i] = s[j];
+        s[j] = swap;
+    }
+}
+
+/* Brings starts into [0, 2 pi), ascending: a march may begin anywhere. */
+static void arrange_segments(bd_event_work *work, int d) {
+    bd_segment *segment = work->segment[d];
+    int n = work->n_segment[d];
+    if (n > 1 && segment[n - 1].state == segment[0].state) { /* the march began inside a part */
+        segment[n - 1].end = segment[0].end + BD_TWO_PI;
+        --n;
+        memmove(segment, segment + 1, sizeof *segment * (size_t)n);
+        work->n_segment[d] = n;
+    }
+    int turned = 0; /* how many at the end lie in the next period */
+    for (int i = 0; i < n; ++i)
+        if (segment[i].start >= BD_TWO_PI) {
+            segment[i].start -= BD_TWO_PI;
+            segment[i].end -= BD_TWO_PI;
+            ++turned;
+        }
+    reverse(segment, n - turned);
+    reverse(segment + n - turned, turned);
+    reverse(segment, n);
+    if (turned > 0 && turned < n) segment[turned - 1].end = segment[turned].start; /* the same instant but for rounding */
+}
+
+/* ---- pieces between events ---- */
+
+static void sort_events(bd_direction *dir) {
+    bd_event_work *work = dir->work;
+    for (int i = 0; i < dir->n_event; ++i) {
+        int j = i;
+        for (; j > 0 && work->theta[work->order[j - 1]] > work->theta[i]; --j) work->order[j] = work->order[j - 1];
+        work->order[j] = i;
+    }
+}
+
+static double piece_end(const bd_direction *dir, int i) {
+    const bd_event_work *work = dir->work;
+    const int n = dir->n_event;
+    return i + 1 < n ? work->theta[work->order[i + 1]] : work->theta[work->order[0]] + BD_TWO_PI;
+}
+
+/* Signs on every piece: evaluated inside the longest one, where they are clearest, and toggled from there at
+ * each event, since every event is a change of sign of its own polynomial. */
+static void flag_pieces(bd_direction *dir, const bd_element *element, const double *v) {
+    bd_event_work *work = dir->work;
+    const int n = dir->n_event;
+    int longest = 0, flags = 0;
+    double length = -1.0;
+    for (int i = 0; i < n; ++i) {
+        const double l = piece_end(dir, i) - work->theta[work->order[i]];
+        if (l > length) length = l, longest = i;
+    }
+    const double start = work->theta[work->order[longest]];
+    if (dir->n_lift == 0) {
+        flags |= CONTACT;
+    } else {
+        double *level = work->poly; /* n0 + kn v */
+        for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
+        level[0] += element->n0;
+        if (bd_march_clear_value(dir->n_harm, level, start, length) > 0.0) flags |= CONTACT;
+    }
+    if (bd_march_clear_value(dir->n_harm, dir->dlo, start, length) > 0.0) flags |= LO_RISES;
+    if (bd_march_clear_value(dir->n_harm, dir->dhi, start, length) < 0.0) flags |= HI_FALLS;
+    work->piece[longest] = flags;
+    for (int k = 1; k < n; ++k) {
+        const int i = (longest + k) % n, event = work->order[i];
+        if (event < dir->n_lift)
+            flags ^= CONTACT;
+        else if (dir->common)
+            flags ^= LO_RISES | HI_FALLS;
+        else
+            flags ^= event < dir->n_lift + dir->n_lo ? LO_RISES : HI_FALLS;
+        work->piece[i] = flags;
+    }
+}
+
+/* ---- marching ---- */
+
+static slider clip_at_end(const bd_direction *dir, slider s, int flags, int event) {
+    const bd_event_work *work = dir->work;
+    const double lo = work->lo[event], hi = work->hi[event];
+    if (!(flags & CONTACT)) return (slider){SET_BY_CLOSING, event, 0.5 * (lo + hi)};
+    if (s.w < lo) return (slider){SET_BY_LO, event, lo};
+    if (s.w > hi) return (slider){SET_BY_HI, event, hi};
+    return s;
+}
+
+/* The slider at the first event once the cycle has settled. */
+static slider settle(const bd_direction *dir, double w) {
+    const bd_event_work *work = dir->work;
+    const int n = dir->n_event;
+    slider s = {GIVEN, -1, w};
+    for (int i = 0; i < n; ++i) s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
+    return s;
+}
+
+/* dw of a slider that was set at the beginning of the present part of the cycle. */
+static void hold(const bd_direction *dir, const run *part) {
+    bd_event_work *work = dir->work;
+    const double *b = work->power[part->at] + 1;
+    if (!work->cycle.held_u) {
+        bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, NULL, NULL);
+        return;
+    }
+    double factor = part->held.kind == SET_BY_LO ? -dir->r : dir->r;
+    if (part->held.kind == SET_BY_CLOSING) {
+        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); sticking after it, |u'/v'| <= r */
+        double dlo, dhi;
+        pair_at(dir->n_harm, dir->dlo, dir->dhi, work->z + 2 * part->held.event, &dlo, &dhi);
+        factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
+    }
+    for (int i = 0; i < dir->n_coef; ++i) work->origin_v[i] = factor * b[i];
+    bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, b, work->origin_v);
+}
+
+/* The state changes at theta (exp(i theta) = z): sums of the part that ends, beginning of the next. */
+static void change(const bd_direction *dir, int d, run *part, int state, double theta, const double *z, slider s,
+                   bd_status_share *share) {
+    bd_event_work *work = dir->work;
+    double *from = work->power[part->at], *to = work->power[!part->at];
+    if (part->state == state) return;
+    bd_trig_powers_of(2 * dir->n_harm, z, to);
+    if (part->state != NOTHING) {
+        const double length = theta - part->start;
+        push_segment(work, d, part->start, theta, part->state);
+        if (part->state == BD_STICK) {
+            memset(work->part, 0, sizeof(double) * (size_t)dir->n_power);
+            bd_cycle_integrate(dir->n_harm, work->part, length, from, to, 1.0);
+            for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part[n];
+            hold(dir, part);
+        } else if (part->state != BD_OPEN) {
+            bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to, part->state == BD_SLIP_PLUS ? 1.0 : -1.0);
+            share->slip[d] += length;
+        }
+    }
+    part->at = !part->at;
+    part->state = state;
+    part->start = theta;
+    part->held = s;
+}
+
+/* Where lo (hi) first meets w in a piece over which it rises (falls). */
+static double find_onset(const bd_direction *dir, int plus, double w, double start, double end, double *z) {
+    double *bound = dir->work->poly; /* lo - w or hi - w */
+    memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
+    bound[0] -= w;
+    if (dir->n_harm > 1) {
+        const double onset = bd_trig_bracketed_root(dir->n_harm, bound, start, end);
+        z[0] = cos(onset);
+        z[1] = sin(onset);
+        return onset;
+    }
+    /* cos(theta - phi) = k on the rising (falling) side */
+    const double size = hypot(bound[1], bound[2]), c = bound[1] / size, s = bound[2] / size;
+    const double k = fmax(-1.0, fmin(1.0, -bound[0] / size)), m = sqrt((1.0 - k) * (1.0 + k)) * (plus ? -1.0 : 1.0);
+    z[0] = c * k - s * m;
+    z[1] = s * k + c * m;
+    double onset = atan2(z[1], z[0]);
+    while (onset < start - 1e-9) onset += BD_TWO_PI;
+    while (onset > end + 1e-9) onset -= BD_TWO_PI;
+    const double within = fmax(start, fmin(end, onset));
+    if (within != onset) { /* rounding: z is of the same instant */
+        z[0] = cos(within);
+        z[1] = sin(within);
+    }
+    return within;
+}
+
+/* Marches through one piece and returns the slider at its end. */
+static slider march_piece(const bd_direction *dir, int d, int i, double turn, slider s, run *part, bd_status_share *share) {
+    bd_event_work *work = dir->work;
+    const int n = dir->n_event;
+    const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0], flags = work->piece[i];
+    const double *z = work->z + 2 * start, theta = work->theta[start] + turn;
+    if (!(flags & CONTACT)) {
+        change(dir, d, part, BD_OPEN, theta, z, s, share);
+        return clip_at_end(dir, s, flags, end);
+    }
+    const int set_now = s.event == start && s.kind != GIVEN;
+    const int plus_now = set_now && s.kind != SET_BY_HI && (flags & LO_RISES);
+    const int minus_now = set_now && s.kind != SET_BY_LO && (flags & HI_FALLS);
+    if (plus_now || minus_now) {
+        change(dir, d, part, plus_now ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, s, share);
+        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end, plus_now ? work->lo[end] : work->hi[end]};
+    }
+    const slider after = clip_at_end(dir, s, flags, end);
+    change(dir, d, part, BD_STICK, theta, z, s, share);
+    if (after.kind == s.kind && after.event == s.event) return s; /* nothing pushed it */
+    const int plus = after.kind == SET_BY_LO;
+    if (plus ? work->lo[start] >= s.w : work->hi[start] <= s.w) { /* at once: the slip had only paused */
+        change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
+        return after;
+    }
+    double at[2];
+    const double onset = find_onset(dir, plus, s.w, work->theta[start], piece_end(dir, i), at) + turn;
+    change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
+    return after;
+}
+
+/* The settled cycle from the event on that set its slider, so that every part begins where its slider was set. */
+static void march_cycle(const bd_direction *dir, int d, slider s, bd_status_share *share) {
+    bd_event_work *work = dir->work;
+    const int n = dir->n_event;
+    run part = {.state = NOTHING};
+    int first = 0;
+    while (work->order[first] != s.event) ++first;
+    for (int k = 0; k < n; ++k) {
+        const int i = first + k < n ? first + k : first + k - n;
+        s = march_piece(dir, d, i, first + k < n ? 0.0 : BD_TWO_PI, s, &part, share);
+    }
+    const int event = work->order[first];
+    change(dir, d, &part, NOTHING, work->theta[event] + BD_TWO_PI, work->z + 2 * event, s, share);
+    arrange_segments(work, d);
+}
+
+int bd_march_through(bd_direction *dir, int d, const bd_element *element, const double *v, bd_status_share *share) {
+    bd_event_work *work = dir->work;
+    sort_events(dir);
+    flag_pieces(dir, element, v);
+    for (int e = 0; e < dir->n_event; ++e)
+        pair_at(dir->n_harm, dir->lo, dir->hi, work->z + 2 * e, work->lo + e, work->hi + e);
+    const slider s = settle(dir, element->w[d]);
+    if (s.kind == GIVEN) return 0;
+    march_cycle(dir, d, s, share);
+    share->slip[d] /= BD_TWO_PI;
+    share->stick[d] = work->cycle.stick[0] / BD_TWO_PI;
+    return 1;
+}

@@ -1,0 +1,138 @@
+/* Disks in the plane: the point that violates them least, and the way into all of them.
+ *
+ * Centre.  phi(s) = max_k |c_k - s| - R_k is convex; its least value belongs to one, two or three disks that have it in
+ * common there: one alone at its centre, phi = -R; two on the line of their centres, phi = (d - R_i - R_j)/2; three where
+ * their normals enclose the origin.  From one disk on, the one violated most joins those that hold the point, and the least
+ * point of these few is that subset of two or three which has the largest value.  Values grow from round to round, so no
+ * subset comes twice.
+ *
+ * Three disks.  With the first centre as origin, d_a the others relative to it, r = R_1 + phi and w_a = R_a - R_1,
+ * |s| = r and |s - d_a| = r + w_a give d_a.s = (d_a^2 - w_a^2)/2 - r w_a, hence s = alpha - r beta and a quadratic for r. */
+#include "contact/friction_disks.h"
+
+#include <math.h>
+
+enum { MOST_ROUNDS = 60 };
+
+static double norm(double x, double y) { return sqrt(x * x + y * y); }
+
+/* ---- centre ---- */
+
+/* Two disks; value -infinity if one of them holds the centre alone. */
+static bd_hold centre_of_two(const bd_disks *disks, int i, int j) {
+    const double dx = disks->x[j] - disks->x[i], dy = disks->y[j] - disks->y[i], d = norm(dx, dy);
+    bd_hold hold = {.n = 2, .disk = {i, j}, .value = 0.5 * (d - disks->R[i] - disks->R[j])};
+    const double r = disks->R[i] + hold.value; /* from the first centre */
+    if (!(r > 0.0 && r < d)) return (bd_hold){.value = -INFINITY};
+    hold.s[0] = disks->x[i] + dx * (r / d);
+    hold.s[1] = disks->y[i] + dy * (r / d);
+    return hold;
+}
+
+/* Improves a point at the same distance from three disks by one step of Newton's method. */
+static void polish(const bd_disks *disks, bd_hold *hold) {
+    double e[3][2], f[3];
+    for (int a = 0; a < 3; ++a) {
+        const int k = hold->disk[a];
+        const double x = disks->x[k] - hold->s[0], y = disks->y[k] - hold->s[1], size = norm(x, y);
+        if (!(size > 0.0)) return;
+        e[a][0] = x / size, e[a][1] = y / size;
+        f[a] = size - disks->R[k] - hold->value;
+    }
+    const double a0 = e[1][0] - e[0][0], a1 = e[1][1] - e[0][1], b0 = e[2][0] - e[0][0], b1 = e[2][1] - e[0][1];
+    const double det = a0 * b1 - a1 * b0, fa = f[1] - f[0], fb = f[2] - f[0];
+    if (!(fabs(det) > 1e-12)) return;
+    const double s0 = (b1 * fa - a1 * fb) / det, s1 = (a0 * fb - b0 * fa) / det; /* e.ds + dphi = f */
+    hold->s[0] += s0;
+    hold->s[1] += s1;
+    hold->value += f[0] - e[0][0] * s0 - e[0][1] * s1;
+}
+
+/* Whether the normals of three disks enclose the origin: no move makes all three distances smaller. */
+static int encloses(const bd_disks *disks, const bd_hold *hold) {
+    double d[3][2], turn[3];
+    for (int a = 0; a < 3; ++a) {
+        d[a][0] = disks->x[hold->disk[a]] - hold->s[0];
+        d[a][1] = disks->y[hold->disk[a]] - hold->s[1];
+    }
+    for (int a = 0; a < 3; ++a) {
+        const int b = (a + 1) % 3;
+        turn[a] = d[a][0] * d[b][1] - d[a][1] * d[b][0];
+    }
+    return (turn[0] > 0.0 && turn[1] > 0.0 && turn[2] > 0.0) || (turn[0] < 0.0 && turn[1] < 0.0 && turn[2] < 0.0);
+}
+
+static bd_hold centre_of_three(const bd_disks *disks, int i, int j, int k) {
+    const int other[2] = {j, k};
+    double d[2][2], c[2], w[2];
+    bd_hold best = {.value = -INFINITY};
+    for (int a = 0; a < 2; ++a) {
+        d[a][0] = disks->x[other[a]] - disks->x[i];
+        d[a][1] = disks->y[other[a]] - disks->y[i];
+        w[a] = disks->R[other[a]] - disks->R[i];
+        c[a] = 0.5 * (d[a][0] * d[a][0] + d[a][1] * d[a][1] - w[a] * w[a]);
+    }
+    const double det = d[0][0] * d[1][1] - d[0][1] * d[1][0];
+    if (det == 0.0) return best;
+    const double alpha[2] = {(d[1][1] * c[0] - d[0][1] * c[1]) / det, (d[0][0] * c[1] - d[1][0] * c[0]) / det};
+    const double beta[2] = {(d[1][1] * w[0] - d[0][1] * w[1]) / det, (d[0][0] * w[1] - d[1][0] * w[0]) / det};
+    const double A = beta[0] * beta[0] + beta[1] * beta[1] - 1.0, B = alpha[0] * beta[0] + alpha[1] * beta[1];
+    const double C = alpha[0] * alpha[0] + alpha[1] * alpha[1], root = sqrt(fmax(B * B - A * C, 0.0));
+    const double h = B + (B < 0.0 ? -root : root); /* A r^2 - 2 B r + C = 0 */
+    for (int side = 0; side < 2; ++side) {
+        const double r = side ? C / h : h / A;
+        if (!isfinite(r) || r < 0.0 || r + w[0] < 0.0 || r + w[1] < 0.0) continue;
+        bd_hold hold = {.n = 3, .disk = {i, j, k}, .value = r - disks->R[i]};
+        for (int a = 0; a < 2; ++a) hold.s[a] = alpha[a] - r * beta[a];
+        hold.s[0] += disks->x[i];
+        hold.s[1] += disks->y[i];
+        for (int repeat = 0; repeat < 2; ++repeat) polish(disks, &hold);
+        if (encloses(disks, &hold) && hold.value > best.value) best = hold;
+    }
+    return best;
+}
+
+/* Of at most four disks, the last of which is new. */
+static bd_hold centre_of_few(const bd_disks *disks, int n, const int *disk) {
+    const int new = disk[n - 1];
+    bd_hold best = {.n = 1, .disk = {new}, .s = {disks->x[new], disks->y[new]}, .value = -disks->R[new]};
+    for (int i = 0; i < n - 1; ++i) {
+        const bd_hold two = centre_of_two(disks, disk[i], new);
+        if (two.value > best.value) best = two;
+        for (int j = 0; j < i; ++j) {
+            const bd_hold three = centre_of_three(disks, disk[i], disk[j], new);
+            if (three.value > best.value) best = three;
+        }
+    }
+    return best;
+}
+
+void bd_disks_centre(const bd_disks *disks, double slack, bd_hold *hold) {
+    int least = 0;
+    for (int k = 1; k < disks->n; ++k)
+        if (disks->R[k] < disks->R[least]) least = k;
+    *hold = (bd_hold){.n = 1, .disk = {least}, .s = {disks->x[least], disks->y[least]}, .value = -disks->R[least]};
+    for (int round = 0; round < MOST_ROUNDS; ++round) {
+        int few[4], worst = least;
+        const double most = bd_disks_worst(disks, hold->s, &worst);
+        if (most <= hold->value + slack) return;
+        for (int i = 0; i < hold->n; ++i) few[i] = hold->disk[i];
+        few[hold->n] = worst;
+        const bd_hold next = centre_of_few(disks, hold->n + 1, few);
+        if (!(next.value > hold->value)) return; /* rounding */
+        *hold = next;
+    }
+}
+
+double bd_disks_enter(const bd_disks *disks, const double *from, const double *to, int *which) {
+    const double v[2] = {to[0] - from[0], to[1] - from[1]}, A = v[0] * v[0] + v[1] * v[1];
+    double latest = 0.0;
+    for (int k = 0; k < disks->n; ++k) {
+        const double x = disks->x[k] - from[0], y = disks->y[k] - from[1];
+        const double C = x * x + y * y - disks->R[k] * disks->R[k], B = x * v[0] + y * v[1];
+        if (!(C > 0.0)) continue;
+        const double t = C / (B + sqrt(fmax(B * B - A * C, 0.0)));
+        if (t > latest) latest = t, *which = k;
+    }
+    return latest;
+}

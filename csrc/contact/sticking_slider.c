@@ -1,0 +1,219 @@
+/* A slider of in-plane coupled friction that rests, or is about to slip; see bd_coulomb.c for the law and bd_disks.c for the
+ * centre of the disks.
+ *
+ * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If they have common points, any of
+ * them will do: where a transient would end depends on its history, which the law leaves open.  The given slider w is kept if
+ * it is one of them, else taken towards their centre c, the point that violates the disks least, until it is:
+ * s = w + t (c - w) with the least such t (in one dimension this is the nearer end of the interval).  At the onset of slip,
+ * where the common points shrink to c, this s depends on the motion in a Lipschitz continuous way, unlike the common point
+ * nearest to w, which there moves like the root of the distance.
+ *
+ * The onset of slip.  Let phi be the least violation of the disks.  Where it vanishes, the common points shrink to one,
+ * which two disks (opposite to each other) or three hold.  Beyond, the slider moves by a distance of the order of phi from
+ * the edge of one of these to that of the next, and I - P' is singular in the limit if they are two.  With
+ * e_i = (p_i - s)/|p_i - s| and the derivative D_i of the slider after it was set by disk i, the limit is
+ *
+ *     three   D_i = (I - e_i e_i^T) D_{i-1} + e_i (e_i . dp_i - dR_i), all around,
+ *     two     e . D_i = e . dp_i - dR_i (e . e_i),   and across, where the slips by delta = 2 phi along e_1 and e_2 have to
+ *             cancel, the point on the line through the centres, as they are half way through these slips:
+ *             t . D = sum_i (t . dp_i - a_i d delta)/r_i / sum_i 1/r_i,   r_i = |p_i - s|,   a_i = (t . p_i')/(2 (e_i . p_i' - R_i')).
+ *
+ * It stands for the derivative as long as phi is so small that the general one is lost in rounding.
+ */
+#include "contact/sticking_slider.h"
+
+#include <string.h>
+
+/* The direction from the slider to the centre of a disk that holds it, and the distance. */
+static double direction(const bd_coulomb_work *work, const bd_hold *hold, int i, double *e) {
+    const int k = hold->disk[i];
+    const double x = work->x[k] - hold->s[0], y = work->y[k] - hold->s[1], size = bd_norm(x, y);
+    e[0] = size > 0.0 ? x / size : 1.0;
+    e[1] = size > 0.0 ? y / size : 0.0;
+    return size;
+}
+
+/* Row of a . dp + b dR at sample k. */
+static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k, const double *a, double b,
+                       double *row) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    const double *basis = bd_coulomb_basis(work, k), kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
+    const double factor[3] = {a[0] * element->kt[0], a[1] * element->kt[1], b * element->mu * kn};
+    for (size_t c = 0; c < 3; ++c)
+        for (size_t j = 0; j < n_coef; ++j) row[c * n_coef + j] += factor[c] * basis[j];
+}
+
+/* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i, and across the line of two centres the point on
+ * it moves along. */
+static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element, const bd_hold *centre, double *D) {
+    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
+    double e[3][2] = {{0.0}}, r[3] = {0.0}, f[2][3], along[3][2]; /* dc_d = sum_i along_id . dp_i - f_di dR_i */
+    memset(D, 0, sizeof(double) * 2 * n_col);
+    for (int i = 0; i < centre->n; ++i) r[i] = direction(work, centre, i, e[i]);
+    for (size_t d = 0; d < 2; ++d) {
+        for (int i = 0; i < 3; ++i) f[d][i] = 0.0;
+        if (centre->n == 2)
+            for (int i = 0; i < 2; ++i) f[d][i] = 0.5 * e[i][d];
+        if (centre->n == 3) {
+            const double a[2] = {e[1][0] - e[0][0], e[1][1] - e[0][1]}, b[2] = {e[2][0] - e[0][0], e[2][1] - e[0][1]};
+            const double det = a[0] * b[1] - a[1] * b[0], sign = d == 0 ? 1.0 : -1.0;
+            f[d][1] = sign * b[1 - d] / det;
+            f[d][2] = -sign * a[1 - d] / det;
+            f[d][0] = -f[d][1] - f[d][2];
+        }
+        for (int i = 0; i < centre->n; ++i) {
+            for (size_t c = 0; c < 2; ++c) {
+                along[i][c] = f[d][i] * e[i][c];
+                if (centre->n == 1) along[i][c] = c == d;
+                if (centre->n == 2) along[i][c] += r[1 - i] / (r[0] + r[1]) * ((c == d) - e[0][d] * e[0][c]);
+            }
+            motion_row(work, element, centre->disk[i], along[i], -f[d][i], D + d * n_col);
+        }
+    }
+}
+
+/* Derivative (2, n_col) of the slider that was taken a share of the way from the given one to the centre, into disk k:
+ * ds = share dc + (c - w) d share,   e . ds = e . dp - dR. */
+static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *centre,
+                               double share, int k) {
+    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
+    const double way[2] = {centre->s[0] - given[0], centre->s[1] - given[1]};
+    const bd_hold slider = {.n = 1, .disk = {k}, .s = {given[0] + share * way[0], given[1] + share * way[1]}};
+    double e[2], *D = work->slider, *follow = work->next;
+    direction(work, &slider, 0, e);
+    derivative_of_centre(work, element, centre, D);
+    memset(follow, 0, sizeof(double) * n_col);
+    motion_row(work, element, k, e, -1.0, follow);
+    const double speed = e[0] * way[0] + e[1] * way[1];
+    for (size_t j = 0; j + 2 < n_col; ++j) {
+        const double d_share = (follow[j] - share * (e[0] * D[j] + e[1] * D[n_col + j])) / speed;
+        for (size_t d = 0; d < 2; ++d) D[d * n_col + j] = share * D[d * n_col + j] + way[d] * d_share;
+    }
+}
+
+/* Half the way across that the centre of a disk goes while the slider slips by a unit of length, in the last part of the step
+ * that ends at its sample. */
+static double turn_of_slip(const bd_coulomb_work *work, const bd_hold *hold, int i, const double *e, const double *t) {
+    const int k1 = hold->disk[i], k0 = bd_coulomb_before(work, k1);
+    const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
+    const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]), size = bd_norm(dp[0], dp[1]);
+    return speed > 1e-6 * size ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0; /* else it has come to rest before */
+}
+
+/* Derivatives (n, 2, n_col) of the slider after each of the disks that hold it at the onset of slip. */
+static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *hold) {
+    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)hold->n;
+    double *D = work->held, *across = work->slider, *follow = work->next, e[3][2] = {{0.0}}, r[3] = {0.0};
+    memset(D, 0, sizeof(double) * n * 2 * n_col);
+    memset(across, 0, sizeof(double) * n_col);
+    for (int i = 0; i < hold->n; ++i) r[i] = direction(work, hold, i, e[i]);
+    if (n == 1) { /* a load that nearly vanishes: the slider follows */
+        for (size_t d = 0; d < 2; ++d)
+            motion_row(work, element, hold->disk[0], (double[2]){d == 0, d == 1}, 0.0, D + d * n_col);
+        return;
+    }
+    const double t[2] = {-e[0][1], e[0][0]};
+    if (n == 2) {
+        const double turn = turn_of_slip(work, hold, 0, e[0], t) * r[1] + turn_of_slip(work, hold, 1, e[1], t) * r[0];
+        for (int i = 0; i < 2; ++i) {
+            const double share = r[1 - i], all = r[0] + r[1];
+            const double a[2] = {(share * t[0] - turn * e[i][0]) / all, (share * t[1] - turn * e[i][1]) / all};
+            motion_row(work, element, hold->disk[i], a, turn / all, across);
+        }
+    }
+    for (size_t i = 0; i < n; ++i) { /* with D_0 = 0 for three disks, which leaves their constant part in D_3 */
+        const double *ei = e[i], *before = i > 0 ? D + (i - 1) * 2 * n_col : NULL;
+        double *now = D + i * 2 * n_col;
+        memset(follow, 0, sizeof(double) * n_col);
+        motion_row(work, element, hold->disk[i], ei, -1.0, follow);
+        for (size_t d = 0; d < 2; ++d)
+            for (size_t j = 0; j + 2 < n_col; ++j) {
+                const double along = n == 3 && before ? ei[0] * before[j] + ei[1] * before[n_col + j] : 0.0;
+                now[d * n_col + j] = ei[d] * (follow[j] - along);
+                if (n == 2) now[d * n_col + j] += t[d] * across[j];
+                if (n == 3 && before) now[d * n_col + j] += before[d * n_col + j];
+            }
+    }
+    if (n == 2) return;
+    double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}; /* the rest of D_i is M_i D_0 */
+    for (size_t i = 0; i < n; ++i)
+        for (size_t c = 0; c < 2; ++c) {
+            const double along = e[i][0] * M[0][c] + e[i][1] * M[1][c];
+            for (size_t d = 0; d < 2; ++d) M[d][c] -= e[i][d] * along;
+        }
+    for (size_t j = 0; j + 2 < n_col; ++j) {
+        double *last = D + (n - 1) * 2 * n_col + j, y[2], b[2] = {last[0], last[n_col]};
+        if (!bd_coulomb_solve_period(M, b, y)) continue;
+        for (size_t i = 0; i < n; ++i) {
+            const double along = e[i][0] * y[0] + e[i][1] * y[1];
+            for (size_t d = 0; d < 2; ++d) y[d] -= e[i][d] * along, D[(2 * i + d) * n_col + j] += y[d];
+        }
+    }
+}
+
+/* Sums of the basis over the samples that follow each of the disks that hold the slider, as they come to bear on a force. */
+static void shares_of_onset(const bd_coulomb_work *work, const bd_hold *hold, double *share) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    memset(share, 0, sizeof(double) * (size_t)hold->n * n_coef);
+    int part = hold->n - 1;
+    for (int k = 0; k < work->n_time; ++k) {
+        for (int i = 0; i < hold->n; ++i)
+            if (hold->disk[i] == k) part = i;
+        const double *b = bd_coulomb_basis(work, k);
+        for (size_t i = 0; i < n_coef; ++i) share[(size_t)part * n_coef + i] += b[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
+    }
+}
+
+/* T = p - s: the tangent of a slider that is at rest but for a change of its derivative D (n_part, 2, n_col) from part to
+ * part of the cycle. */
+static void write_parts(const bd_coulomb_work *work, const bd_element *element, int n_part, const double *D,
+                        const double *share, bd_response *out) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
+    for (size_t d = 0; d < 2; ++d)
+        for (size_t c = 0; c < 3; ++c) {
+            double *block = c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d];
+            memset(block, 0, sizeof(double) * n_coef * n_coef);
+            for (size_t i = 0; c == d && i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
+            for (size_t part = 0; part < (size_t)n_part; ++part)
+                for (size_t i = 0; i < n_coef; ++i)
+                    for (size_t j = 0; j < n_coef; ++j)
+                        block[i * n_coef + j] -= share[part * n_coef + i] * D[(2 * part + d) * n_col + c * n_coef + j];
+        }
+    out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
+    out->coupled = 1;
+    out->with_normal[0] = out->with_normal[1] = 1;
+}
+
+void bd_rest_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *found, bd_response *out) {
+    bd_hold hold = *found;
+    for (int i = 0; i < hold.n; ++i) /* in the order of time */
+        for (int j = i + 1; j < hold.n; ++j)
+            if (hold.disk[j] < hold.disk[i]) {
+                const int swap = hold.disk[i];
+                hold.disk[i] = hold.disk[j];
+                hold.disk[j] = swap;
+            }
+    derivative_of_onset(work, element, &hold);
+    shares_of_onset(work, &hold, work->products);
+    write_parts(work, element, hold.n, work->held, work->products, out);
+}
+
+void bd_rest_write_entered(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *centre,
+                           double share, int k, bd_response *out) {
+    derivative_of_rest(work, element, given, centre, share, k);
+    memset(work->stretch, 0, sizeof(double) * (size_t)bd_n_coef(work->n_harm));
+    work->stretch[0] = 1.0; /* bears on the mean force alone */
+    write_parts(work, element, 1, work->slider, work->stretch, out);
+}
+
+void bd_rest_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
+                   bd_status_share *share) {
+    bd_element held = *element;
+    for (int d = 0; d < 2; ++d) {
+        held.w[d] = element->kt[d] > 0.0 ? s[d] / element->kt[d] : 0.0;
+        bd_element_stuck(&held, work->n_harm, d, x + d * bd_n_coef(work->n_harm), out);
+        share->stick[d] = 1.0;
+    }
+    work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_STICK};
+    work->n_segment = 1;
+}

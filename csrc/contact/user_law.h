@@ -1,0 +1,88 @@
+/* Contact laws that are brought along as a function of C: the signature, one step of such a law, and the laws that bdamper
+ * ships in this form.
+ *
+ * A law goes from one instant to the next.  Its state s follows from the motion x = (u1, u2, v), from the motion `before` one
+ * instant earlier and from the state s0 there, and the forces (T1, T2, N) from the motion and the new state,
+ *
+ *     s1 = g(x, before, s0),     F = f(x, s1),
+ *
+ * so that rates do not count, only the path.  The closing v counts from where the surfaces touch.  A step to where the point
+ * is already (x = before) must leave the state as it is.  Derivatives arrive as zeros: only the others are to be written. */
+#ifndef BD_CONTACT_USER_LAW_H
+#define BD_CONTACT_USER_LAW_H
+
+#include "util/conventions.h"
+
+#include <string.h>
+
+/* p: the parameters.  Fx = df/dx (3, 3), Fs = df/ds1 (3, n_state), sx = dg/d(x, before) (n_state, 6), ss = dg/ds0 (n_state,
+ * n_state); Fx is NULL, and so are the others, where no derivative is asked for. */
+typedef void (*bd_user_law)(const double x[3], const double before[3], const double *p, const double *s0, double *s1,
+                            double F[3], double Fx[9], double *Fs, double *sx, double *ss, void *data);
+
+/* The law of one point.  What a point remembers is its latest motion, of which the closing counts from touching, and the
+ * state there: 3 + n_state numbers, zeros before any load. */
+typedef struct {
+    bd_user_law function; /* NULL: the point has no law of this kind */
+    void *data;
+    int n_parameter, n_state;
+    const double *parameter;
+    const double *memory; /* at the start */
+} bd_own;
+
+typedef struct {
+    double Fx[9], *Fs, *sx, *ss;
+} bd_own_slopes;
+
+/* Forces F (3) of a point that comes to the motion x (3); `to` is what it remembers then.  With slopes, also derivatives. */
+static inline void bd_own_step(const bd_own *own, const double *x, const double *from, double *to, double *F,
+                               bd_own_slopes *slopes) {
+    const size_t n = (size_t)own->n_state;
+    if (slopes) {
+        memset(slopes->Fx, 0, sizeof slopes->Fx);
+        memset(slopes->Fs, 0, sizeof(double) * 3 * n);
+        memset(slopes->sx, 0, sizeof(double) * 6 * n);
+        memset(slopes->ss, 0, sizeof(double) * n * n);
+    }
+    own->function(x, from, own->parameter, from + 3, to + 3, F, slopes ? slopes->Fx : NULL, slopes ? slopes->Fs : NULL,
+                  slopes ? slopes->sx : NULL, slopes ? slopes->ss : NULL, own->data);
+    for (int i = 0; i < 3; ++i) to[i] = x[i];
+}
+
+/* D (3, 3): derivative of the forces after a step with respect to where it ends. */
+static inline void bd_own_derivative(const bd_own *own, const bd_own_slopes *slopes, double *D) {
+    const size_t n = (size_t)own->n_state;
+    for (size_t i = 0; i < 3; ++i)
+        for (size_t j = 0; j < 3; ++j) {
+            double sum = slopes->Fx[3 * i + j];
+            for (size_t s = 0; s < n; ++s) sum += slopes->Fs[i * n + s] * slopes->sx[6 * s + j];
+            D[3 * i + j] = sum;
+        }
+}
+
+/* Numbers that the slopes of a law with n_state need room for, and slopes in that room. */
+static inline size_t bd_own_room(int n_state) { return (size_t)n_state * (size_t)(n_state + 9) + 1; }
+
+static inline bd_own_slopes bd_own_in(double *room, int n_state) {
+    const size_t n = (size_t)n_state;
+    return (bd_own_slopes){.Fs = room, .sx = room + 3 * n, .ss = room + 9 * n};
+}
+
+/* ---- bd_laws.c ---- */
+
+/* The laws of n points with numbers of their own, in one piece of memory to be freed; NULL without memory. */
+bd_own *bd_own_create(int n, const bd_own *from);
+
+/* NULL if a law has the counts that its function reads and writes, and parameters for which its formulas hold; otherwise the
+ * law's name and the counts and ranges that it expects.  Laws that bdamper does not ship always pass. */
+const char *bd_law_misfit(const bd_own *own);
+
+/* p = (n, kn, then k, f, mu of each of n elements). */
+void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],
+                    double Fx[9], double *Fs, double *sx, double *ss, void *data);
+
+/* p = (kn, k, alpha, beta, gamma, n). */
+void bd_law_bouc_wen(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],
+                     double Fx[9], double *Fs, double *sx, double *ss, void *data);
+
+#endif

@@ -1,0 +1,168 @@
+/* Contact law of a march in time: forces, states and derivatives at one instant.  Included by bd_time_loop.c, once for each
+ * instruction set.
+ *
+ * The law goes from one instant to the next: N = max(n0 + kn v, 0); the slider is clipped to u -+ r/kt with the limit r of
+ * friction, mu N or mu times a given load; a coupled law draws the friction force back radially to the disk of radius r. */
+#ifndef BD_TIME_CONTACT_LAW_H
+#define BD_TIME_CONTACT_LAW_H
+
+#include "time/integration.h"
+#include "util/vector_types.h"
+
+typedef struct {
+    bd_vec kt[2], ease[2], cubic[2], held[2], shift[3], kn, n0, floor, r0, r1, coupled, own;
+} points;
+
+BD_INLINE points load_points(const bd_time *t, size_t p) {
+    points out;
+    const double *x = t->point + p;
+    const size_t s = t->stride;
+    for (size_t d = 0; d < 2; ++d) {
+        out.kt[d] = bd_load(x + (BD_TIME_KT + d) * s);
+        out.ease[d] = bd_load(x + (BD_TIME_EASE + d) * s);
+        out.cubic[d] = bd_load(x + (BD_TIME_CUBIC + d) * s);
+        out.held[d] = bd_load(x + (BD_TIME_HELD + d) * s);
+    }
+    for (size_t d = 0; d < 3; ++d) out.shift[d] = bd_load(x + (BD_TIME_SHIFT + d) * s);
+    out.kn = bd_load(x + BD_TIME_KN * s);
+    out.n0 = bd_load(x + BD_TIME_N0 * s);
+    out.floor = bd_load(x + BD_TIME_FLOOR * s);
+    out.r0 = bd_load(x + BD_TIME_R0 * s);
+    out.r1 = bd_load(x + BD_TIME_R1 * s);
+    out.coupled = bd_load(x + BD_TIME_COUPLED * s);
+    out.own = bd_load(x + BD_TIME_OWN * s);
+    return out;
+}
+
+/* Forces F (3) at motion x (3); moves the sliders from w to moved_w, (2, stride) from the first of these points on. */
+BD_INLINE void press(const bd_time *t, const points *at, const bd_vec *x, const double *w, double *moved_w, bd_vec *F) {
+    const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
+    const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->floor), r = at->r0 + at->r1 * normal;
+    bd_vec before[2], moved[2];
+    for (size_t d = 0; d < 2; ++d) {
+        const bd_vec reach = r * at->ease[d];
+        before[d] = bd_load(w + d * t->stride);
+        moved[d] = bd_min(bd_max(before[d], x[d] - reach), x[d] + reach);
+    }
+    if (t->has_coupled) {
+        const bd_vec T0 = at->kt[0] * (x[0] - before[0]), T1 = at->kt[1] * (x[1] - before[1]);
+        const bd_vec size = bd_root(T0 * T0 + T1 * T1);
+        const bd_mask slips = bd_above(size, r);
+        const bd_vec share = bd_select(slips, r / bd_select(slips, size, one), one);
+        for (size_t d = 0; d < 2; ++d) {
+            const bd_mask radial = bd_above(at->coupled, zero) & bd_above(at->kt[d], zero);
+            moved[d] = bd_select(radial, x[d] - share * (x[d] - before[d]), moved[d]);
+        }
+    }
+    for (size_t d = 0; d < 2; ++d) {
+        moved[d] = bd_select(bd_above(at->held[d], zero), before[d], moved[d]);
+        bd_store(moved_w + d * t->stride, moved[d]);
+        F[d] = at->kt[d] * (x[d] - moved[d]);
+        if (t->has_cubic) F[d] = F[d] + at->cubic[d] * x[d] * x[d] * x[d];
+    }
+    F[2] = normal;
+}
+
+/* Motion (3) of a point of a sector as its own law takes it. */
+BD_INLINE void own_motion(const bd_time *t, size_t p, const double *x, double *now) {
+    const double *at = t->point + p;
+    for (size_t d = 0; d < 3; ++d) now[d] = x[d];
+    now[2] += bd_closing_at_rest(at[BD_TIME_KN * t->stride], at[BD_TIME_N0 * t->stride]);
+}
+
+/* Forces of the points with laws of users, point by point. */
+BD_NOT_INLINE void press_own(bd_time *t, const double *x, double *F) {
+    const size_t s = t->stride, n = (size_t)t->n_point, m = (size_t)t->n_memory;
+    for (size_t p = 0; p < n; ++p) {
+        if (!t->own[p].function) continue;
+        for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
+            const double *at = x + k * t->rows + p, motion[3] = {at[0], at[s], at[2 * s]};
+            double now[3], force[3];
+            own_motion(t, p, motion, now);
+            bd_own_step(t->own + p, now, t->memory_of[0] + (k * n + p) * m, t->memory_of[1] + (k * n + p) * m, force, NULL);
+            for (size_t d = 0; d < 3; ++d) F[k * t->rows + d * s + p] = force[d];
+        }
+    }
+}
+
+/* Forces F (n_sector, rows) of all contacts at the motion x; moves the sliders. */
+static void press_all(bd_time *t, const double *x, double *F) {
+    const size_t s = t->stride;
+    for (size_t p = 0; p < (size_t)t->n_point; p += BD_WIDTH) {
+        const points at = load_points(t, p);
+        for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
+            bd_vec now[3], force[3];
+            for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
+            press(t, &at, now, t->w + 2 * s * k + p, t->moved + 2 * s * k + p, force);
+            for (size_t d = 0; d < 3; ++d) bd_store(F + k * t->rows + d * s + p, force[d]);
+        }
+    }
+    if (t->n_own) press_own(t, x, F);
+}
+
+/* ---- derivative of the forces, of which the contact condition has need ---- */
+
+enum { SLIDES_IN_PLANE = 18 };
+
+/* State of each point: 1 if it is closed, 2 or 4 (6 or 12) if it slips in the positive or negative sense; above these if the
+ * derivative changes continuously. */
+BD_INLINE bd_vec state_of(const bd_time *t, const points *at, const bd_vec *x, const double *w) {
+    const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2], r = at->r0 + at->r1 * bd_max(normal, at->floor);
+    const bd_mask closed = bd_above(normal, at->floor);
+    bd_vec state = bd_select(closed, bd_all(1.0), zero), T[2];
+    for (size_t d = 0; d < 2; ++d) {
+        const bd_vec before = bd_load(w + d * t->stride), reach = r * at->ease[d];
+        const bd_mask free = closed & ~bd_above(at->held[d], zero) & ~bd_above(at->coupled, zero);
+        const bd_vec plus = bd_all(d ? 6.0 : 2.0), minus = bd_all(d ? 12.0 : 4.0);
+        state += bd_select(free & bd_above(x[d] - reach, before), plus, zero);
+        state += bd_select(free & bd_above(before, x[d] + reach), minus, zero);
+        T[d] = at->kt[d] * (x[d] - before);
+    }
+    const bd_mask slides = closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
+    const bd_mask cubic = bd_differ(at->cubic[0], zero) | bd_differ(at->cubic[1], zero);
+    return state + bd_select(slides | cubic | bd_above(at->own, zero), bd_all(SLIDES_IN_PLANE), zero);
+}
+
+/* Derivative D (3, 3) of the forces of a point with a law of a user; what it remembers after the step is written again. */
+static void differentiate_own(bd_time *t, size_t k, size_t p, const double *x, double *D) {
+    const size_t at = (k * (size_t)t->n_point + p) * (size_t)t->n_memory;
+    bd_own_slopes slopes = bd_own_in(t->slopes, t->own[p].n_state);
+    double now[3], force[3];
+    own_motion(t, p, x, now);
+    bd_own_step(t->own + p, now, t->memory_of[0] + at, t->memory_of[1] + at, force, &slopes);
+    bd_own_derivative(t->own + p, &slopes, D);
+}
+
+/* Derivative D (3, 3) of the forces of point p of sector k at motion x with slider w before. */
+static void differentiate(bd_time *t, size_t k, size_t p, const double *x, const double *w, double *D) {
+    if (t->n_own && t->own[p].function) {
+        differentiate_own(t, k, p, x, D);
+        return;
+    }
+    const size_t s = t->stride;
+    const double *c = t->point + p, *kt = c + BD_TIME_KT * s;
+    const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2], floor = c[BD_TIME_FLOOR * s];
+    const double kn = normal > floor ? c[BD_TIME_KN * s] : 0.0, along = c[BD_TIME_R1 * s] * kn;
+    const double r = c[BD_TIME_R0 * s] + c[BD_TIME_R1 * s] * (normal > floor ? normal : floor);
+    const double T[2] = {kt[0] * (x[0] - w[0]), kt[s] * (x[1] - w[1])}, size = sqrt(T[0] * T[0] + T[1] * T[1]);
+    memset(D, 0, 9 * sizeof *D);
+    D[8] = kn;
+    for (size_t d = 0; d < 2; ++d) {
+        const double reach = r * c[(BD_TIME_EASE + d) * s], k = kt[d * s];
+        D[4 * d] = 3.0 * c[(BD_TIME_CUBIC + d) * s] * x[d] * x[d];
+        if (c[(BD_TIME_HELD + d) * s] > 0.0)
+            D[4 * d] += k;
+        else if (!(r > 0.0)) /* open: the slider goes along */
+            continue;
+        else if (c[BD_TIME_COUPLED * s] > 0.0 && size > r) {
+            for (size_t e = 0; e < 2; ++e) D[3 * d + e] -= r / (size * size * size) * T[d] * T[e] * kt[e * s];
+            D[4 * d] += r / size * k;
+            D[3 * d + 2] += along * T[d] / size;
+        } else if (c[BD_TIME_COUPLED * s] > 0.0 || (w[d] >= x[d] - reach && w[d] <= x[d] + reach))
+            D[4 * d] += k;
+        else if (k > 0.0)
+            D[3 * d + 2] += w[d] < x[d] ? along : -along;
+    }
+}
+
+#endif

@@ -1,0 +1,277 @@
+/* Contact forces of all sectors at the end of a step, by Newton's method.  Included by bd_time_loop.c, once for each
+ * instruction set.
+ *
+ * The forces of all sectors are found at once.  A motion by contact forces is x = x* - V C V' F, where the columns of V are
+ * patterns of the motion of one sector (bd_time.c), and C couples the sectors through their nodal diameters.  The unknowns
+ * are p_k = V' F_k, a few in each sector, and their equation is
+ *
+ *     R(p) = V' F(x* - V C p) - p = 0,     with the Jacobian -(I + T C),     T = V' D V,
+ *
+ * D the 3 x 3 derivatives of the law in the state that each point is in.  Newton's method: a predictor with the states of the
+ * last step; then corrections by GMRES, with M = (I + T)^-1 of each sector in front, in which
+ *
+ *     M (I + T C) x = y - M (y - x),     y = C x.
+ *
+ * A point that begins to slip, stick, open or close changes T by terms of rank one, and M by the Sherman-Morrison formula.
+ * The best of four lengths of a correction is taken where the whole one makes the residual larger. */
+#ifndef BD_TIME_CONTACT_NEWTON_H
+#define BD_TIME_CONTACT_NEWTON_H
+
+#include "time/contact_law.h"
+#include "time/modal_motion.h"
+
+/* ---- M = (I + T)^-1 of each sector ---- */
+
+/* M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on the transposed matrix. */
+static void renew(bd_time *t, const bd_time_step *step, size_t k) {
+    const size_t r = (size_t)step->rank, s = t->stride;
+    double *A = t->work, *M = t->M + k * r * r;
+    int pivot[BD_TIME_MOST];
+    memset(A, 0, sizeof(double) * r * r);
+    for (size_t i = 0; i < r; ++i) A[i * r + i] = 1.0;
+    for (size_t p = 0; p < (size_t)t->n_point; ++p) {
+        const double *D = t->tangent + 9 * s * k + p;
+        for (size_t d = 0; d < 3; ++d) {
+            const double a = D[3 * d * s], b = D[(3 * d + 1) * s], c = D[(3 * d + 2) * s];
+            if (a == 0.0 && b == 0.0 && c == 0.0) continue;
+            const double *V0 = step->Vt + p * r, *V1 = V0 + s * r, *V2 = V1 + s * r, *own = step->Vt + (d * s + p) * r;
+            for (size_t j = 0; j < r; ++j) add(r, a * V0[j] + b * V1[j] + c * V2[j], own, A + j * r);
+        }
+    }
+    for (size_t c = 0; c < r; ++c) {
+        size_t best = c;
+        for (size_t i = c + 1; i < r; ++i)
+            if (fabs(A[i * r + c]) > fabs(A[best * r + c])) best = i;
+        pivot[c] = (int)best;
+        for (size_t j = 0; best != c && j < r; ++j) {
+            const double x = A[c * r + j];
+            A[c * r + j] = A[best * r + j], A[best * r + j] = x;
+        }
+        const double inverse = 1.0 / A[c * r + c];
+        A[c * r + c] = 1.0;
+        for (size_t j = 0; j < r; ++j) A[c * r + j] *= inverse;
+        for (size_t i = 0; i < r; ++i) {
+            const double x = A[i * r + c];
+            if (i == c || x == 0.0) continue;
+            A[i * r + c] = 0.0;
+            add(r, -x, A + c * r, A + i * r);
+        }
+    }
+    for (size_t c = r; c-- > 0;)
+        for (size_t i = 0; (size_t)pivot[c] != c && i < r; ++i) {
+            const double x = A[i * r + c];
+            A[i * r + c] = A[i * r + (size_t)pivot[c]], A[i * r + (size_t)pivot[c]] = x;
+        }
+    for (size_t i = 0; i < r; i += 8)
+        for (size_t j = 0; j < r; ++j, M += 8) memcpy(M, A + j * r + i, 8 * sizeof *M);
+    t->stale[k] = 0;
+}
+
+/* M of a sector after one row of D, that of a point, has changed by `change` (3). */
+static void update_inverse(bd_time *t, const bd_time_step *step, size_t k, size_t row, const double *change) {
+    const size_t r = (size_t)step->rank, p = row % t->stride;
+    const double *v = step->Vt + row * r;
+    double *M = t->M + k * r * r, a[BD_TIME_MOST], b[BD_TIME_MOST], u[BD_TIME_MOST] = {0.0};
+    for (size_t d = 0; d < 3; ++d)
+        if (change[d] != 0.0) add(r, change[d], step->Vt + (d * t->stride + p) * r, u);
+    multiply_blocks(r, M, v, a);
+    const double below = 1.0 + dot(r, u, a);
+    if (!(fabs(below) > BD_TIME_SINGULAR)) {
+        t->stale[k] = 1;
+        return;
+    }
+    for (size_t j = 0; j < r; ++j) {
+        const double *m = M + 8 * j;
+        bd_vec sum = bd_all(0.0);
+        for (size_t i = 0; i < r; i += 8, m += 8 * r)
+            for (size_t l = 0; l < 8; l += BD_WIDTH) sum += bd_load(u + i + l) * bd_load(m + l);
+        b[j] = -total(sum) / below;
+    }
+    for (size_t i = 0; i < r; i += 8)
+        for (size_t j = 0; j < r; ++j, M += 8) add(8, b[j], a + i, M);
+}
+
+/* Brings the derivative of some points to that of their present state; changes of less than a twentieth are left. */
+BD_NOT_INLINE void update_points(bd_time *t, const bd_time_step *step, size_t k, size_t p, const bd_vec *x, const double *w,
+                                 bd_mask differs) {
+    const size_t s = t->stride;
+    for (size_t i = 0; i < BD_WIDTH && p + i < (size_t)t->n_point; ++i) {
+        if (!bd_entry_int(differs, i)) continue;
+        const double at[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)}, before[2] = {w[i], w[s + i]};
+        double D[9], *known = t->tangent + 9 * s * k + p + i, change = 0.0, largest = 0.0;
+        differentiate(t, k, p + i, at, before, D);
+        for (size_t j = 0; j < 9; ++j) {
+            change = larger(fabs(D[j] - known[j * s]), change);
+            largest = larger(fabs(known[j * s]), largest);
+        }
+        if (!(change > 0.05 * largest)) continue;
+        for (size_t d = 0; d < 3; ++d) {
+            double by[3];
+            for (size_t e = 0; e < 3; ++e) {
+                double *of = known + (3 * d + e) * s;
+                by[e] = D[3 * d + e] - *of;
+                *of = D[3 * d + e];
+            }
+            if ((by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0) && !t->stale[k])
+                update_inverse(t, step, k, d * s + p + i, by);
+        }
+    }
+}
+
+/* Derivatives of the states at the motion x. */
+static void update_states(bd_time *t, const bd_time_step *step, const double *x) {
+    const size_t s = t->stride;
+    for (size_t p = 0; p < (size_t)t->n_point; p += BD_WIDTH) {
+        const points at = load_points(t, p);
+        for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
+            const double *w = t->w + 2 * s * k + p;
+            double *known = t->state + s * k + p;
+            bd_vec now[3];
+            for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
+            const bd_vec state = state_of(t, &at, now, w);
+            const bd_mask differs = bd_differ(state, bd_load(known)) | bd_at_least(state, bd_all(SLIDES_IN_PLANE));
+            bd_store(known, state);
+            if (bd_any(differs)) update_points(t, step, k, p, now, w, differs);
+        }
+    }
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k)
+        if (t->stale[k]) renew(t, step, k);
+}
+
+static void forget_inverse(bd_time *t) {
+    for (int k = 0; k < t->n_sector; ++k) t->stale[k] = 1;
+}
+
+/* ---- Newton's method for the contact forces of all sectors ---- */
+
+/* out = M in, sector by sector. */
+BD_INLINE void precondition(const bd_time *t, size_t r, const double *in, double *out) {
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k) multiply_blocks(r, t->M + k * r * r, in + k * r, out + k * r);
+}
+
+/* change: a solution of (I + T C) change = residual to a tenth, by GMRES; given: C change. */
+static void correct(bd_time *t, const bd_time_step *step) {
+    enum { M = BD_TIME_VECTORS };
+    const size_t r = (size_t)step->rank, n = r * (size_t)t->n_sector;
+    double H[M + 1][M], c[M], s[M], g[M + 1];
+    double *v = t->basis;
+    precondition(t, r, t->residual, v);
+    const double size = sqrt(dot(n, v, v));
+    for (size_t i = 0; size > 0.0 && i < n; ++i) v[i] /= size;
+    g[0] = size;
+    int m = 0;
+    while (m < M && fabs(g[m]) > BD_TIME_LINEAR * size) {
+        double *now = v + (size_t)m * n, *next = now + n, *eased = t->eased + (size_t)m * n;
+        comply(t, step, now, eased);
+        for (size_t i = 0; i < n; ++i) t->change[i] = eased[i] - now[i];
+        precondition(t, r, t->change, next);
+        for (size_t i = 0; i < n; ++i) next[i] = eased[i] - next[i];
+        for (int i = 0; i <= m; ++i) {
+            H[i][m] = dot(n, v + (size_t)i * n, next);
+            add(n, -H[i][m], v + (size_t)i * n, next);
+        }
+        const double length = sqrt(dot(n, next, next));
+        for (int i = 0; i < m; ++i) {
+            const double x = H[i][m];
+            H[i][m] = c[i] * x + s[i] * H[i + 1][m];
+            H[i + 1][m] = c[i] * H[i + 1][m] - s[i] * x;
+        }
+        const double whole = sqrt(H[m][m] * H[m][m] + length * length);
+        if (!(whole > 0.0)) break;
+        c[m] = H[m][m] / whole, s[m] = length / whole;
+        H[m][m] = whole;
+        g[m + 1] = -s[m] * g[m];
+        g[m] *= c[m];
+        ++m;
+        if (!(length > 1e-14 * whole)) break;
+        for (size_t i = 0; i < n; ++i) next[i] /= length;
+    }
+    memset(t->change, 0, sizeof(double) * n);
+    memset(t->given, 0, sizeof(double) * n);
+    for (int i = m - 1; i >= 0; --i) {
+        for (int j = i + 1; j < m; ++j) g[i] -= H[i][j] * g[j];
+        g[i] /= H[i][i];
+        add(n, g[i], v + (size_t)i * n, t->change);
+        add(n, g[i], t->eased + (size_t)i * n, t->given);
+    }
+}
+
+/* Forces at the motion x, and the residual of the patterns; returns its size. */
+static double evaluate(bd_time *t, const bd_time_step *step) {
+    const size_t n = (size_t)step->rank * (size_t)t->n_sector;
+    press_all(t, t->x, t->F);
+    multiply((size_t)t->n_sector, (size_t)step->rank, t->rows, t->F, step->Vt, t->residual);
+    add(n, -1.0, t->p, t->residual);
+    ++t->effort.n_iteration;
+    return sqrt(dot(n, t->residual, t->residual));
+}
+
+/* Goes a share of the correction and back by what was gone before. */
+static double go(bd_time *t, const bd_time_step *step, double share) {
+    add(t->rows * (size_t)t->n_sector, -share, t->reach, t->x);
+    add((size_t)step->rank * (size_t)t->n_sector, share, t->change, t->p);
+    return evaluate(t, step);
+}
+
+/* The correction, in the best of four lengths; returns the size of the residual there. */
+static double search(bd_time *t, const bd_time_step *step, double size) {
+    double best = 1.0, gone = 1.0, least = go(t, step, 1.0);
+    if (least < size) return least;
+    for (double share = 0.5; share > 0.1; share *= 0.5) {
+        const double here = go(t, step, share - gone);
+        gone = share;
+        if (here < least) best = share, least = here;
+        if (here < size) break;
+    }
+    return best == gone ? least : go(t, step, best - gone);
+}
+
+/* Contact forces at the end of a step, from the motion x* without them in `base`: their motion x, the forces F; 0 if they were
+ * not found. */
+static int solve(bd_time *t, const bd_time_step *step, double tolerance, int predict) {
+    const size_t r = (size_t)step->rank, sectors = (size_t)t->n_sector, n = r * sectors, rows = t->rows, s = t->stride;
+    comply(t, step, t->p, t->given);
+    multiply(sectors, rows, r, t->given, step->V, t->reach);
+    for (size_t i = 0; i < rows * sectors; ++i) t->base[i] -= t->reach[i];
+    if (predict) {
+        for (size_t k = 0; k < sectors; ++k)
+            for (size_t p = 0; p < s; p += BD_WIDTH) {
+                bd_vec by[3];
+                for (size_t d = 0; d < 3; ++d) {
+                    const size_t at = k * rows + d * s + p;
+                    by[d] = bd_load(t->base + at) - bd_load(t->x + at);
+                }
+                for (size_t d = 0; d < 3; ++d) {
+                    const double *D = t->tangent + (9 * k + 3 * d) * s + p;
+                    bd_store(t->tried + k * rows + d * s + p,
+                             bd_load(D) * by[0] + bd_load(D + s) * by[1] + bd_load(D + 2 * s) * by[2]);
+                }
+            }
+        multiply(sectors, r, rows, t->tried, step->Vt, t->residual);
+        correct(t, step);
+        multiply(sectors, rows, r, t->given, step->V, t->reach);
+        memcpy(t->x, t->base, sizeof(double) * rows * sectors);
+    } else {
+        memcpy(t->x, t->base, sizeof(double) * rows * sectors);
+        memset(t->reach, 0, sizeof(double) * rows * sectors);
+        memset(t->change, 0, sizeof(double) * n);
+    }
+    const double before = t->largest;
+    double size = go(t, step, 1.0);
+    for (int i = 0;; ++i) {
+        update_states(t, step, t->x);
+        const double force = sqrt(dot(n, t->p, t->p));
+        t->largest = larger(force, t->largest);
+        const double scale = larger(force, 1e-6 * t->largest);
+        if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_NEWTON) {
+            const int found = force < HUGE_VAL && size <= BD_TIME_ENOUGH * scale;
+            if (!found) t->largest = before;
+            return found;
+        }
+        correct(t, step);
+        multiply(sectors, rows, r, t->given, step->V, t->reach);
+        size = search(t, step, size);
+    }
+}
+
+#endif
