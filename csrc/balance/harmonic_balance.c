@@ -61,14 +61,14 @@ static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
                                        .n0 = in->n0[p],
                                        .w = {in->w[2 * p], in->w[2 * p + 1]},
                                        .load = in->load ? in->load[p] : in->n0[p],
-                                       .own = hbm->own + p};
+                                       .point_law = hbm->point_law + p};
 }
 
 /* Stiffness of the spring of component a of a point, 0 if it has none. */
 static double spring(const bd_element *element, int a) {
     if (element->law == BD_LAW_USER) return 0.0; /* not known by itself */
     if (a == 2) return element->kn;
-    return element->law == BD_LAW_BONDED || bd_element_rubs(element, a) ? element->kt[a] : 0.0;
+    return element->law == BD_LAW_BONDED || bd_element_has_friction(element, a) ? element->kt[a] : 0.0;
 }
 
 static size_t columns_of(const bd_hbm *hbm, int l) { return (size_t)(n_row(l) * hbm->n_mode[l]); }
@@ -80,9 +80,9 @@ static const double *rows_of(const bd_hbm *hbm, int l, size_t component) {
 static int linear_create(bd_hbm *hbm) {
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t n = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(n);
-        hbm->linear[l] = calloc(3 * n * n + 1, sizeof(double));
+        hbm->spring_stiffness[l] = calloc(3 * n * n + 1, sizeof(double));
         double *scaled = calloc(rows * stride + BD_KERNEL_PAD, sizeof(double));
-        if (!hbm->linear[l] || !scaled) {
+        if (!hbm->spring_stiffness[l] || !scaled) {
             free(scaled);
             return 0;
         }
@@ -91,7 +91,7 @@ static int linear_create(bd_hbm *hbm) {
                 const double k = spring(hbm->element + p, a), *g = rows_of(hbm, l, 3 * p + (size_t)a);
                 for (size_t i = 0; i < rows; ++i)
                     for (size_t j = 0; j < n; ++j) scaled[i * stride + j] = k * g[i * n + j];
-                hbm->kernel->product(n, n, rows, g, scaled, stride, hbm->linear[l] + (size_t)a * n * n, n);
+                hbm->kernel->product(n, n, rows, g, scaled, stride, hbm->spring_stiffness[l] + (size_t)a * n * n, n);
             }
         free(scaled);
     }
@@ -103,11 +103,11 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->kernel = bd_kernel_get();
     if (!hbm->kernel || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
     for (int p = 0; p < in->n_point; ++p)
-        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_serves(in->evaluation, (bd_law)in->law[p]) ||
-            (in->law[p] == BD_LAW_USER && !(in->own && in->own[p].function)))
+        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_supports(in->evaluation, (bd_law)in->law[p]) ||
+            (in->law[p] == BD_LAW_USER && !(in->point_law && in->point_law[p].function)))
             return BD_BAD_ARGUMENT;
     bd_status status = bd_evaluator_create(&hbm->evaluator, in->evaluation, in->n_harm, in->n_time);
-    if (status == BD_OK) status = bd_evaluator_add_laws(&hbm->evaluator, in->n_point, in->own);
+    if (status == BD_OK) status = bd_evaluator_add_laws(&hbm->evaluator, in->n_point, in->point_law);
     if (status != BD_OK) {
         bd_evaluator_destroy(&hbm->evaluator);
         return status;
@@ -118,17 +118,17 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->n_harm = in->n_harm;
     hbm->n_coef = (int)n_coef;
     hbm->n_mode = malloc(sizeof(int) * n_group);
-    hbm->first = malloc(sizeof(int) * (n_group + 1));
+    hbm->first_unknown = malloc(sizeof(int) * (n_group + 1));
     hbm->G = calloc(n_group, sizeof(double *));
-    if (!hbm->n_mode || !hbm->first || !hbm->G) goto no_memory;
+    if (!hbm->n_mode || !hbm->first_unknown || !hbm->G) goto no_memory;
     size_t n_modes = 0;
-    hbm->first[0] = 0;
+    hbm->first_unknown[0] = 0;
     for (int l = 0; l <= in->n_harm; ++l) {
         hbm->n_mode[l] = in->n_mode[l];
-        hbm->first[l + 1] = hbm->first[l] + n_row(l) * in->n_mode[l];
+        hbm->first_unknown[l + 1] = hbm->first_unknown[l] + n_row(l) * in->n_mode[l];
         n_modes += (size_t)in->n_mode[l];
     }
-    const size_t n_unknown = (size_t)hbm->first[n_group];
+    const size_t n_unknown = (size_t)hbm->first_unknown[n_group];
     hbm->n_unknown = (int)n_unknown;
     size_t n_column = 1; /* of G over all harmonics */
     for (int l = 0; l <= in->n_harm; ++l) n_column += (size_t)(n_row(l) * n_row(l) * in->n_mode[l]);
@@ -142,21 +142,21 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->damping = malloc(sizeof(double) * (n_modes + 1));
     hbm->force = malloc(sizeof(double) * (n_unknown + 1));
     hbm->element = malloc(sizeof(bd_element) * ((size_t)in->n_point + 1));
-    hbm->own = bd_own_create(in->n_point, in->own);
+    hbm->point_law = bd_point_laws_create(in->n_point, in->point_law);
     hbm->share = calloc((size_t)in->n_point + 1, sizeof(bd_status_share));
     hbm->shift = malloc(sizeof(double) * (n_component + 1));
     hbm->X = calloc(n_component * n_coef + 1, sizeof(double));
     hbm->F = calloc(n_component * n_coef + 1, sizeof(double));
-    hbm->gather = malloc(sizeof(double) * (2 * n_component + 1));
-    hbm->turned = malloc(sizeof(double) * (n_unknown + 1));
-    hbm->tangent = calloc(n_component + 1, 1);
-    hbm->linear = calloc(n_group, sizeof(double *));
-    hbm->block = malloc(sizeof(double) * BD_LANES * 9 * n_coef * n_coef);
-    hbm->Z = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
-    hbm->A = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
-    if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element || !hbm->own || !hbm->share ||
-        !hbm->shift || !hbm->X || !hbm->F || !hbm->gather || !hbm->turned || !hbm->tangent || !hbm->linear || !hbm->block ||
-        !hbm->Z || !hbm->A)
+    hbm->harmonic_values = malloc(sizeof(double) * (2 * n_component + 1));
+    hbm->shifted_amplitudes = malloc(sizeof(double) * (n_unknown + 1));
+    hbm->tangent_kind = calloc(n_component + 1, 1);
+    hbm->spring_stiffness = calloc(n_group, sizeof(double *));
+    hbm->tangent_blocks = malloc(sizeof(double) * BD_LANES * 9 * n_coef * n_coef);
+    hbm->tangent_modes = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
+    hbm->chunk_modes = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
+    if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element || !hbm->point_law || !hbm->share ||
+        !hbm->shift || !hbm->X || !hbm->F || !hbm->harmonic_values || !hbm->shifted_amplitudes || !hbm->tangent_kind ||
+        !hbm->spring_stiffness || !hbm->tangent_blocks || !hbm->tangent_modes || !hbm->chunk_modes)
         goto no_memory;
     copy(hbm->stiffness, in->stiffness, n_modes);
     copy(hbm->mass, in->mass, n_modes);
@@ -184,28 +184,28 @@ void bd_hbm_destroy(bd_hbm *hbm) {
     if (hbm->variation) hbm->variation->destroy(hbm->variation);
     if (hbm->G)
         for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->G[l]);
-    if (hbm->linear)
-        for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->linear[l]);
-    free(hbm->linear);
-    free(hbm->turned);
-    free(hbm->tangent);
-    free(hbm->A);
+    if (hbm->spring_stiffness)
+        for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->spring_stiffness[l]);
+    free(hbm->spring_stiffness);
+    free(hbm->shifted_amplitudes);
+    free(hbm->tangent_kind);
+    free(hbm->chunk_modes);
     free(hbm->G);
     free(hbm->n_mode);
-    free(hbm->first);
+    free(hbm->first_unknown);
     free(hbm->stiffness);
     free(hbm->mass);
     free(hbm->damping);
     free(hbm->force);
     free(hbm->element);
-    free(hbm->own);
+    free(hbm->point_law);
     free(hbm->share);
     free(hbm->shift);
     free(hbm->X);
     free(hbm->F);
-    free(hbm->gather);
-    free(hbm->block);
-    free(hbm->Z);
+    free(hbm->harmonic_values);
+    free(hbm->tangent_blocks);
+    free(hbm->tangent_modes);
     bd_evaluator_destroy(&hbm->evaluator);
     memset(hbm, 0, sizeof *hbm);
 }
@@ -215,24 +215,25 @@ void bd_hbm_destroy(bd_hbm *hbm) {
 void bd_hbm_motion(bd_hbm *hbm, const double *u) {
     const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        const double *q = u + hbm->first[l];
+        const double *q = u + hbm->first_unknown[l];
         const size_t n_mode = (size_t)hbm->n_mode[l];
         if (l == 0) {
-            hbm->kernel->multiply(n_component, n_mode, hbm->G[0], q, hbm->gather);
+            hbm->kernel->multiply(n_component, n_mode, hbm->G[0], q, hbm->harmonic_values);
         } else { /* the sine row of Gr on [c; s] is the cosine row on [s; -c] */
             for (size_t j = 0; j < n_mode; ++j) {
-                hbm->turned[j] = q[n_mode + j];
-                hbm->turned[n_mode + j] = -q[j];
+                hbm->shifted_amplitudes[j] = q[n_mode + j];
+                hbm->shifted_amplitudes[n_mode + j] = -q[j];
             }
-            hbm->kernel->multiply_pairs(n_component, 2 * n_mode, hbm->G[l], q, hbm->turned, hbm->gather);
+            hbm->kernel->multiply_pairs(n_component, 2 * n_mode, hbm->G[l], q, hbm->shifted_amplitudes,
+                                        hbm->harmonic_values);
         }
         for (size_t i = 0; i < n_component; ++i) {
             double *X = hbm->X + i * n_coef;
             if (l == 0) {
-                X[0] = hbm->gather[i] + hbm->shift[i];
+                X[0] = hbm->harmonic_values[i] + hbm->shift[i];
             } else {
-                X[2 * l - 1] = hbm->gather[2 * i];
-                X[2 * l] = hbm->gather[2 * i + 1];
+                X[2 * l - 1] = hbm->harmonic_values[2 * i];
+                X[2 * l] = hbm->harmonic_values[2 * i + 1];
             }
         }
     }
@@ -244,14 +245,14 @@ void bd_hbm_add_force(bd_hbm *hbm, const double *F, double *r) {
         for (size_t i = 0; i < n_component; ++i) {
             const double *f = F + i * n_coef;
             if (l == 0) {
-                hbm->gather[i] = f[0];
+                hbm->harmonic_values[i] = f[0];
             } else {
-                hbm->gather[2 * i] = f[2 * l - 1];
-                hbm->gather[2 * i + 1] = f[2 * l];
+                hbm->harmonic_values[2 * i] = f[2 * l - 1];
+                hbm->harmonic_values[2 * i + 1] = f[2 * l];
             }
         }
-        hbm->kernel->multiply_transposed(n_component * (size_t)n_row(l), columns_of(hbm, l), hbm->G[l], hbm->gather,
-                                         r + hbm->first[l]);
+        hbm->kernel->multiply_transposed(n_component * (size_t)n_row(l), columns_of(hbm, l), hbm->G[l],
+                                         hbm->harmonic_values, r + hbm->first_unknown[l]);
     }
 }
 
@@ -259,7 +260,7 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
     const size_t n = (size_t)hbm->n_unknown;
     const double *k = hbm->stiffness, *m = hbm->mass, *c = hbm->damping;
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        const size_t n_mode = (size_t)hbm->n_mode[l], first = (size_t)hbm->first[l];
+        const size_t n_mode = (size_t)hbm->n_mode[l], first = (size_t)hbm->first_unknown[l];
         for (size_t j = 0; j < n_mode; ++j, ++k, ++m, ++c) {
             const size_t a = first + j, b = a + n_mode;
             const double w = l * omega, dynamic = *k - w * w * *m, loss = w * *c;
@@ -292,13 +293,13 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
 static double *z_row(const bd_hbm *hbm, int l, size_t place, int part) {
     const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1); /* rows for each component in lower harmonics */
     const size_t index = before * (size_t)hbm->chunk + place * (size_t)n_row(l) + (size_t)part;
-    return hbm->Z + index * bd_kernel_stride((size_t)hbm->n_unknown);
+    return hbm->tangent_modes + index * bd_kernel_stride((size_t)hbm->n_unknown);
 }
 
 static double *a_rows(const bd_hbm *hbm, int l) {
     size_t before = 0;
     for (int m = 0; m < l; ++m) before += (size_t)n_row(m) * columns_of(hbm, m);
-    return hbm->A + before * (size_t)hbm->chunk;
+    return hbm->chunk_modes + before * (size_t)hbm->chunk;
 }
 
 /* J += Gr^T Z for the components of the chunk, which is empty then. */
@@ -307,7 +308,7 @@ static void flush_chunk(bd_hbm *hbm, double *J) {
     if (hbm->n_chunk == 0) return;
     for (int l = 0; l <= hbm->n_harm; ++l)
         hbm->kernel->product(columns_of(hbm, l), n, (size_t)(hbm->n_chunk * n_row(l)), a_rows(hbm, l), z_row(hbm, l, 0, 0),
-                             stride, J + (size_t)hbm->first[l] * n, n);
+                             stride, J + (size_t)hbm->first_unknown[l] * n, n);
     hbm->n_chunk = 0;
 }
 
@@ -315,7 +316,7 @@ static void flush_chunk(bd_hbm *hbm, double *J) {
 static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *response, double *J) {
     const double *g[(BD_MAX_HARM + 1) * 3];
     double *z[BD_MAX_COEF];
-    bd_fill fill = {.n_harm = hbm->n_harm, .n_mode = hbm->n_mode, .first = hbm->first, .g = g, .z = z};
+    bd_fill fill = {.n_harm = hbm->n_harm, .n_mode = hbm->n_mode, .first = hbm->first_unknown, .g = g, .z = z};
     size_t source[3];
     if (a == 2) {
         fill.block[0] = response->dN, source[0] = 2, fill.n_source = 1;
@@ -342,19 +343,20 @@ static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) 
     const size_t n = (size_t)hbm->n_unknown;
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t columns = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(columns);
-        double *to = J + (size_t)hbm->first[l] * n + (size_t)hbm->first[l];
+        double *to = J + (size_t)hbm->first_unknown[l] * n + (size_t)hbm->first_unknown[l];
         size_t place = 0;
         for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
             const double k = sign * spring(hbm->element + p, a);
-            if (k != 0.0 && (hbm->tangent[3 * p + (size_t)a] == BD_BLOCK_LINEAR) == linear) {
+            if (k != 0.0 && (hbm->tangent_kind[3 * p + (size_t)a] == BD_BLOCK_LINEAR) == linear) {
                 const double *g = rows_of(hbm, l, 3 * p + (size_t)a);
-                copy(hbm->A + place * rows * columns, g, rows * columns);
+                copy(hbm->chunk_modes + place * rows * columns, g, rows * columns);
                 for (size_t i = 0; i < rows; ++i)
-                    for (size_t j = 0; j < columns; ++j) hbm->Z[(place * rows + i) * stride + j] = k * g[i * columns + j];
+                    for (size_t j = 0; j < columns; ++j)
+                        hbm->tangent_modes[(place * rows + i) * stride + j] = k * g[i * columns + j];
                 ++place;
             }
             if (place == (size_t)hbm->chunk || p + 1 == (size_t)hbm->n_point) {
-                hbm->kernel->product(columns, columns, place * rows, hbm->A, hbm->Z, stride, to, n);
+                hbm->kernel->product(columns, columns, place * rows, hbm->chunk_modes, hbm->tangent_modes, stride, to, n);
                 place = 0;
             }
         }
@@ -370,15 +372,15 @@ static void add_linear_components(bd_hbm *hbm, double *J) {
         for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
             const int has = spring(hbm->element + p, a) != 0.0;
             n_spring += has;
-            n_linear += has && hbm->tangent[3 * p + (size_t)a] == BD_BLOCK_LINEAR;
+            n_linear += has && hbm->tangent_kind[3 * p + (size_t)a] == BD_BLOCK_LINEAR;
         }
         if (hbm->variation || 2 * n_linear <= n_spring) {
             if (n_linear > 0) add_springs(hbm, a, 1, 1.0, J);
             continue;
         }
         for (int l = 0; l <= hbm->n_harm; ++l) {
-            const size_t columns = columns_of(hbm, l), first = (size_t)hbm->first[l];
-            const double *K = hbm->linear[l] + (size_t)a * columns * columns;
+            const size_t columns = columns_of(hbm, l), first = (size_t)hbm->first_unknown[l];
+            const double *K = hbm->spring_stiffness[l] + (size_t)a * columns * columns;
             for (size_t i = 0; i < columns; ++i)
                 for (size_t j = 0; j < columns; ++j) J[(first + i) * n + first + j] += K[i * columns + j];
         }
@@ -388,7 +390,7 @@ static void add_linear_components(bd_hbm *hbm, double *J) {
 
 static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int tangent) {
     const size_t nn = (size_t)hbm->n_coef * (size_t)hbm->n_coef;
-    double *block = hbm->block + lane * 9 * nn;
+    double *block = hbm->tangent_blocks + lane * 9 * nn;
     bd_response out = {.F = hbm->F + 3 * p * (size_t)hbm->n_coef};
     if (tangent) {
         for (int d = 0; d < 2; ++d) {
@@ -403,17 +405,17 @@ static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int tangent) 
 }
 
 /* Derivatives of the forces of a group of points, from its tangents. */
-static void find_rates(bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
+static void find_derivatives(bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
     const size_t size = 3 * (size_t)hbm->n_coef;
     for (size_t p = first; p < first + n; ++p)
-        bd_rate_of_force(hbm->element + p, hbm->rate->element + p, hbm->n_harm, hbm->X + p * size, hbm->rate->X + p * size,
-                         response + (p - first), hbm->rate->F + p * size);
+        bd_force_derivative(hbm->element + p, hbm->derivative->element + p, hbm->n_harm, hbm->X + p * size,
+                            hbm->derivative->X + p * size, response + (p - first), hbm->derivative->F + p * size);
 }
 
 /* Contact forces of all points and, as they come, their share of J. */
 static void contact_part(bd_hbm *hbm, double *J) {
     bd_response response[BD_LANES];
-    const int tangent = J || hbm->rate;
+    const int tangent = J || hbm->derivative;
     double assembly = 0.0;
     const double started = bd_seconds();
     for (size_t first = 0; first < (size_t)hbm->n_point; first += BD_LANES) {
@@ -421,13 +423,13 @@ static void contact_part(bd_hbm *hbm, double *J) {
         for (size_t i = 0; i < n; ++i) response[i] = response_of(hbm, first + i, i, tangent);
         bd_contact_evaluate_many((int)n, hbm->element + first, hbm->X + 3 * first * (size_t)hbm->n_coef, response,
                                  hbm->share + first, &hbm->evaluator);
-        if (hbm->rate) find_rates(hbm, first, n, response);
+        if (hbm->derivative) find_derivatives(hbm, first, n, response);
         if (!J) continue;
         const double evaluated = bd_seconds();
         for (size_t i = 0; i < n; ++i)
             for (int a = 0; a < 3; ++a) {
                 const bd_block kind = a < 2 ? response[i].tangential[a] : response[i].normal;
-                hbm->tangent[3 * (first + i) + (size_t)a] = (unsigned char)kind;
+                hbm->tangent_kind[3 * (first + i) + (size_t)a] = (unsigned char)kind;
                 if (kind == BD_BLOCK_FULL) add_component(hbm, first + i, a, response + i, J);
             }
         assembly += bd_seconds() - evaluated;
@@ -448,7 +450,7 @@ static int all_finite(const double *x, size_t n) {
 }
 
 /* What the latest evaluation left is not that of a point which cannot be evaluated. */
-static void forget(bd_hbm *hbm) {
+static void set_not_finite(bd_hbm *hbm) {
     const size_t n = 3 * (size_t)hbm->n_point * (size_t)hbm->n_coef;
     for (size_t i = 0; i < n; ++i) hbm->X[i] = hbm->F[i] = NAN;
     for (int p = 0; p < hbm->n_point; ++p) hbm->share[p] = (bd_status_share){{NAN, NAN}, {NAN, NAN}, NAN};
@@ -462,7 +464,7 @@ bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r,
 bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown;
     if (!all_finite(u, n) || !isfinite(omega)) {
-        forget(hbm);
+        set_not_finite(hbm);
         return BD_NOT_FINITE;
     }
     const double started = bd_seconds();

@@ -24,7 +24,7 @@ typedef struct {
     const double *force;     /* (n_unknown) modal excitation, in the layout of the unknowns */
     bd_evaluation evaluation;
     int n_time;
-    const bd_own *own; /* (n_point) laws of users, NULL if there are none */
+    const bd_point_law *point_law; /* (n_point) laws of users, NULL if there are none */
 } bd_hbm_input;
 
 /* What makes the arrays of equations depend on omega, and is called in their place: bd_family.h. */
@@ -37,30 +37,31 @@ typedef struct bd_variation {
 /* Unknowns: for harmonic 0 the n_mode[0] coordinates, then for each harmonic its cosines followed by its sines. */
 typedef struct bd_hbm {
     int n_point, n_harm, n_coef, n_unknown;
-    int *n_mode; /* (n_harm + 1) */
-    int *first;  /* (n_harm + 2) first unknown of each harmonic */
+    int *n_mode;        /* (n_harm + 1) */
+    int *first_unknown; /* (n_harm + 2) first unknown of each harmonic */
     double *stiffness, *mass, *damping;
     double **G; /* for each harmonic the real matrix (n_point, 3, rows, columns) of bd_hbm.c */
     bd_element *element;
-    bd_own *own; /* (n_point) laws of users */
+    bd_point_law *point_law; /* (n_point) laws of users */
     double *shift, *force;
     bd_evaluator evaluator;
-    bd_status_share *share; /* (n_point) of the latest evaluation */
-    double *X;              /* (n_point, 3, n_coef) relative motion of the latest evaluation */
-    double *F;              /* (n_point, 3, n_coef) contact force of the latest evaluation */
-    double *gather;         /* (n_point, 3, 2) one harmonic of X or F */
-    double *turned;         /* (2 most modes) a vector of modal amplitudes, a quarter of a period later */
+    bd_status_share *share;     /* (n_point) of the latest evaluation */
+    double *X;                  /* (n_point, 3, n_coef) relative motion of the latest evaluation */
+    double *F;                  /* (n_point, 3, n_coef) contact force of the latest evaluation */
+    double *harmonic_values;    /* (n_point, 3, 2) one harmonic of X or F */
+    double *shifted_amplitudes; /* (2 most modes) a vector of modal amplitudes, a quarter of a period later */
     const bd_kernel *kernel;
-    double **linear; /* (n_harm + 1) of (3, columns, columns): modal stiffness of the springs of all points, for each */
-                     /* component of motion */
-    double *block;   /* (BD_LANES, 9, n_coef, n_coef) tangents of a group of points */
-    double *Z;       /* tangent times G: for each harmonic (rows of the chunk, padded n_unknown) */
-    double *A;       /* rows of G that belong to the rows of Z: for each harmonic (rows of the chunk, columns) */
-    int chunk;       /* components of contact points taken together in the assembly */
-    int n_chunk;     /* how many are there now */
-    unsigned char *tangent;  /* (n_point, 3) bd_block of each component */
-    bd_variation *variation; /* NULL, or the family over omega to which these equations belong */
-    struct bd_hbm *rate;     /* NULL, or equations whose element and X are derivatives of these; F is filled then, too */
+    double **
+        spring_stiffness; /* (n_harm + 1) of (3, columns, columns): modal stiffness of the springs of all points, for each */
+                          /* component of motion */
+    double *tangent_blocks; /* (BD_LANES, 9, n_coef, n_coef) tangents of a group of points */
+    double *tangent_modes;  /* tangent times G: for each harmonic (rows of the chunk, padded n_unknown) */
+    double *chunk_modes;    /* rows of G that belong to the rows of Z: for each harmonic (rows of the chunk, columns) */
+    int chunk;              /* components of contact points taken together in the assembly */
+    int n_chunk;            /* how many are there now */
+    unsigned char *tangent_kind; /* (n_point, 3) bd_block of each component */
+    bd_variation *variation;     /* NULL, or the family over omega to which these equations belong */
+    struct bd_hbm *derivative; /* NULL, or equations whose element and X are derivatives of these; F is filled then, too */
     bd_cost cost;
 } bd_hbm;
 

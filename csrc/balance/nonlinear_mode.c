@@ -66,7 +66,7 @@ static void differentiate_by_xi(modes_equations *modes, const double *y, double 
     const double *mass = hbm->mass + hbm->n_mode[0];
     memset(modes->by_xi, 0, sizeof(double) * (size_t)hbm->n_mode[0]);
     for (int l = 1; l <= hbm->n_harm; ++l) {
-        const size_t first = (size_t)hbm->first[l], n = (size_t)hbm->n_mode[l];
+        const size_t first = (size_t)hbm->first_unknown[l], n = (size_t)hbm->n_mode[l];
         for (size_t j = 0; j < n; ++j) {
             modes->by_xi[first + j] = -l * omega * mass[j] * y[first + n + j];
             modes->by_xi[first + n + j] = l * omega * mass[j] * y[first + j];

@@ -8,13 +8,14 @@ typedef struct {
     bd_variation variation;
     int n_node;
     double order;
-    double *square, *weight, *basis; /* (n_node) squared speeds, weights of the polynomials, their values or slopes */
-    double low, high;                /* squared speeds between which the polynomials are used */
+    double *squared_speed, *weight,
+        *basis;             /* (n_node) squared speeds, weights of the polynomials, their values or slopes */
+    double lowest, highest; /* squared speeds between which the polynomials are used */
     size_t n_value;
-    double *value;   /* (n_node, n_value) all arrays at the nodes, one after another */
-    double *mixed;   /* (n_value) those of one speed, or their derivatives */
-    double *by_line; /* (n_unknown) derivative of the residual by what changes with speed */
-    bd_hbm rate;     /* its arrays are the derivatives of those of the equations with respect to omega */
+    double *node_values;      /* (n_node, n_value) all arrays at the nodes, one after another */
+    double *interpolated;     /* (n_value) those of one speed, or their derivatives */
+    double *speed_derivative; /* (n_unknown) derivative of the residual by what changes with speed */
+    bd_hbm derivative;        /* its arrays are the derivatives of those of the equations with respect to omega */
 } bd_family;
 
 /* Makes equations, created from the same input as `rate`, those of a family: node (n_node) are equations of the same sizes

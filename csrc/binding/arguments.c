@@ -153,7 +153,7 @@ int core_check_law(int law, int evaluation) {
         PyErr_Format(PyExc_ValueError, "law: expected 0 to %d, found %d", BD_LAW_USER - 1, law);
         return 0;
     }
-    if (bd_evaluation_serves((bd_evaluation)evaluation, (bd_law)law)) return 1;
+    if (bd_evaluation_supports((bd_evaluation)evaluation, (bd_law)law)) return 1;
     PyErr_Format(PyExc_ValueError,
                  "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 or 2 "
                  "with them, found 0",
@@ -186,7 +186,7 @@ static const double *law_numbers(PyObject *object, const char *name, npy_intp le
     return core_check_numbers(PyArray_DATA(array), *n, name, BD_FINITE) ? PyArray_DATA(array) : NULL;
 }
 
-static int own_law(PyObject *item, bd_own *own) {
+static int read_point_law(PyObject *item, bd_point_law *point_law) {
     if (item == Py_None) return 1;
     if (!PyTuple_Check(item) || PyTuple_GET_SIZE(item) < 3) {
         PyErr_SetString(PyExc_TypeError, "own: expected None or (function, parameters, memory) for each point");
@@ -200,41 +200,43 @@ static int own_law(PyObject *item, bd_own *own) {
     }
     void *pointer = PyCapsule_GetPointer(function, PyCapsule_GetName(function));
     if (!pointer) return 0;
-    memcpy(&own->function, &pointer, sizeof pointer);
-    own->data = PyCapsule_GetContext(function);
-    own->parameter = law_numbers(PyTuple_GET_ITEM(item, 1), "parameters", 0, &own->n_parameter);
-    own->memory = own->parameter ? law_numbers(PyTuple_GET_ITEM(item, 2), "memory", 3, &own->n_state) : NULL;
-    own->n_state -= 3;
-    const char *misfit = own->memory ? bd_law_misfit(own) : NULL;
+    memcpy(&point_law->function, &pointer, sizeof pointer);
+    point_law->data = PyCapsule_GetContext(function);
+    point_law->parameter = law_numbers(PyTuple_GET_ITEM(item, 1), "parameters", 0, &point_law->n_parameter);
+    point_law->memory =
+        point_law->parameter ? law_numbers(PyTuple_GET_ITEM(item, 2), "memory", 3, &point_law->n_state) : NULL;
+    point_law->n_state -= 3;
+    const char *misfit = point_law->memory ? bd_law_parameter_error(point_law) : NULL;
     if (misfit)
-        PyErr_Format(PyExc_ValueError, "%s; found %d parameters and %d states", misfit, own->n_parameter, own->n_state);
-    return own->memory && !misfit;
+        PyErr_Format(PyExc_ValueError, "%s; found %d parameters and %d states", misfit, point_law->n_parameter,
+                     point_law->n_state);
+    return point_law->memory && !misfit;
 }
 
-int core_own_laws(PyObject *object, npy_intp n, bd_own **own) {
-    *own = NULL;
+int core_point_laws(PyObject *object, npy_intp n, bd_point_law **point_law) {
+    *point_law = NULL;
     if (!object || object == Py_None) return 1;
     if (!PyTuple_Check(object) || PyTuple_GET_SIZE(object) != n) {
         PyErr_Format(PyExc_TypeError, "own: expected None or a tuple of %zd laws", (Py_ssize_t)n);
         return 0;
     }
-    bd_own *all = PyMem_Calloc((size_t)n + 1, sizeof *all);
+    bd_point_law *all = PyMem_Calloc((size_t)n + 1, sizeof *all);
     if (!all) {
         PyErr_NoMemory();
         return 0;
     }
     for (npy_intp p = 0; p < n; ++p)
-        if (!own_law(PyTuple_GET_ITEM(object, p), all + p)) {
+        if (!read_point_law(PyTuple_GET_ITEM(object, p), all + p)) {
             PyMem_Free(all);
             return 0;
         }
-    *own = all;
+    *point_law = all;
     return 1;
 }
 
-int core_check_own(const int *law, const bd_own *own, npy_intp n) {
+int core_check_point_laws(const int *law, const bd_point_law *point_law, npy_intp n) {
     for (npy_intp p = 0; p < n; ++p)
-        if ((law[p] == BD_LAW_USER) != (own && own[p].function)) {
+        if ((law[p] == BD_LAW_USER) != (point_law && point_law[p].function)) {
             PyErr_Format(PyExc_ValueError,
                          "own: expected a function under law %d, and under no other, found %d at point %zd", BD_LAW_USER,
                          law[p], (Py_ssize_t)p);

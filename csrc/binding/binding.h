@@ -67,10 +67,10 @@ PyObject *core_kernel_names(void);
 /* Contact laws of users at n points, from None or a tuple with None or (function, parameters, memory, ...) for each point, where
  * function is a capsule or a tuple that begins with one; what the tuples hold must live as long as the laws are read.  0 with
  * an exception, also for a shipped law with other counts than its function has; *own is to be freed with PyMem_Free, NULL for None. */
-int core_own_laws(PyObject *object, npy_intp n, bd_own **own);
+int core_point_laws(PyObject *object, npy_intp n, bd_point_law **point_law);
 
 /* Whether a point has a function if, and only if, its law asks for one. */
-int core_check_own(const int *law, const bd_own *own, npy_intp n);
+int core_check_point_laws(const int *law, const bd_point_law *point_law, npy_intp n);
 
 /* 0, with an exception, for a status that stands for wrong arguments or lack of memory. */
 int core_check_status(bd_status status);
@@ -83,7 +83,7 @@ typedef struct core_equations {
     bd_hbm *hbm;                           /* that evaluates the contact; NULL of a wheel */
     bd_wheel *wheel;                       /* the same equations, or NULL */
     struct core_equations *inner;          /* what they wrap, whose lock they take; NULL if none */
-    PyObject *own;                         /* what keeps the contact laws of users alive, or NULL */
+    PyObject *point_law;                   /* what keeps the contact laws of users alive, or NULL */
     PyThread_type_lock lock;
 } core_equations;
 

@@ -30,18 +30,18 @@ typedef struct {
     int evaluation, n_time, n_harm;
     npy_intp n_coef;
     double *x, *F, *J;
-    bd_own *own;
+    bd_point_law *point_law;
 } contact_call;
 
 /* Motion and parameters; F and J are to be written. */
 static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
     static char *names[] = {"x", "kt", "kn", "mu", "n0", "w", "F", "J", "law", "evaluation", "n_time", "load", "own", NULL};
-    PyObject *x, *kt_object, *w_object, *F, *J, *own = Py_None;
+    PyObject *x, *kt_object, *w_object, *F, *J, *point_law = Py_None;
     bd_element *e = &c->element;
     int law = 0;
     e->load = NAN;
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOdddOOO|iiidO:evaluate_contact", names, &x, &kt_object, &e->kn, &e->mu,
-                                     &e->n0, &w_object, &F, &J, &law, &c->evaluation, &c->n_time, &e->load, &own))
+                                     &e->n0, &w_object, &F, &J, &law, &c->evaluation, &c->n_time, &e->load, &point_law))
         return 0;
     if (!PyArray_Check(x) || PyArray_NDIM((PyArrayObject *)x) != 2 || PyArray_DIM((PyArrayObject *)x, 0) != 3 ||
         PyArray_DIM((PyArrayObject *)x, 1) % 2 != 1) {
@@ -60,10 +60,11 @@ static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
     if (!(w = core_vector(&arguments, w_object, "w", two, BD_INPUT))) return 0;
     if (!(c->F = core_doubles(&arguments, F, "F", 2, shape, BD_OUTPUT))) return 0;
     if (!(c->J = core_doubles(&arguments, J, "J", 4, shape_J, BD_OUTPUT))) return 0;
-    if (!core_check_evaluation(c->evaluation, c->n_time, c->n_harm) || !core_own_laws(own, 1, &c->own)) return 0;
+    if (!core_check_evaluation(c->evaluation, c->n_time, c->n_harm) || !core_point_laws(point_law, 1, &c->point_law))
+        return 0;
     const int user = law == BD_LAW_USER && c->evaluation != BD_EXACT;
-    if ((!user && !core_check_law(law, c->evaluation)) || !core_check_own(&law, c->own, 1)) return 0;
-    e->own = c->own;
+    if ((!user && !core_check_law(law, c->evaluation)) || !core_check_point_laws(&law, c->point_law, 1)) return 0;
+    e->point_law = c->point_law;
     if (isnan(e->load)) e->load = e->n0;
     if (!core_check_number(e->kn, "kn", BD_NON_NEGATIVE) || !core_check_number(e->mu, "mu", BD_NON_NEGATIVE) ||
         !core_check_number(e->n0, "n0", BD_FINITE) || !core_check_number(e->load, "load", BD_FINITE) ||
@@ -106,7 +107,7 @@ PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwar
     memset(&evaluator, 0, sizeof evaluator);
     if (!core_check_kernel() || !read_call(args, kwargs, &call)) goto done;
     if (!core_check_status(bd_evaluator_create(&evaluator, (bd_evaluation)call.evaluation, call.n_harm, call.n_time)) ||
-        !core_check_status(bd_evaluator_add_laws(&evaluator, 1, call.own)))
+        !core_check_status(bd_evaluator_add_laws(&evaluator, 1, call.point_law)))
         goto done;
     block = PyMem_Malloc(sizeof(double) * 9 * (size_t)(call.n_coef * call.n_coef));
     if (!block) {
@@ -122,20 +123,20 @@ PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwar
     Py_XDECREF(second);
 done:
     PyMem_Free(block);
-    PyMem_Free(call.own);
+    PyMem_Free(call.point_law);
     bd_evaluator_destroy(&evaluator);
     return result;
 }
 
 PyObject *core_check_laws(PyObject *module, PyObject *laws) {
     (void)module;
-    bd_own *own;
+    bd_point_law *point_law;
     if (!PyTuple_Check(laws)) {
         PyErr_SetString(PyExc_TypeError, "own: expected a tuple of laws");
         return NULL;
     }
-    if (!core_own_laws(laws, PyTuple_GET_SIZE(laws), &own)) return NULL;
-    PyMem_Free(own);
+    if (!core_point_laws(laws, PyTuple_GET_SIZE(laws), &point_law)) return NULL;
+    PyMem_Free(point_law);
     return Py_NewRef(Py_None);
 }
 
@@ -151,30 +152,30 @@ PyObject *core_step_laws(PyObject *module, PyObject *args) {
     core_arguments arguments = {0};
     const npy_intp n = PyArray_DIM((PyArrayObject *)from_object, 0), width = PyArray_DIM((PyArrayObject *)from_object, 1);
     const npy_intp by_x[2] = {n, 3}, by_memory[2] = {n, width}, by_D[3] = {n, 3, 3};
-    double *x, *from, *to, *F, *D, *room = NULL;
-    bd_own *own = NULL;
+    double *x, *from, *to, *F, *D, *work = NULL;
+    bd_point_law *point_law = NULL;
     int done = 0, n_state = 0;
     if (!(x = core_numbers(&arguments, x_object, "x", 2, by_x, BD_FINITE))) return NULL;
     if (!(from = core_numbers(&arguments, from_object, "memory", 2, by_memory, BD_FINITE))) return NULL;
     if (!(to = core_doubles(&arguments, to_object, "after", 2, by_memory, BD_OUTPUT))) return NULL;
     if (!(F = core_doubles(&arguments, F_object, "F", 2, by_x, BD_OUTPUT))) return NULL;
     if (!(D = core_doubles(&arguments, D_object, "D", 3, by_D, BD_OUTPUT))) return NULL;
-    if (!core_own_laws(own_object, n, &own)) return NULL;
-    for (npy_intp p = 0; own && p < n; ++p)
-        if (own[p].function && own[p].n_state > n_state) n_state = own[p].n_state;
+    if (!core_point_laws(own_object, n, &point_law)) return NULL;
+    for (npy_intp p = 0; point_law && p < n; ++p)
+        if (point_law[p].function && point_law[p].n_state > n_state) n_state = point_law[p].n_state;
     if (n_state + 3 > width)
         PyErr_Format(PyExc_ValueError, "memory: expected %d columns, found %zd", n_state + 3, (Py_ssize_t)width);
-    else if (!(room = PyMem_Malloc(sizeof(double) * bd_own_room(n_state))))
+    else if (!(work = PyMem_Malloc(sizeof(double) * bd_point_law_work_size(n_state))))
         PyErr_NoMemory();
-    for (npy_intp p = 0; room && own && p < n; ++p) {
-        if (!own[p].function) continue;
-        bd_own_slopes slopes = bd_own_in(room, own[p].n_state);
-        bd_own_step(own + p, x + 3 * p, from + width * p, to + width * p, F + 3 * p, &slopes);
-        bd_own_derivative(own + p, &slopes, D + 9 * p);
+    for (npy_intp p = 0; work && point_law && p < n; ++p) {
+        if (!point_law[p].function) continue;
+        bd_point_law_derivatives derivatives = bd_point_law_derivatives_in(work, point_law[p].n_state);
+        bd_point_law_step(point_law + p, x + 3 * p, from + width * p, to + width * p, F + 3 * p, &derivatives);
+        bd_point_law_tangent(point_law + p, &derivatives, D + 9 * p);
     }
-    done = room != NULL;
-    PyMem_Free(room);
-    PyMem_Free(own);
+    done = work != NULL;
+    PyMem_Free(work);
+    PyMem_Free(point_law);
     return done ? Py_NewRef(Py_None) : NULL;
 }
 

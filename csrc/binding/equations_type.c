@@ -28,7 +28,7 @@ void core_equations_dealloc(PyObject *object) {
     bd_equations_destroy(self->equations);
     if (self->lock && !self->inner) PyThread_free_lock(self->lock);
     Py_XDECREF((PyObject *)self->inner);
-    Py_XDECREF(self->own);
+    Py_XDECREF(self->point_law);
     type->tp_free(object);
     Py_DECREF(type);
 }
@@ -123,7 +123,7 @@ static points points_of(const core_equations *self) {
     const bd_hbm *h = self->hbm;
     const bd_wheel *w = self->wheel;
     if (!w) return (points){h->n_point, h->n_coef, h->element, h->share, h->X, h->F};
-    return (points){w->in.n_sector * w->in.n_point, w->n_coef, w->element, w->share, w->X, w->F};
+    return (points){w->input.n_sector * w->input.n_point, w->n_coef, w->element, w->share, w->X, w->F};
 }
 
 /* Stick, slip and open, averaged over the points with friction at the evaluation that the caller has just made; NaN where
@@ -216,10 +216,10 @@ static int check_options(const bd_solver_options *options) {
         PyErr_Format(PyExc_ValueError, "line_search: expected 0, 1 or 2, found %d", options->line_search);
         return 0;
     }
-    return core_check_number(options->loose, "loose", BD_NON_NEGATIVE) &&
-           core_check_number(options->rough, "rough", BD_NON_NEGATIVE) &&
+    return core_check_number(options->step_tolerance, "loose", BD_NON_NEGATIVE) &&
+           core_check_number(options->accepted_residual, "rough", BD_NON_NEGATIVE) &&
            core_check_number(options->tolerance, "tolerance", BD_POSITIVE) &&
-           core_check_number(options->reach, "reach", BD_NON_NEGATIVE);
+           core_check_number(options->max_newton_step, "reach", BD_NON_NEGATIVE);
 }
 
 static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
@@ -230,9 +230,9 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
     bd_solver_options options = {0};
     bd_condition condition = {0};
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOdi|idOOOddddd:solve", names, &object[0], &object[1], &object[2],
-                                     &options.tolerance, &options.max_iterations, &options.line_search, &options.reach,
-                                     &row, &re, &im, &condition.curvature, &condition.tolerance, &condition.max_step,
-                                     &options.loose, &options.rough))
+                                     &options.tolerance, &options.max_iterations, &options.line_search,
+                                     &options.max_newton_step, &row, &re, &im, &condition.curvature, &condition.tolerance,
+                                     &condition.max_step, &options.step_tolerance, &options.accepted_residual))
         return NULL;
     core_arguments arguments = {0};
     const npy_intp n = self->equations->n, n1 = n + 1;

@@ -9,14 +9,14 @@
 typedef struct {
     PyObject_HEAD bd_time time;
     PyThread_type_lock lock;
-    PyObject *own; /* what keeps the contact laws of users alive */
+    PyObject *point_law; /* what keeps the contact laws of users alive */
 } RingObject;
 
 static void Ring_dealloc(RingObject *self) {
     PyTypeObject *type = Py_TYPE(self);
     bd_time_destroy(&self->time);
     if (self->lock) PyThread_free_lock(self->lock);
-    Py_XDECREF(self->own);
+    Py_XDECREF(self->point_law);
     type->tp_free((PyObject *)self);
     Py_DECREF(type);
 }
@@ -24,7 +24,7 @@ static void Ring_dealloc(RingObject *self) {
 /* The arguments of Ring(), in their order. */
 typedef struct {
     PyObject *n_mode, *diameter, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *load, *shift, *law, *held, *order,
-        *force, *row, *own;
+        *force, *row, *point_law;
 } ring_objects;
 
 static npy_intp length(PyObject *object, const char *name, npy_intp most) {
@@ -75,9 +75,9 @@ static int read_families(core_arguments *arguments, const ring_objects *o, bd_ti
     const npy_intp n_force = length(o->order, "order", BD_MAX_HARM + 1), shape[3] = {n_force, 2, 2 * n};
     if (n_force < 0) return 0;
     in->n_force = (int)n_force;
-    if (!(in->order = integers(arguments, o->order, "order", 1, &n_force, BD_MAX_HARM))) return 0;
-    if (!(in->force = core_numbers(arguments, o->force, "force", 3, shape, BD_FINITE))) return 0;
-    return (in->row = core_numbers(arguments, o->row, "row", 2, by_row, BD_FINITE)) != NULL;
+    if (!(in->force_order = integers(arguments, o->order, "order", 1, &n_force, BD_MAX_HARM))) return 0;
+    if (!(in->excitation = core_numbers(arguments, o->force, "force", 3, shape, BD_FINITE))) return 0;
+    return (in->response_row = core_numbers(arguments, o->row, "row", 2, by_row, BD_FINITE)) != NULL;
 }
 
 static int read_points(core_arguments *arguments, const ring_objects *o, bd_time_input *in) {
@@ -89,47 +89,48 @@ static int read_points(core_arguments *arguments, const ring_objects *o, bd_time
     if (!(in->load = core_numbers(arguments, o->load, "load", 1, &n, BD_FINITE))) return 0;
     if (!(in->shift = core_numbers(arguments, o->shift, "shift", 2, by3, BD_FINITE))) return 0;
     if (!(in->law = integers(arguments, o->law, "law", 1, &n, BD_N_LAW - 1))) return 0;
-    return (in->held = integers(arguments, o->held, "held", 2, by2, 1)) != NULL;
+    return (in->fixed_slider = integers(arguments, o->held, "held", 2, by2, 1)) != NULL;
 }
 
 static PyObject *Ring_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"n_sector", "n_mode", "diameter", "stiffness", "mass", "damping", "G",     "kt",  "kn",  "mu",
                             "n0",       "load",   "shift",    "law",       "held", "order",   "force", "row", "own", NULL};
-    ring_objects o = {.own = Py_None};
+    ring_objects o = {.point_law = Py_None};
     bd_time_input in = {0};
     core_arguments arguments = {0};
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iOOOOOOOOOOOOOOOOO|O:Ring", names, &in.n_sector, &o.n_mode, &o.diameter,
                                      &o.stiffness, &o.mass, &o.damping, &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.load, &o.shift,
-                                     &o.law, &o.held, &o.order, &o.force, &o.row, &o.own))
+                                     &o.law, &o.held, &o.order, &o.force, &o.row, &o.point_law))
         return NULL;
     if (in.n_sector < 1 || in.n_sector > 100000) {
         PyErr_Format(PyExc_ValueError, "n_sector: expected 1 to 100000, found %d", in.n_sector);
         return NULL;
     }
     if (!core_check_kernel() || !read_families(&arguments, &o, &in) || !read_points(&arguments, &o, &in)) return NULL;
-    bd_own *own;
-    if (!core_own_laws(o.own, in.n_point, &own)) return NULL;
-    in.own = own;
-    RingObject *self = core_check_own(in.law, own, in.n_point) ? (RingObject *)type->tp_alloc(type, 0) : NULL;
+    bd_point_law *point_law;
+    if (!core_point_laws(o.point_law, in.n_point, &point_law)) return NULL;
+    in.point_law = point_law;
+    RingObject *self = core_check_point_laws(in.law, point_law, in.n_point) ? (RingObject *)type->tp_alloc(type, 0) : NULL;
     if (self) {
-        self->own = Py_NewRef(o.own);
+        self->point_law = Py_NewRef(o.point_law);
         self->lock = PyThread_allocate_lock();
         if (!self->lock || !core_check_status(bd_time_create(&self->time, &in))) {
             if (!PyErr_Occurred()) PyErr_NoMemory();
             Py_CLEAR(self);
         }
     }
-    PyMem_Free(own);
+    PyMem_Free(point_law);
     return (PyObject *)self;
 }
 
 static int check_path(const bd_time_path *path) {
-    if (path->n_step < 0 || path->first < 0 || path->per_period < 1 || path->n_step > 1000000000 ||
-        path->first > 1000000000) {
+    if (path->n_step < 0 || path->first_step < 0 || path->steps_per_period < 1 || path->n_step > 1000000000 ||
+        path->first_step > 1000000000) {
         PyErr_SetString(PyExc_ValueError, "n_step, first, per_period: expected a path of at least one step per period");
         return 0;
     }
-    if (!(path->radius >= 0.0 && path->radius <= 1.0 && path->tolerance > 0.0 && path->tolerance <= 0.01)) {
+    if (!(path->spectral_radius >= 0.0 && path->spectral_radius <= 1.0 && path->tolerance > 0.0 &&
+          path->tolerance <= 0.01)) {
         PyErr_SetString(PyExc_ValueError, "radius, tolerance: expected 0 to 1, and a positive number up to 0.01");
         return 0;
     }
@@ -139,27 +140,29 @@ static int check_path(const bd_time_path *path) {
 
 /* Whole periods at a time, some thousand steps, between which an interruption (Ctrl-C) ends the march.  0 with an exception;
  * *status is that of the march. */
-static int march_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v, double *a, double *w,
-                          bd_time_effort *effort, bd_status *status) {
+static int integrate_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v, double *a, double *w,
+                              bd_time_effort *effort, bd_status *status) {
     enum { STEPS = 4096 };
-    const long most = path->per_period > STEPS ? path->per_period : STEPS / path->per_period * path->per_period;
+    const long most =
+        path->steps_per_period > STEPS ? path->steps_per_period : STEPS / path->steps_per_period * path->steps_per_period;
     const double square = path->omega * path->omega, gain = path->omega_end * path->omega_end - square;
     long done = 0;
     do {
         bd_time_path part = *path;
         const long end = path->n_step - done > most ? done + most : path->n_step;
         part.n_step = end - done;
-        part.fresh = path->fresh && !done;
-        part.first = (path->first + done) % path->per_period;
+        part.find_acceleration = path->find_acceleration && !done;
+        part.first_step = (path->first_step + done) % path->steps_per_period;
         if (done) part.omega = sqrt(square + gain * (double)done / (double)path->n_step);
         if (end < path->n_step) part.omega_end = sqrt(square + gain * (double)end / (double)path->n_step);
-        const size_t period = (size_t)(done / path->per_period);
-        if (path->harmonic) part.harmonic += 2 * (size_t)self->time.n_row * (size_t)(path->n_harm + 1) * period;
+        const size_t period = (size_t)(done / path->steps_per_period);
+        if (path->response_harmonics)
+            part.response_harmonics += 2 * (size_t)self->time.n_row * (size_t)(path->n_harm + 1) * period;
         if (path->energy) part.energy += 4 * period;
-        if (path->trace) part.trace += 2 * (size_t)self->time.n_total * (size_t)done;
+        if (path->coordinates) part.coordinates += 2 * (size_t)self->time.n_total * (size_t)done;
         Py_BEGIN_ALLOW_THREADS;
         PyThread_acquire_lock(self->lock, WAIT_LOCK);
-        *status = bd_time_march(&self->time, &part, q, v, a, w, effort);
+        *status = bd_time_integrate(&self->time, &part, q, v, a, w, effort);
         PyThread_release_lock(self->lock);
         Py_END_ALLOW_THREADS;
         if (PyErr_CheckSignals()) return 0;
@@ -180,8 +183,9 @@ static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwar
     PyObject *q_object, *v_object, *a_object, *w_object, *harmonic = Py_None, *trace = Py_None, *energy = Py_None;
     bd_time_path path = {0};
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlO:integrate", names, &q_object, &v_object, &a_object,
-                                     &w_object, &path.n_step, &path.per_period, &path.omega, &path.omega_end, &path.radius,
-                                     &path.tolerance, &path.fresh, &harmonic, &trace, &path.first, &energy))
+                                     &w_object, &path.n_step, &path.steps_per_period, &path.omega, &path.omega_end,
+                                     &path.spectral_radius, &path.tolerance, &path.find_acceleration, &harmonic, &trace,
+                                     &path.first_step, &energy))
         return NULL;
     core_arguments arguments = {0};
     const bd_time *t = &self->time;
@@ -192,7 +196,7 @@ static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwar
     if (!(q = state(&arguments, q_object, "q", 2, by_q)) || !(v = state(&arguments, v_object, "v", 2, by_q))) return NULL;
     if (!(a = state(&arguments, a_object, "a", 2, by_q))) return NULL;
     if (!(w = state(&arguments, w_object, "w", 4, by_w))) return NULL;
-    const npy_intp periods = path.n_step / path.per_period, by_trace[3] = {m, path.n_step, n},
+    const npy_intp periods = path.n_step / path.steps_per_period, by_trace[3] = {m, path.n_step, n},
                    by_energy[3] = {m, periods, 4};
     npy_intp n_harmonic = 0;
     double *X = NULL, *x = NULL, *e = NULL;
@@ -217,12 +221,12 @@ static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwar
     if (trace != Py_None && !(x = core_doubles(&arguments, trace, "trace", 3, by_trace, BD_OUTPUT))) return NULL;
     if (energy != Py_None && !(e = core_doubles(&arguments, energy, "energy", 3, by_energy, BD_OUTPUT))) return NULL;
     for (npy_intp i = 0; i < m && status == BD_OK; ++i) {
-        path.harmonic = X ? X + 2 * i * periods * t->n_row * n_harmonic : NULL;
+        path.response_harmonics = X ? X + 2 * i * periods * t->n_row * n_harmonic : NULL;
         path.energy = e ? e + 4 * i * periods : NULL;
-        path.trace = x ? x + i * path.n_step * n : NULL;
-        if (!march_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort, &status)) return NULL;
+        path.coordinates = x ? x + i * path.n_step * n : NULL;
+        if (!integrate_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort, &status)) return NULL;
     }
-    return Py_BuildValue("ill", (int)status, effort.n_solved, effort.n_iteration);
+    return Py_BuildValue("ill", (int)status, effort.n_solution, effort.n_evaluation);
 }
 
 static PyObject *Ring_follow(RingObject *self, PyObject *args) {
@@ -237,7 +241,7 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
     if (!(w = state(&arguments, w_object, "w", 3, by_w))) return NULL;
     Py_BEGIN_ALLOW_THREADS;
     PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    bd_time_follow(&self->time, (long)n, q, w);
+    bd_time_update_sliders(&self->time, (long)n, q, w);
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS;
     Py_RETURN_NONE;

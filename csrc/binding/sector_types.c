@@ -8,7 +8,7 @@
 /* The arguments of Sector(), in their order. */
 typedef struct {
     PyObject *n_mode, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *w, *law, *shift, *force, *load, *row_scale,
-        *own;
+        *point_law;
 } sector_objects;
 
 static int is_vector(PyObject *object, const char *name) {
@@ -74,7 +74,8 @@ static int read_points(core_arguments *arguments, const sector_objects *o, bd_hb
     return (in->shift = core_numbers(arguments, o->shift, "shift", 2, by3, BD_FINITE)) != NULL;
 }
 
-static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in, const double **row_scale, bd_own **own) {
+static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in, const double **row_scale,
+                      bd_point_law **point_law) {
     core_arguments arguments = {0};
     npy_intp n_modes, n_unknown;
     if (!read_sizes(&arguments, o->n_mode, in, &n_modes, &n_unknown) || !is_vector(o->kn, "kn")) return 0;
@@ -84,12 +85,12 @@ static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in,
         return 0;
     }
     in->n_point = (int)n_point;
-    if (!core_own_laws(o->own, n_point, own)) return 0;
-    in->own = *own;
+    if (!core_point_laws(o->point_law, n_point, point_law)) return 0;
+    in->point_law = *point_law;
     if (!core_check_evaluation(evaluation, in->n_time, in->n_harm)) return 0;
     in->evaluation = (bd_evaluation)evaluation;
     if (!read_modes(&arguments, o, in, n_modes, n_unknown) || !read_points(&arguments, o, in)) return 0;
-    if (!core_check_own(in->law, in->own, n_point)) return 0;
+    if (!core_check_point_laws(in->law, in->point_law, n_point)) return 0;
     return o->row_scale == Py_None ||
            (*row_scale = core_numbers(&arguments, o->row_scale, "row_scale", 1, &n_unknown, BD_POSITIVE)) != NULL;
 }
@@ -138,19 +139,19 @@ static PyObject *Sector_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     static char *names[] = {"n_mode", "stiffness", "mass",  "damping",   "G",     "kt",         "kn",     "mu",
                             "n0",     "w",         "law",   "shift",     "force", "evaluation", "n_time", "load",
                             "nodes",  "squares",   "order", "row_scale", "own",   NULL};
-    sector_objects o = {.load = Py_None, .row_scale = Py_None, .own = Py_None};
+    sector_objects o = {.load = Py_None, .row_scale = Py_None, .point_law = Py_None};
     family_objects family = {.nodes = Py_None, .squares = Py_None};
     bd_hbm_input in = {0};
     int evaluation = BD_EXACT;
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOdOO:Sector", names, &o.n_mode, &o.stiffness, &o.mass,
                                      &o.damping, &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.shift, &o.force,
                                      &evaluation, &in.n_time, &o.load, &family.nodes, &family.squares, &family.order,
-                                     &o.row_scale, &o.own))
+                                     &o.row_scale, &o.point_law))
         return NULL;
     const double *row_scale = NULL;
-    bd_own *own = NULL;
+    bd_point_law *point_law = NULL;
     core_equations *self = NULL;
-    if (!core_check_kernel() || !read_input(&o, evaluation, &in, &row_scale, &own)) goto done;
+    if (!core_check_kernel() || !read_input(&o, evaluation, &in, &row_scale, &point_law)) goto done;
     const core_state *state = PyType_GetModuleState(type);
     bd_sector *sector;
     if (!(self = core_equations_new(type, NULL))) goto done;
@@ -160,10 +161,10 @@ static PyObject *Sector_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     }
     self->equations = &sector->dense.base;
     self->hbm = &sector->hbm;
-    self->own = Py_NewRef(o.own);
+    self->point_law = Py_NewRef(o.point_law);
     if (!make_family(self, &in, &family)) Py_CLEAR(self);
 done:
-    PyMem_Free(own);
+    PyMem_Free(point_law);
     return (PyObject *)self;
 }
 

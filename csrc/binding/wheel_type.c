@@ -44,8 +44,8 @@ static int check_sizes(const bd_wheel_input *in) {
 static int read_structure(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
     const npy_intp N = in->n_sector, b = in->n_blade, d = in->n_damper, D = N / 2 + 1, nc = bd_n_coef(in->n_harm);
     const npy_intp rows[3] = {in->n_point, 3, b + d}, blades[3] = {N, b, b}, blade[2] = {b, b}, dampers[2] = {N, d};
-    if (!(in->next = flags(a, o->next, "next", in->n_point))) return 0;
-    if (!(in->rows = core_numbers(a, o->rows, "rows", 3, rows, BD_FINITE))) return 0;
+    if (!(in->on_next = flags(a, o->next, "next", in->n_point))) return 0;
+    if (!(in->motion_rows = core_numbers(a, o->rows, "rows", 3, rows, BD_FINITE))) return 0;
     if (!(in->active = flags(a, o->active, "active", nc)) || !(in->pinned = flags(a, o->pinned, "pinned", N))) return 0;
     for (npy_intp c = 1; c < nc; c += 2)
         if (in->active[c] != in->active[c + 1]) {
@@ -61,8 +61,8 @@ static int read_structure(core_arguments *a, const wheel_objects *o, bd_wheel_in
     if (!(in->damper_mass = core_numbers(a, o->damper_mass, "damper_mass", 2, dampers, BD_FINITE))) return 0;
     if (!(in->damper_damping = core_numbers(a, o->damper_damping, "damper_damping", 1, &d, BD_FINITE))) return 0;
     if (!(in->springs = core_numbers(a, o->springs, "springs", 2, dampers, BD_NON_NEGATIVE))) return 0;
-    if (!(in->neutral = core_numbers(a, o->neutral, "neutral", 2, dampers, BD_NON_NEGATIVE))) return 0;
-    return (in->home = core_numbers(a, o->home, "home", 2, dampers, BD_FINITE)) != NULL;
+    if (!(in->jacobian_springs = core_numbers(a, o->neutral, "neutral", 2, dampers, BD_NON_NEGATIVE))) return 0;
+    return (in->spring_origin = core_numbers(a, o->home, "home", 2, dampers, BD_FINITE)) != NULL;
 }
 
 static int read_points(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {

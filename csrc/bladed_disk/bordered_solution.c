@@ -21,7 +21,7 @@ static const double ACCURATE = 1e-7; /* tolerance below which linear equations a
 static const double ROUNDING = 1e-12;
 static const size_t SMALL = 500; /* blades' coefficients up to which a loose solution would save nothing */
 
-static size_t blade_numbers(const bd_wheel *w) { return (size_t)(w->in.n_sector * w->n_coef * w->in.n_blade); }
+static size_t n_blade_number(const bd_wheel *w) { return (size_t)(w->input.n_sector * w->n_coef * w->input.n_blade); }
 
 static double dot(const double *x, const double *y, size_t n) {
     double sum = 0.0;
@@ -33,25 +33,25 @@ static double dot(const double *x, const double *y, size_t n) {
 static int find_column(bd_wheel *w, int transposed) {
     const double *from = transposed ? w->border : w->C, *row = transposed ? w->C : w->border;
     bd_ring_solve(&w->ring, transposed, from, w->column);
-    w->pivot = w->border[w->whole] - dot(row, w->column, (size_t)w->whole);
+    w->border_pivot = w->border[w->vector_size] - dot(row, w->column, (size_t)w->vector_size);
     w->transposed = transposed;
-    return isfinite(w->pivot) && w->pivot != 0.0;
+    return isfinite(w->border_pivot) && w->border_pivot != 0.0;
 }
 
 bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     bd_wheel *w = (bd_wheel *)e;
-    const bd_wheel_input *in = &w->in;
-    const size_t n = (size_t)e->n, whole = (size_t)w->whole;
+    const bd_wheel_input *in = &w->input;
+    const size_t n = (size_t)e->n, whole = (size_t)w->vector_size;
     const int H = in->n_harm, nb = in->n_blade, nd = in->n_damper, nk = in->n_kept, N = in->n_sector;
     double *own = w->matrices, *damping = own + (H + 1) * nb * nb, *damper = damping + (H + 1) * nb * nb,
            *near = damper + 2 * (H + 1) * N * nd;
     for (int l = 0; l <= H; ++l) {
         const double f = l * w->omega;
         for (int i = 0; i < nb * nb; ++i) {
-            own[l * nb * nb + i] = w->own[0][i] - f * f * (w->own[1][i] + in->mass[i]);
-            damping[l * nb * nb + i] = f * w->own[2][i];
+            own[l * nb * nb + i] = w->sector_part[0][i] - f * f * (w->sector_part[1][i] + in->mass[i]);
+            damping[l * nb * nb + i] = f * w->sector_part[2][i];
         }
-        for (int i = 0; i < nk * nk; ++i) near[l * nk * nk + i] = w->near[0][i] - f * f * w->near[1][i];
+        for (int i = 0; i < nk * nk; ++i) near[l * nk * nk + i] = w->neighbour_part[0][i] - f * f * w->neighbour_part[1][i];
         for (int k = 0; k < N; ++k)
             for (int i = 0; i < nd; ++i) {
                 double *to = damper + 2 * (l * N + k) * nd + i;
@@ -60,46 +60,46 @@ bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
             }
     }
     ++w->cost.n_factorisation;
-    const bd_status status = bd_ring_factor(&w->ring, &(bd_ring_matrix){.tangent = w->T,
+    const bd_status status = bd_ring_factor(&w->ring, &(bd_ring_matrix){.tangent = w->tangent,
                                                                         .blade = in->stiffness,
-                                                                        .own = own,
+                                                                        .common = own,
                                                                         .damping = damping,
                                                                         .damper = damper,
                                                                         .springs = w->springs,
-                                                                        .near = near});
+                                                                        .neighbour = near});
     if (status != BD_OK) return status;
     double *row = w->base.scratch + 3 * (n + 1);
     for (size_t i = 0; i < n; ++i) row[i] = border->row[i] / border->scale[i];
-    bd_wheel_spread(w, row, w->border);
+    bd_wheel_to_vector(w, row, w->border);
     w->border[whole] = border->row[n] / border->scale[n];
-    bd_wheel_spread(w, border->scale, w->scale);
+    bd_wheel_to_vector(w, border->scale, w->scale);
     w->scale[whole] = border->scale[n];
     if (!find_column(w, 0)) return BD_SINGULAR;
     e->factored =
-        (bd_factored){.condition = 1.0, .rank = e->n + 1, .orientation = w->ring.sign * (w->pivot > 0.0 ? 1 : -1)};
+        (bd_factored){.condition = 1.0, .rank = e->n + 1, .orientation = w->ring.sign * (w->border_pivot > 0.0 ? 1 : -1)};
     return BD_OK;
 }
 
 /* x = M^-1 b, both a vector and one number. */
 static void precondition(bd_wheel *w, const double *b, double *x) {
-    const size_t n = (size_t)w->whole;
+    const size_t n = (size_t)w->vector_size;
     const double *row = w->transposed ? w->C : w->border;
     bd_ring_solve(&w->ring, w->transposed, b, x);
-    const double mu = (b[n] - dot(row, x, n)) / w->pivot;
+    const double mu = (b[n] - dot(row, x, n)) / w->border_pivot;
     for (size_t i = 0; i < n; ++i) x[i] -= mu * w->column[i];
     x[n] = mu;
 }
 
 /* b (a vector) = -R y for the blades' part y. */
-static void left_out(bd_wheel *w, const double *y, double *b) {
-    memset(b, 0, sizeof(double) * ((size_t)w->whole + 1));
-    bd_wheel_add_waves(w, &w->far, w->omega, w->transposed, y, b, NULL);
-    for (int i = 0; i < w->whole; ++i) b[i] = -b[i];
+static void apply_remainder(bd_wheel *w, const double *y, double *b) {
+    memset(b, 0, sizeof(double) * ((size_t)w->vector_size + 1));
+    bd_wheel_add_waves(w, &w->remainder, w->omega, w->transposed, y, b, NULL);
+    for (int i = 0; i < w->vector_size; ++i) b[i] = -b[i];
 }
 
 /* Blades' part of x over its scale. */
-static void blades_scaled(const bd_wheel *w, const double *x, double *y) {
-    const size_t nb = (size_t)w->in.n_blade, rows = (size_t)(w->in.n_sector * w->n_coef), ns = (size_t)w->size;
+static void scale_blades(const bd_wheel *w, const double *x, double *y) {
+    const size_t nb = (size_t)w->input.n_blade, rows = (size_t)(w->input.n_sector * w->n_coef), ns = (size_t)w->sector_size;
     for (size_t i = 0; i < rows; ++i)
         for (size_t j = 0; j < nb; ++j) {
             const double scale = w->scale[i * ns + j];
@@ -108,7 +108,7 @@ static void blades_scaled(const bd_wheel *w, const double *x, double *y) {
 }
 
 /* Removes from v the vectors of V before it; h (k + 1) are its parts.  Returns its length. */
-static double orthogonalised(const bd_wheel *w, const double *V, int k, double *v, size_t n, double *h) {
+static double orthogonalise(const bd_wheel *w, const double *V, int k, double *v, size_t n, double *h) {
     const size_t rows = (size_t)k + 1;
     double part[MOST + 1];
     memset(h, 0, sizeof(double) * rows);
@@ -121,7 +121,7 @@ static double orthogonalised(const bd_wheel *w, const double *V, int k, double *
 }
 
 /* Rotates column k of the Hessenberg matrix by the rotations before, and finds the next; returns the last entry before it. */
-static double rotated(double *h, double *cosine, double *sine, double *g, int k, double size) {
+static double rotate_column(double *h, double *cosine, double *sine, double *g, int k, double size) {
     for (int i = 0; i < k; ++i) {
         const double a = h[i], c = h[i + 1];
         h[i] = cosine[i] * a + sine[i] * c;
@@ -137,13 +137,13 @@ static double rotated(double *h, double *cosine, double *sine, double *g, int k,
 
 /* x = B^-1 b to a tolerance, b and x a vector and one number.  M^-1 R of every y is kept, so that x needs no solution more. */
 static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, double *x) {
-    const size_t ny = blade_numbers(w), nb = (size_t)w->in.n_blade, ns = (size_t)w->size;
+    const size_t ny = n_blade_number(w), nb = (size_t)w->input.n_blade, ns = (size_t)w->sector_size;
     double *V = w->krylov, *H = V + (MOST + 1) * ny, *cosine = H + (MOST + 1) * MOST, *sine = cosine + MOST,
            *g = sine + MOST, *Z = g + MOST + 1;
-    const size_t n1 = (size_t)w->whole + 1;
-    double *y = w->blade;
+    const size_t n1 = (size_t)w->vector_size + 1;
+    double *y = w->blade_motion;
     precondition(w, b, x);
-    blades_scaled(w, x, V);
+    scale_blades(w, x, V);
     const double norm = sqrt(dot(V, V, ny));
     if (!isfinite(norm)) return BD_SINGULAR;
     if (norm == 0.0 || tolerance >= 1.0) return BD_OK;
@@ -154,12 +154,12 @@ static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, doub
         double *v = V + (size_t)(k + 1) * ny;
         const double *u = V + (size_t)k * ny;
         for (size_t i = 0; i < ny; ++i) y[i] = u[i] * w->scale[i / nb * ns + i % nb];
-        left_out(w, y, w->f);
-        precondition(w, w->f, Z + (size_t)k * n1);
-        blades_scaled(w, Z + (size_t)k * n1, v);
+        apply_remainder(w, y, w->product);
+        precondition(w, w->product, Z + (size_t)k * n1);
+        scale_blades(w, Z + (size_t)k * n1, v);
         for (size_t i = 0; i < ny; ++i) v[i] = u[i] - v[i];
         double *h = H + k * MOST;
-        const double size = orthogonalised(w, V, k, v, ny, h), last = rotated(h, cosine, sine, g, k, size);
+        const double size = orthogonalise(w, V, k, v, ny, h), last = rotate_column(h, cosine, sine, g, k, size);
         if (!isfinite(size)) return BD_SINGULAR;
         sign = last < 0.0 ? -1 : 1;
         ++k;
@@ -167,7 +167,7 @@ static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, doub
         for (size_t i = 0; i < ny && !done; ++i) v[i] /= size;
     }
     if (fabs(g[k]) > 0.5 * norm) return BD_SINGULAR;
-    w->base.factored.orientation = w->ring.sign * (w->pivot > 0.0 ? sign : -sign);
+    w->base.factored.orientation = w->ring.sign * (w->border_pivot > 0.0 ? sign : -sign);
     for (int i = k - 1; i >= 0; --i) {
         for (int j = i + 1; j < k; ++j) g[i] -= H[j * MOST + i] * g[j];
         g[i] /= H[i * MOST + i];
@@ -179,23 +179,23 @@ static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, doub
 /* Norm of x over its scale. */
 static double scaled_norm(const bd_wheel *w, const double *x) {
     double sum = 0.0;
-    for (int i = 0; i <= w->whole; ++i)
+    for (int i = 0; i <= w->vector_size; ++i)
         if (w->scale[i] > 0.0) sum += x[i] / w->scale[i] * (x[i] / w->scale[i]);
     return sqrt(sum);
 }
 
 /* b = b - B x, with the matrix itself. */
 static void subtract_product(bd_wheel *w, const double *x, double *b) {
-    const size_t n = (size_t)w->whole;
+    const size_t n = (size_t)w->vector_size;
     const double *column = w->transposed ? w->border : w->C, *row = w->transposed ? w->C : w->border;
-    bd_wheel_multiply(w, w->transposed, x, w->f);
-    for (size_t i = 0; i < n; ++i) b[i] -= w->f[i] + x[n] * column[i];
+    bd_wheel_multiply(w, w->transposed, x, w->product);
+    for (size_t i = 0; i < n; ++i) b[i] -= w->product[i] + x[n] * column[i];
     b[n] -= dot(row, x, n) + w->border[n] * x[n];
 }
 
 /* B x = b, b a vector and one number that becomes x. */
 static bd_status solve_bordered(bd_wheel *w, double tolerance, double *b) {
-    const size_t n1 = (size_t)w->whole + 1;
+    const size_t n1 = (size_t)w->vector_size + 1;
     enum { PASSES = 6 };
     double *x = w->b + n1, *left = x + n1, last = INFINITY;
     memcpy(left, b, sizeof(double) * n1);
@@ -217,14 +217,14 @@ bd_status bd_wheel_solve(bd_equations *e, double tolerance, double *b) {
     bd_wheel *w = (bd_wheel *)e;
     const size_t n = (size_t)e->n;
     if (w->transposed && !find_column(w, 0)) return BD_SINGULAR;
-    if (blade_numbers(w) <= SMALL) tolerance = fmin(tolerance, ACCURATE);
-    bd_wheel_spread(w, b, w->b);
-    w->b[w->whole] = b[n];
+    if (n_blade_number(w) <= SMALL) tolerance = fmin(tolerance, ACCURATE);
+    bd_wheel_to_vector(w, b, w->b);
+    w->b[w->vector_size] = b[n];
     const bd_status status = solve_bordered(w, tolerance, w->b);
     if (status != BD_OK) return status;
-    for (int i = 0; i <= w->whole; ++i) w->b[i] = w->scale[i] > 0.0 ? w->b[i] / w->scale[i] : 0.0;
-    bd_wheel_collect(w, w->b, b);
-    b[n] = w->b[w->whole];
+    for (int i = 0; i <= w->vector_size; ++i) w->b[i] = w->scale[i] > 0.0 ? w->b[i] / w->scale[i] : 0.0;
+    bd_wheel_to_unknowns(w, w->b, b);
+    b[n] = w->b[w->vector_size];
     return BD_OK;
 }
 
@@ -233,12 +233,12 @@ bd_status bd_wheel_solve_transposed(bd_equations *e, double *b) {
     bd_wheel *w = (bd_wheel *)e;
     const size_t n = (size_t)e->n;
     if (!w->transposed && !find_column(w, 1)) return BD_SINGULAR;
-    bd_wheel_spread(w, b, w->b);
-    w->b[w->whole] = b[n];
-    for (int i = 0; i <= w->whole; ++i) w->b[i] = w->scale[i] > 0.0 ? w->b[i] / w->scale[i] : 0.0;
+    bd_wheel_to_vector(w, b, w->b);
+    w->b[w->vector_size] = b[n];
+    for (int i = 0; i <= w->vector_size; ++i) w->b[i] = w->scale[i] > 0.0 ? w->b[i] / w->scale[i] : 0.0;
     const bd_status status = solve_bordered(w, 0.0, w->b);
     if (status != BD_OK) return status;
-    bd_wheel_collect(w, w->b, b);
-    b[n] = w->b[w->whole];
+    bd_wheel_to_unknowns(w, w->b, b);
+    b[n] = w->b[w->vector_size];
     return BD_OK;
 }

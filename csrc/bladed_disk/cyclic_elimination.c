@@ -50,34 +50,35 @@ void bd_ring_destroy(bd_ring *w) {
 bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     memset(w, 0, sizeof *w);
     const int nc = in->n_coef;
-    w->in = *in;
-    for (int p = 0; p < in->n_point; ++p) ++w->n_group[in->next[p] != 0];
+    w->input = *in;
+    for (int p = 0; p < in->n_point; ++p) ++w->n_group[in->on_next[p] != 0];
     w->kernel = bd_kernel_get();
-    w->size = in->n_blade + in->n_damper;
-    w->n_own = nc * (in->n_blade - in->n_kept);
-    w->n_side = nc * in->n_damper;
-    w->n_ring = nc * in->n_kept + w->n_side;
-    const size_t N = (size_t)in->n_sector, e = (size_t)w->n_own, s = (size_t)w->n_ring, q = s + (size_t)w->n_side;
-    const size_t whole = (size_t)(nc * w->size), most = (e > s ? e : s) + 1;
+    w->sector_size = in->n_blade + in->n_damper;
+    w->n_inner = nc * (in->n_blade - in->n_kept);
+    w->n_damper_unknown = nc * in->n_damper;
+    w->n_ring = nc * in->n_kept + w->n_damper_unknown;
+    const size_t N = (size_t)in->n_sector, e = (size_t)w->n_inner, s = (size_t)w->n_ring,
+                 q = s + (size_t)w->n_damper_unknown;
+    const size_t whole = (size_t)(nc * w->sector_size), most = (e > s ? e : s) + 1;
     const struct {
         double **to;
         size_t n;
     } parts[] = {{&w->inverse, N * e * e},
-                 {&w->back, N * e * q},
-                 {&w->couple, N * q * e},
+                 {&w->inner_to_outer, N * e * q},
+                 {&w->outer_to_inner, N * q * e},
                  {&w->diagonal, N * s * s},
                  {&w->lower, N * s * s},
                  {&w->upper, N * s * s},
-                 {&w->last, N * s * s},
-                 {&w->onward, N * s * s},
-                 {&w->fill, N * s * s},
-                 {&w->left, whole * whole},
-                 {&w->right, whole * whole},
+                 {&w->last_row, N * s * s},
+                 {&w->next_factor, N * s * s},
+                 {&w->last_factor, N * s * s},
+                 {&w->own_side, whole * whole},
+                 {&w->next_side, whole * whole},
                  {&w->Z, 3 * (size_t)in->n_point * whole},
-                 {&w->rows, 3 * (size_t)(in->n_point * w->size)},
-                 {&w->across, 3 * (size_t)(in->n_point * w->size)},
+                 {&w->rows, 3 * (size_t)(in->n_point * w->sector_size)},
+                 {&w->rows_transposed, 3 * (size_t)(in->n_point * w->sector_size)},
                  {&w->columns, e * q},
-                 {&w->seen, q * q + N * (e + 2 * q)},
+                 {&w->outer, q * q + N * (e + 2 * q)},
                  {&w->product, e + 2 * q},
                  {&w->work, 3 * most + 2 * whole + 2 * BD_KERNEL_BLOCK * (most + 8)}};
     size_t total = BD_KERNEL_PAD;
@@ -96,12 +97,12 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     w->point = w->pivot + most;
     int at[2] = {0, w->n_group[0]};
     for (int p = 0; p < in->n_point; ++p) {
-        const int k = at[in->next[p] != 0]++, row = 3 * w->size;
+        const int k = at[in->on_next[p] != 0]++, row = 3 * w->sector_size;
         w->point[k] = p;
         memcpy(w->rows + k * row, in->rows + p * row, sizeof(double) * (size_t)row);
-        const int first = in->next[p] ? w->n_group[0] : 0, wide = 3 * w->n_group[in->next[p] != 0];
-        double *to = w->across + first * row + 3 * (k - first);
-        for (int i = 0; i < row; ++i) to[i % w->size * wide + i / w->size] = in->rows[p * row + i];
+        const int first = in->on_next[p] ? w->n_group[0] : 0, wide = 3 * w->n_group[in->on_next[p] != 0];
+        double *to = w->rows_transposed + first * row + 3 * (k - first);
+        for (int i = 0; i < row; ++i) to[i % w->sector_size * wide + i / w->sector_size] = in->rows[p * row + i];
     }
     return BD_OK;
 }
@@ -110,15 +111,16 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
 
 /* z (n_coef, size) = sum over c' of three blocks (c, c') times a row of motion each. */
 static void fill_row(const bd_ring *w, const double *const block[3], const double *const row[3], double *restrict z) {
-    for (int d = 0; d < w->in.n_coef; ++d, z += w->size) {
+    for (int d = 0; d < w->input.n_coef; ++d, z += w->sector_size) {
         const double a = block[0][d], b = block[1][d], c = block[2][d];
-        for (int j = 0; j < w->size; ++j) z[j] = a * row[0][j] + b * row[1][j] + c * row[2][j];
+        for (int j = 0; j < w->sector_size; ++j) z[j] = a * row[0][j] + b * row[1][j] + c * row[2][j];
     }
 }
 
 /* Tangents of the points of one sector on its own blade, or on the next one: (n_coef, size, n_coef, size). */
 static void contact_matrix(bd_ring *w, int g, const double *T, double *out) {
-    const int nc = w->in.n_coef, ns = w->size, wide = nc * ns, n = w->n_group[g], *point = w->point + g * w->n_group[0];
+    const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns, n = w->n_group[g],
+              *point = w->point + g * w->n_group[0];
     const double *rows = w->rows + 3 * ns * g * w->n_group[0];
     const size_t nn = (size_t)(nc * nc);
     memset(out, 0, sizeof(double) * (size_t)wide * (size_t)wide);
@@ -139,17 +141,18 @@ static void contact_matrix(bd_ring *w, int g, const double *T, double *out) {
 
 /* Linear parts of one sector on the diagonal blocks of `left`. */
 static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
-    const bd_ring_input *in = &w->in;
-    const size_t nb = (size_t)in->n_blade, nd = (size_t)in->n_damper, ns = (size_t)w->size, wide = (size_t)in->n_coef * ns;
+    const bd_ring_input *in = &w->input;
+    const size_t nb = (size_t)in->n_blade, nd = (size_t)in->n_damper, ns = (size_t)w->sector_size,
+                 wide = (size_t)in->n_coef * ns;
     const double *blade = m->blade + (size_t)n * nb * nb;
     for (int c = 0; c < in->n_coef; ++c) {
         const size_t l = (size_t)(c + 1) / 2;
-        double *here = w->left + (size_t)c * ns * wide + (size_t)c * ns;
+        double *here = w->own_side + (size_t)c * ns * wide + (size_t)c * ns;
         if (!in->active[c]) {
             for (size_t i = 0; i < ns; ++i) here[i * wide + i] = 1.0;
             continue;
         }
-        const double *K = m->own + l * nb * nb, *C = m->damping + l * nb * nb;
+        const double *K = m->common + l * nb * nb, *C = m->damping + l * nb * nb;
         const double *k = m->damper + 2 * (l * (size_t)in->n_sector + (size_t)n) * nd, *d = k + nd;
         for (size_t i = 0; i < nb; ++i)
             for (size_t j = 0; j < nb; ++j) here[i * wide + j] += blade[i * nb + j] + K[i * nb + j];
@@ -169,50 +172,51 @@ static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
 
 /* to (rows of group, columns of group; leading dimension ld) = the entries of a sector matrix that belong to coordinates
  * [i0, i1) and [j0, j1). */
-static void take(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1, double *to, int ld) {
-    const int wide = w->in.n_coef * w->size;
-    for (int c = 0; c < w->in.n_coef; ++c)
+static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1, double *to, int ld) {
+    const int wide = w->input.n_coef * w->sector_size;
+    for (int c = 0; c < w->input.n_coef; ++c)
         for (int i = i0; i < i1; ++i) {
-            const double *row = from + (size_t)(c * w->size + i) * (size_t)wide;
+            const double *row = from + (size_t)(c * w->sector_size + i) * (size_t)wide;
             double *out = to + (size_t)(c * (i1 - i0) + i - i0) * (size_t)ld;
-            for (int d = 0; d < w->in.n_coef; ++d)
-                memcpy(out + d * (j1 - j0), row + d * w->size + j0, sizeof(double) * (size_t)(j1 - j0));
+            for (int d = 0; d < w->input.n_coef; ++d)
+                memcpy(out + d * (j1 - j0), row + d * w->sector_size + j0, sizeof(double) * (size_t)(j1 - j0));
         }
 }
 
 /* Sum of both halves of the blade's own part, in `left`. */
 static void add_blade(bd_ring *w) {
-    const size_t ns = (size_t)w->size, wide = (size_t)w->in.n_coef * ns, nb = (size_t)w->in.n_blade;
-    for (int c = 0; c < w->in.n_coef; ++c)
+    const size_t ns = (size_t)w->sector_size, wide = (size_t)w->input.n_coef * ns, nb = (size_t)w->input.n_blade;
+    for (int c = 0; c < w->input.n_coef; ++c)
         for (size_t i = 0; i < nb; ++i)
-            for (int d = 0; d < w->in.n_coef; ++d) {
+            for (int d = 0; d < w->input.n_coef; ++d) {
                 const size_t at = ((size_t)c * ns + i) * wide + (size_t)d * ns;
-                for (size_t j = 0; j < nb; ++j) w->left[at + j] += w->right[at + j];
+                for (size_t j = 0; j < nb; ++j) w->own_side[at + j] += w->next_side[at + j];
             }
 }
 
 /* Eliminates the blade coordinates of sector n and puts what is left into the blocks of the ring. */
 static int eliminate_blade(bd_ring *w, int n) {
-    const int N = w->in.n_sector, e = w->in.n_blade - w->in.n_kept, nb = w->in.n_blade, ns = w->size;
-    const int E = w->n_own, s = w->n_ring, side = w->n_side, q = s + side, A = s - side;
-    double *inverse = w->inverse + (size_t)n * (size_t)E * (size_t)E, *back = w->back + (size_t)n * (size_t)E * (size_t)q;
-    double *couple = w->couple + (size_t)n * (size_t)q * (size_t)E, *S = w->seen;
+    const int N = w->input.n_sector, e = w->input.n_blade - w->input.n_kept, nb = w->input.n_blade, ns = w->sector_size;
+    const int E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
+    double *inverse = w->inverse + (size_t)n * (size_t)E * (size_t)E,
+           *back = w->inner_to_outer + (size_t)n * (size_t)E * (size_t)q;
+    double *couple = w->outer_to_inner + (size_t)n * (size_t)q * (size_t)E, *S = w->outer;
     double *columns = w->columns;
     memset(S, 0, sizeof(double) * (size_t)q * (size_t)q);
-    take(w, w->left, 0, e, 0, e, inverse, E);
-    take(w, w->left, 0, e, e, nb, columns, q);
-    take(w, w->left, 0, e, nb, ns, columns + A, q);
-    take(w, w->right, 0, e, nb, ns, columns + s, q);
-    take(w, w->left, e, nb, 0, e, couple, E);
-    take(w, w->left, nb, ns, 0, e, couple + (size_t)A * (size_t)E, E);
-    take(w, w->right, nb, ns, 0, e, couple + (size_t)s * (size_t)E, E);
-    take(w, w->left, e, nb, e, nb, S, q);
-    take(w, w->left, e, nb, nb, ns, S + A, q);
-    take(w, w->left, nb, ns, e, nb, S + (size_t)A * (size_t)q, q);
-    take(w, w->left, nb, ns, nb, ns, S + (size_t)A * (size_t)q + A, q);
-    take(w, w->right, e, nb, nb, ns, S + s, q);
-    take(w, w->right, nb, ns, e, nb, S + (size_t)s * (size_t)q, q);
-    take(w, w->right, nb, ns, nb, ns, S + (size_t)s * (size_t)q + s, q);
+    extract(w, w->own_side, 0, e, 0, e, inverse, E);
+    extract(w, w->own_side, 0, e, e, nb, columns, q);
+    extract(w, w->own_side, 0, e, nb, ns, columns + A, q);
+    extract(w, w->next_side, 0, e, nb, ns, columns + s, q);
+    extract(w, w->own_side, e, nb, 0, e, couple, E);
+    extract(w, w->own_side, nb, ns, 0, e, couple + (size_t)A * (size_t)E, E);
+    extract(w, w->next_side, nb, ns, 0, e, couple + (size_t)s * (size_t)E, E);
+    extract(w, w->own_side, e, nb, e, nb, S, q);
+    extract(w, w->own_side, e, nb, nb, ns, S + A, q);
+    extract(w, w->own_side, nb, ns, e, nb, S + (size_t)A * (size_t)q, q);
+    extract(w, w->own_side, nb, ns, nb, ns, S + (size_t)A * (size_t)q + A, q);
+    extract(w, w->next_side, e, nb, nb, ns, S + s, q);
+    extract(w, w->next_side, nb, ns, e, nb, S + (size_t)s * (size_t)q, q);
+    extract(w, w->next_side, nb, ns, nb, ns, S + (size_t)s * (size_t)q + s, q);
     if (E > 0) {
         if (!invert(w, inverse, E)) return 0;
         multiply(w, E, q, E, 0.0, inverse, E, columns, q, back, q);
@@ -238,10 +242,10 @@ static int eliminate_blade(bd_ring *w, int n) {
 /* ---- the ring ---- */
 
 static void add_disk(bd_ring *w, const double *neighbour) {
-    const size_t k = (size_t)w->in.n_kept, s = (size_t)w->n_ring, ss = s * s;
-    for (size_t n = 0; n < (size_t)w->in.n_sector; ++n)
-        for (int c = 0; c < w->in.n_coef; ++c) {
-            if (!w->in.active[c]) continue;
+    const size_t k = (size_t)w->input.n_kept, s = (size_t)w->n_ring, ss = s * s;
+    for (size_t n = 0; n < (size_t)w->input.n_sector; ++n)
+        for (int c = 0; c < w->input.n_coef; ++c) {
+            if (!w->input.active[c]) continue;
             const double *K = neighbour + (size_t)((c + 1) / 2) * k * k;
             const size_t at = n * ss + (size_t)c * k * s + (size_t)c * k;
             for (size_t i = 0; i < k; ++i)
@@ -253,14 +257,14 @@ static void add_disk(bd_ring *w, const double *neighbour) {
 }
 
 static int eliminate_ring(bd_ring *w) {
-    const int N = w->in.n_sector, s = w->n_ring;
+    const int N = w->input.n_sector, s = w->n_ring;
     const size_t ss = (size_t)s * (size_t)s;
     double *end = w->diagonal + (size_t)(N - 1) * ss;
-    memcpy(w->last, w->upper + (size_t)(N - 1) * ss, sizeof(double) * ss);
+    memcpy(w->last_row, w->upper + (size_t)(N - 1) * ss, sizeof(double) * ss);
     double *W = w->lower; /* of sector 0: its coupling to the last one */
     for (int n = 0; n < N - 1; ++n) {
         const size_t at = (size_t)n * ss;
-        double *D = w->diagonal + at, *V = w->last + at, *fill = w->fill + at, *onward = w->onward + at;
+        double *D = w->diagonal + at, *V = w->last_row + at, *fill = w->last_factor + at, *onward = w->next_factor + at;
         if (n == N - 2)
             for (size_t i = 0; i < ss; ++i) V[i] += w->lower[at + ss + i], W[i] += w->upper[at + i];
         if (!invert(w, D, s)) return 0;
@@ -280,18 +284,18 @@ static int eliminate_ring(bd_ring *w) {
 }
 
 bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
-    const size_t N = (size_t)w->in.n_sector, all = sizeof(double) * N * (size_t)w->n_ring * (size_t)w->n_ring;
-    const size_t of_sector = 7 * (size_t)w->in.n_point * (size_t)(w->in.n_coef * w->in.n_coef);
+    const size_t N = (size_t)w->input.n_sector, all = sizeof(double) * N * (size_t)w->n_ring * (size_t)w->n_ring;
+    const size_t of_sector = 7 * (size_t)w->input.n_point * (size_t)(w->input.n_coef * w->input.n_coef);
     w->sign = 1;
     memset(w->diagonal, 0, all), memset(w->lower, 0, all), memset(w->upper, 0, all);
     for (size_t n = 0; n < N; ++n) {
-        contact_matrix(w, 0, m->tangent + n * of_sector, w->left);
-        contact_matrix(w, 1, m->tangent + (n + N - 1) % N * of_sector, w->right);
+        contact_matrix(w, 0, m->tangent + n * of_sector, w->own_side);
+        contact_matrix(w, 1, m->tangent + (n + N - 1) % N * of_sector, w->next_side);
         add_blade(w);
         add_linear(w, m, (int)n);
         if (!eliminate_blade(w, (int)n)) return BD_SINGULAR;
     }
-    add_disk(w, m->near);
+    add_disk(w, m->neighbour);
     return eliminate_ring(w) ? BD_OK : BD_SINGULAR;
 }
 
@@ -312,7 +316,7 @@ static void add_product(const bd_ring *w, int transposed, int m, int n, double a
 }
 
 /* x (s) becomes the inverse at the diagonal times x. */
-static void divide(const bd_ring *w, int transposed, int n, double *x) {
+static void apply_inverse(const bd_ring *w, int transposed, int n, double *x) {
     const size_t s = (size_t)w->n_ring;
     double *t = w->work;
     memset(t, 0, sizeof(double) * s);
@@ -322,43 +326,44 @@ static void divide(const bd_ring *w, int transposed, int n, double *x) {
 
 /* Right-hand side b (N, s) of the ring becomes its solution. */
 static void solve_ring(bd_ring *w, double *b) {
-    const int N = w->in.n_sector, s = w->n_ring;
+    const int N = w->input.n_sector, s = w->n_ring;
     const size_t ss = (size_t)s * (size_t)s;
     double *end = b + (size_t)(N - 1) * (size_t)s;
     for (int n = 0; n < N; ++n) {
         double *here = b + (size_t)n * (size_t)s;
-        divide(w, 0, n, here);
+        apply_inverse(w, 0, n, here);
         if (n < N - 2) add_product(w, 0, s, s, -1.0, w->lower + (size_t)(n + 1) * ss, here, here + s);
-        if (n < N - 1) add_product(w, 0, s, s, -1.0, w->last + (size_t)n * ss, here, end);
+        if (n < N - 1) add_product(w, 0, s, s, -1.0, w->last_row + (size_t)n * ss, here, end);
     }
     for (int n = N - 2; n >= 0; --n) {
         double *here = b + (size_t)n * (size_t)s;
-        add_product(w, 0, s, s, -1.0, w->fill + (size_t)n * ss, end, here);
-        if (n < N - 2) add_product(w, 0, s, s, -1.0, w->onward + (size_t)n * ss, here + s, here);
+        add_product(w, 0, s, s, -1.0, w->last_factor + (size_t)n * ss, end, here);
+        if (n < N - 2) add_product(w, 0, s, s, -1.0, w->next_factor + (size_t)n * ss, here + s, here);
     }
 }
 
 static void solve_ring_transposed(bd_ring *w, double *b) {
-    const int N = w->in.n_sector, s = w->n_ring;
+    const int N = w->input.n_sector, s = w->n_ring;
     const size_t ss = (size_t)s * (size_t)s;
     double *end = b + (size_t)(N - 1) * (size_t)s;
     for (int n = 0; n < N - 1; ++n) {
         double *here = b + (size_t)n * (size_t)s;
-        add_product(w, 1, s, s, -1.0, w->fill + (size_t)n * ss, here, end);
-        if (n < N - 2) add_product(w, 1, s, s, -1.0, w->onward + (size_t)n * ss, here, here + s);
+        add_product(w, 1, s, s, -1.0, w->last_factor + (size_t)n * ss, here, end);
+        if (n < N - 2) add_product(w, 1, s, s, -1.0, w->next_factor + (size_t)n * ss, here, here + s);
     }
     for (int n = N - 1; n >= 0; --n) {
         double *here = b + (size_t)n * (size_t)s;
         if (n < N - 2) add_product(w, 1, s, s, -1.0, w->lower + (size_t)(n + 1) * ss, here + s, here);
-        if (n < N - 1) add_product(w, 1, s, s, -1.0, w->last + (size_t)n * ss, end, here);
-        divide(w, 1, n, here);
+        if (n < N - 1) add_product(w, 1, s, s, -1.0, w->last_row + (size_t)n * ss, end, here);
+        apply_inverse(w, 1, n, here);
     }
 }
 
 /* Puts the right-hand side of sector n into t (own) and adds it to the ring. */
-static void part(const bd_ring *w, const double *from, double *t, double *to) {
-    const int ns = w->size, k = w->in.n_kept, e = w->in.n_blade - k, nd = w->in.n_damper, A = w->n_ring - w->n_side;
-    for (int c = 0; c < w->in.n_coef; ++c) {
+static void split_sector(const bd_ring *w, const double *from, double *t, double *to) {
+    const int ns = w->sector_size, k = w->input.n_kept, e = w->input.n_blade - k, nd = w->input.n_damper,
+              A = w->n_ring - w->n_damper_unknown;
+    for (int c = 0; c < w->input.n_coef; ++c) {
         memcpy(t + c * e, from + c * ns, sizeof(double) * (size_t)e);
         for (int i = 0; i < k; ++i) to[c * k + i] += from[c * ns + e + i];
         for (int i = 0; i < nd; ++i) to[A + c * nd + i] += from[c * ns + e + k + i];
@@ -366,24 +371,25 @@ static void part(const bd_ring *w, const double *from, double *t, double *to) {
 }
 
 void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
-    const int N = w->in.n_sector, nc = w->in.n_coef, ns = w->size, k = w->in.n_kept, e = w->in.n_blade - k;
-    const int nd = w->in.n_damper, E = w->n_own, s = w->n_ring, side = w->n_side, q = s + side, A = s - side;
+    const int N = w->input.n_sector, nc = w->input.n_coef, ns = w->sector_size, k = w->input.n_kept,
+              e = w->input.n_blade - k;
+    const int nd = w->input.n_damper, E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
     const size_t EE = (size_t)E * (size_t)E, Eq = (size_t)E * (size_t)q;
-    double *own = w->seen, *b = own + (size_t)N * (size_t)E, *t = w->work; /* (N, E), (N, s), one sector */
+    double *own = w->outer, *b = own + (size_t)N * (size_t)E, *t = w->work; /* (N, E), (N, s), one sector */
     memset(b, 0, sizeof(double) * (size_t)N * (size_t)s);
     memset(own, 0, sizeof(double) * (size_t)N * (size_t)E);
     for (int n = 0; n < N; ++n) {
         double *to = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
         double *mine = own + (size_t)n * (size_t)E;
-        const double *couple = w->couple + (size_t)n * Eq, *back = w->back + (size_t)n * Eq;
+        const double *couple = w->outer_to_inner + (size_t)n * Eq, *back = w->inner_to_outer + (size_t)n * Eq;
         if (!transposed) {
-            part(w, r + (size_t)n * (size_t)(nc * ns), t, to);
+            split_sector(w, r + (size_t)n * (size_t)(nc * ns), t, to);
             add_product(w, 0, E, E, 1.0, w->inverse + (size_t)n * EE, t, mine);
             add_product(w, 0, s, E, -1.0, couple, mine, to);
             add_product(w, 0, side, E, -1.0, couple + (size_t)s * (size_t)E, mine, before);
             continue;
         }
-        part(w, r + (size_t)n * (size_t)(nc * ns), mine, to);
+        split_sector(w, r + (size_t)n * (size_t)(nc * ns), mine, to);
         memset(t, 0, sizeof(double) * (size_t)q);
         add_product(w, 1, E, q, -1.0, back, mine, t);
         for (int i = 0; i < s; ++i) to[i] += t[i];
@@ -399,10 +405,10 @@ void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
         memcpy(t, here, sizeof(double) * (size_t)s);
         memcpy(t + s, before, sizeof(double) * (size_t)side);
         if (!transposed) {
-            add_product(w, 0, E, q, -1.0, w->back + (size_t)n * Eq, t, mine);
+            add_product(w, 0, E, q, -1.0, w->inner_to_outer + (size_t)n * Eq, t, mine);
         } else {
             double *u = t + q;
-            add_product(w, 1, q, E, -1.0, w->couple + (size_t)n * Eq, t, mine);
+            add_product(w, 1, q, E, -1.0, w->outer_to_inner + (size_t)n * Eq, t, mine);
             memcpy(u, mine, sizeof(double) * (size_t)E);
             memset(mine, 0, sizeof(double) * (size_t)E);
             add_product(w, 1, E, E, 1.0, w->inverse + (size_t)n * EE, u, mine);

@@ -26,27 +26,27 @@ static int phase(int c) { return c == 0 ? 0 : c % 2 ? 1 : -1; }
 
 /* ---- layouts ---- */
 
-void bd_wheel_spread(const bd_wheel *w, const double *u, double *x) {
-    const int N = w->in.n_sector, ns = w->size, nc = w->n_coef;
-    memset(x, 0, sizeof(double) * (size_t)w->whole);
+void bd_wheel_to_vector(const bd_wheel *w, const double *u, double *x) {
+    const int N = w->input.n_sector, ns = w->sector_size, nc = w->n_coef;
+    memset(x, 0, sizeof(double) * (size_t)w->vector_size);
     for (int c = 0; c < nc; ++c) {
-        if (!w->in.active[c]) continue;
+        if (!w->input.active[c]) continue;
         for (int n = 0; n < N; ++n, u += ns) memcpy(x + (n * nc + c) * ns, u, sizeof(double) * (size_t)ns);
     }
 }
 
-void bd_wheel_collect(const bd_wheel *w, const double *x, double *u) {
-    const int N = w->in.n_sector, ns = w->size, nc = w->n_coef;
+void bd_wheel_to_unknowns(const bd_wheel *w, const double *x, double *u) {
+    const int N = w->input.n_sector, ns = w->sector_size, nc = w->n_coef;
     for (int c = 0; c < nc; ++c) {
-        if (!w->in.active[c]) continue;
+        if (!w->input.active[c]) continue;
         for (int n = 0; n < N; ++n, u += ns) memcpy(u, x + (n * nc + c) * ns, sizeof(double) * (size_t)ns);
     }
 }
 
 /* Blades' coordinates (n_sector, n_coef, n_blade) of a vector. */
-static void take_blades(const bd_wheel *w, const double *x, double *blade) {
-    const size_t nb = (size_t)w->in.n_blade, rows = (size_t)(w->in.n_sector * w->n_coef);
-    for (size_t i = 0; i < rows; ++i) memcpy(blade + i * nb, x + i * (size_t)w->size, sizeof(double) * nb);
+static void copy_blades(const bd_wheel *w, const double *x, double *blade) {
+    const size_t nb = (size_t)w->input.n_blade, rows = (size_t)(w->input.n_sector * w->n_coef);
+    for (size_t i = 0; i < rows; ++i) memcpy(blade + i * nb, x + i * (size_t)w->sector_size, sizeof(double) * nb);
 }
 
 /* ---- disk and damping ---- */
@@ -65,9 +65,9 @@ static void add_complex(int n, const double *A, const double *re, const double *
 }
 
 /* One wave of one coefficient of harmonic l: K x - (l omega)^2 M x + l omega C x', with x' of the other coefficient. */
-static void one_wave(const bd_wheel *w, const bd_waves *waves, int d, int l, double omega, double sense, const double *x[4],
-                     double *lin[2], double *rate[2], double *t) {
-    const int nb = w->in.n_blade, nr = w->in.n_root, root = nb - nr;
+static void wave_product(const bd_wheel *w, const bd_waves *waves, int d, int l, double omega, double sense,
+                         const double *x[4], double *lin[2], double *rate[2], double *t) {
+    const int nb = w->input.n_blade, nr = w->input.n_root, root = nb - nr;
     const double f = l * omega;
     double *K[2] = {t + root, t + nb + root}, *M[2] = {K[0] + 2 * nb, K[1] + 2 * nb}, *C[2] = {t + 4 * nb, t + 5 * nb};
     memset(t, 0, sizeof(double) * 6 * (size_t)nb);
@@ -89,20 +89,20 @@ static void one_wave(const bd_wheel *w, const bd_waves *waves, int d, int l, dou
  * NULL; of the transposed matrix where asked for. */
 void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int transposed, const double *blade, double *out,
                         double *by) {
-    const int N = w->in.n_sector, D = w->n_wave, nb = w->in.n_blade, nc = w->n_coef, m = nc * nb;
+    const int N = w->input.n_sector, D = w->n_wave, nb = w->input.n_blade, nc = w->n_coef, m = nc * nb;
     const size_t apart = (size_t)(D * m);
-    double *in = w->hat, *lin = in + 2 * apart, *rate = lin + 2 * apart, *t = rate + 2 * apart;
+    double *in = w->wave_work, *lin = in + 2 * apart, *rate = lin + 2 * apart, *t = rate + 2 * apart;
     multiply(w, D, m, N, w->cosine, N, blade, m, 0, in, m);
     multiply(w, D, m, N, w->sine, N, blade, m, 0, in + apart, m);
     memset(lin, 0, sizeof(double) * 4 * apart);
     for (int d = 0; d < D; ++d) {
         const double weight = (d == 0 || 2 * d == N ? 1.0 : 2.0) / N;
         for (int c = 0; c < nc; ++c) {
-            if (!w->in.active[c]) continue;
+            if (!w->input.active[c]) continue;
             const size_t at = (size_t)(d * m + c * nb), other = (size_t)(d * m + (c + phase(c)) * nb);
             const double *x[4] = {in + at, in + apart + at, in + other, in + apart + other};
             double *to[2] = {lin + at, lin + apart + at}, *to_rate[2] = {rate + at, rate + apart + at};
-            one_wave(w, waves, d, (c + 1) / 2, omega, transposed ? -phase(c) : phase(c), x, to, by ? to_rate : NULL, t);
+            wave_product(w, waves, d, (c + 1) / 2, omega, transposed ? -phase(c) : phase(c), x, to, by ? to_rate : NULL, t);
         }
         for (size_t i = (size_t)(d * m); i < (size_t)((d + 1) * m); ++i) {
             lin[i] *= weight, lin[apart + i] *= weight;
@@ -116,7 +116,7 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
         w->ring.kernel->product((size_t)N, (size_t)m, (size_t)D, w->cosine, wave, (size_t)m, w->motion, (size_t)m);
         w->ring.kernel->product((size_t)N, (size_t)m, (size_t)D, w->sine, wave + apart, (size_t)m, w->motion, (size_t)m);
         for (int i = 0; i < N * nc; ++i)
-            for (int j = 0; j < nb; ++j) to[(size_t)i * (size_t)w->size + (size_t)j] += w->motion[i * nb + j];
+            for (int j = 0; j < nb; ++j) to[(size_t)i * (size_t)w->sector_size + (size_t)j] += w->motion[i * nb + j];
     }
 }
 
@@ -124,22 +124,22 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
 
 /* out = linear part times x, by = its derivative by omega, if not NULL; of the transposed matrix where asked for. */
 static void linear_part(bd_wheel *w, double omega, int transposed, const double *x, double *out, double *by) {
-    const bd_wheel_input *in = &w->in;
-    const int N = in->n_sector, nb = in->n_blade, nd = in->n_damper, nc = w->n_coef, ns = w->size;
-    take_blades(w, x, w->blade);
-    multiply(w, N * nc, nb, nb, w->blade, nb, in->mass, nb, 0, w->heavy, nb);
-    memset(out, 0, sizeof(double) * (size_t)w->whole);
-    if (by) memset(by, 0, sizeof(double) * (size_t)w->whole);
+    const bd_wheel_input *in = &w->input;
+    const int N = in->n_sector, nb = in->n_blade, nd = in->n_damper, nc = w->n_coef, ns = w->sector_size;
+    copy_blades(w, x, w->blade_motion);
+    multiply(w, N * nc, nb, nb, w->blade_motion, nb, in->mass, nb, 0, w->inertia, nb);
+    memset(out, 0, sizeof(double) * (size_t)w->vector_size);
+    if (by) memset(by, 0, sizeof(double) * (size_t)w->vector_size);
     for (int n = 0; n < N; ++n) {
         const size_t first = (size_t)(n * nc * ns);
-        multiply(w, nc, nb, nb, w->blade + (size_t)(n * nc * nb), nb, in->stiffness + (size_t)(n * nb * nb), nb, 0,
+        multiply(w, nc, nb, nb, w->blade_motion + (size_t)(n * nc * nb), nb, in->stiffness + (size_t)(n * nb * nb), nb, 0,
                  out + first, ns);
         for (int c = 0; c < nc; ++c) {
             if (!in->active[c]) continue;
             const int l = (c + 1) / 2;
             const double f = l * omega, sense = transposed ? -phase(c) : phase(c);
             double *to = out + first + c * ns, *rate = by ? by + first + c * ns : NULL;
-            const double *heavy = w->heavy + (size_t)((n * nc + c) * nb), *y = x + first + c * ns + nb;
+            const double *heavy = w->inertia + (size_t)((n * nc + c) * nb), *y = x + first + c * ns + nb;
             const double *other = y + phase(c) * ns;
             for (int i = 0; i < nb; ++i) {
                 to[i] -= f * f * heavy[i];
@@ -152,16 +152,16 @@ static void linear_part(bd_wheel *w, double omega, int transposed, const double 
             }
         }
     }
-    bd_wheel_add_waves(w, &w->full, omega, transposed, w->blade, out, by);
+    bd_wheel_add_waves(w, &w->waves, omega, transposed, w->blade_motion, out, by);
 }
 
 /* Rows of what is no unknown: out = x, by = 0. */
-static void keep_still(const bd_wheel *w, const double *x, double *out, double *by) {
-    const int N = w->in.n_sector, nc = w->n_coef, ns = w->size, nb = w->in.n_blade;
+static void set_inactive_rows(const bd_wheel *w, const double *x, double *out, double *by) {
+    const int N = w->input.n_sector, nc = w->n_coef, ns = w->sector_size, nb = w->input.n_blade;
     for (int n = 0; n < N; ++n)
         for (int c = 0; c < nc; ++c) {
-            if (w->in.active[c] && !w->in.pinned[n]) continue;
-            for (int i = w->in.active[c] ? nb : 0; i < ns; ++i) {
+            if (w->input.active[c] && !w->input.pinned[n]) continue;
+            for (int i = w->input.active[c] ? nb : 0; i < ns; ++i) {
                 const size_t at = (size_t)((n * nc + c) * ns + i);
                 out[at] = x[at];
                 if (by) by[at] = 0.0;
@@ -172,10 +172,10 @@ static void keep_still(const bd_wheel *w, const double *x, double *out, double *
 /* ---- contact ---- */
 
 /* Blades of the sectors one further on beside the own dampers. */
-static void turn(const bd_wheel *w, const double *x, double *to) {
-    const int N = w->in.n_sector, nb = w->in.n_blade;
-    const size_t ns = (size_t)w->size, rows = (size_t)w->n_coef;
-    memcpy(to, x, sizeof(double) * (size_t)w->whole);
+static void shift_blades(const bd_wheel *w, const double *x, double *to) {
+    const int N = w->input.n_sector, nb = w->input.n_blade;
+    const size_t ns = (size_t)w->sector_size, rows = (size_t)w->n_coef;
+    memcpy(to, x, sizeof(double) * (size_t)w->vector_size);
     for (int n = 0; n < N; ++n)
         for (size_t c = 0; c < rows; ++c)
             memcpy(to + ((size_t)n * rows + c) * ns, x + ((size_t)((n + 1) % N) * rows + c) * ns,
@@ -184,15 +184,15 @@ static void turn(const bd_wheel *w, const double *x, double *to) {
 
 /* Motion of all points (n_sector, n_point, 3, n_coef). */
 static void find_motion(bd_wheel *w, const double *x, double *X) {
-    const int rows = w->in.n_sector * w->n_coef, ns = w->size, nc = w->n_coef, *point = w->ring.point;
-    const double *R = w->ring.across, *from = x;
+    const int rows = w->input.n_sector * w->n_coef, ns = w->sector_size, nc = w->n_coef, *point = w->ring.point;
+    const double *R = w->ring.rows_transposed, *from = x;
     for (int g = 0; g < 2; ++g) {
         const int n = w->ring.n_group[g], wide = 3 * n;
-        if (g) turn(w, x, w->turned), from = w->turned;
+        if (g) shift_blades(w, x, w->shifted), from = w->shifted;
         multiply(w, rows, wide, ns, from, ns, R, wide, 0, w->motion, wide);
         for (int row = 0; row < rows; ++row)
             for (int k = 0; k < wide; ++k) {
-                const int p = row / nc * w->in.n_point + point[k / 3];
+                const int p = row / nc * w->input.n_point + point[k / 3];
                 X[(size_t)((3 * p + k % 3) * nc + row % nc)] = w->motion[row * wide + k];
             }
         R += wide * ns, point += n;
@@ -201,21 +201,22 @@ static void find_motion(bd_wheel *w, const double *x, double *X) {
 
 /* out += forces at the points (n_sector, n_point, 3, n_coef) on the coordinates. */
 static void add_forces(bd_wheel *w, const double *F, double *out) {
-    const int N = w->in.n_sector, ns = w->size, nc = w->n_coef, rows = N * nc, nb = w->in.n_blade, *point = w->ring.point;
+    const int N = w->input.n_sector, ns = w->sector_size, nc = w->n_coef, rows = N * nc, nb = w->input.n_blade,
+              *point = w->ring.point;
     const double *R = w->ring.rows;
     for (int g = 0; g < 2; ++g) {
         const int n = w->ring.n_group[g], wide = 3 * n;
         for (int row = 0; row < rows; ++row)
             for (int k = 0; k < wide; ++k) {
-                const int p = row / nc * w->in.n_point + point[k / 3];
+                const int p = row / nc * w->input.n_point + point[k / 3];
                 w->motion[row * wide + k] = F[(size_t)((3 * p + k % 3) * nc + row % nc)];
             }
-        double *to = g ? w->turned : out;
+        double *to = g ? w->shifted : out;
         multiply(w, rows, ns, wide, w->motion, wide, R, ns, !g, to, ns);
         R += wide * ns, point += n;
     }
     for (int row = 0; row < rows; ++row) {
-        const double *from = w->turned + (size_t)(row * ns);
+        const double *from = w->shifted + (size_t)(row * ns);
         double *blade = out + (size_t)((row + nc) % rows * ns), *damper = out + (size_t)(row * ns);
         for (int i = 0; i < nb; ++i) blade[i] += from[i];
         for (int i = nb; i < ns; ++i) damper[i] += from[i];
@@ -229,7 +230,7 @@ static void evaluate_points(bd_wheel *w, int first, int n, int derivative) {
     for (int i = 0; i < n; ++i) {
         out[i] = (bd_response){.F = w->F + 3 * nc * (size_t)(first + i)};
         if (!derivative) continue;
-        double *block = w->T + 7 * nn * (size_t)(first + i);
+        double *block = w->tangent + 7 * nn * (size_t)(first + i);
         for (int d = 0; d < 2; ++d) {
             out[i].dT[d] = block + (size_t)d * nn;
             out[i].dTv[d] = block + (size_t)(2 + d) * nn;
@@ -239,10 +240,10 @@ static void evaluate_points(bd_wheel *w, int first, int n, int derivative) {
     }
     bd_contact_evaluate_many(n, w->element + first, w->X + 3 * nc * (size_t)first, out, w->share + first, &w->evaluator);
     for (int i = 0; derivative && i < n; ++i) {
-        bd_element_write_blocks(w->element + first + i, w->in.n_harm, out + i);
-        double *block = w->T + 7 * nn * (size_t)(first + i);
+        bd_element_write_blocks(w->element + first + i, w->input.n_harm, out + i);
+        double *block = w->tangent + 7 * nn * (size_t)(first + i);
         for (size_t c = 0; c < nc; ++c) {
-            if (w->in.active[c]) continue;
+            if (w->input.active[c]) continue;
             for (size_t k = 0; k < 7; ++k)
                 for (size_t d = 0; d < nc; ++d) block[k * nn + c * nc + d] = block[k * nn + d * nc + c] = 0.0;
         }
@@ -250,9 +251,9 @@ static void evaluate_points(bd_wheel *w, int first, int n, int derivative) {
 }
 
 static void evaluate_contact(bd_wheel *w, int derivative) {
-    const int n = w->in.n_sector * w->in.n_point;
+    const int n = w->input.n_sector * w->input.n_point;
     find_motion(w, w->x, w->X);
-    for (int i = 0; i < 3 * n; ++i) w->X[(size_t)(i * w->n_coef)] += w->in.shift[i];
+    for (int i = 0; i < 3 * n; ++i) w->X[(size_t)(i * w->n_coef)] += w->input.shift[i];
     for (int first = 0; first < n; first += BD_LANES)
         evaluate_points(w, first, n - first < BD_LANES ? n - first : BD_LANES, derivative);
 }
@@ -260,9 +261,9 @@ static void evaluate_contact(bd_wheel *w, int derivative) {
 /* F = tangents times motions X, or transposed. */
 static void apply_tangents(const bd_wheel *w, int transposed, const double *X, double *F) {
     static const int FORCE[7] = {0, 1, 0, 1, 0, 1, 2}, MOTION[7] = {0, 1, 2, 2, 1, 0, 2};
-    const int nc = w->n_coef, points = w->in.n_sector * w->in.n_point;
+    const int nc = w->n_coef, points = w->input.n_sector * w->input.n_point;
     memset(F, 0, sizeof(double) * (size_t)(3 * points * nc));
-    const double *T = w->T;
+    const double *T = w->tangent;
     for (int p = 0; p < points; ++p)
         for (int k = 0; k < 7; ++k, T += nc * nc) {
             const size_t force = (size_t)((3 * p + FORCE[k]) * nc), motion = (size_t)((3 * p + MOTION[k]) * nc);
@@ -281,12 +282,12 @@ static void apply_tangents(const bd_wheel *w, int transposed, const double *X, d
 static bd_status evaluate_wheel(bd_equations *e, const double *y, int derivative) {
     bd_wheel *w = (bd_wheel *)e;
     const size_t n = (size_t)e->n;
-    const int N = w->in.n_sector, nb = w->in.n_blade, nd = w->in.n_damper, nc = w->n_coef, ns = w->size;
+    const int N = w->input.n_sector, nb = w->input.n_blade, nd = w->input.n_damper, nc = w->n_coef, ns = w->sector_size;
     double sum = 0.0;
     for (size_t i = 0; i <= n; ++i) sum += y[i] * 0.0;
     if (sum != 0.0) return BD_NOT_FINITE;
-    bd_wheel_spread(w, y, w->x);
-    double clock = bd_seconds(), *r = w->f;
+    bd_wheel_to_vector(w, y, w->x);
+    double clock = bd_seconds(), *r = w->product;
     evaluate_contact(w, derivative);
     w->cost.contact += bd_seconds() - clock, clock = bd_seconds();
     linear_part(w, y[n], 0, w->x, r, derivative ? w->C : NULL);
@@ -294,16 +295,16 @@ static bd_status evaluate_wheel(bd_equations *e, const double *y, int derivative
     for (int k = 0; k < N; ++k)
         for (int i = 0; i < nd; ++i) {
             const size_t at = (size_t)(k * nc * ns + nb + i);
-            r[at] += w->in.springs[k * nd + i] * (w->x[at] - w->in.home[k * nd + i]);
+            r[at] += w->input.springs[k * nd + i] * (w->x[at] - w->input.spring_origin[k * nd + i]);
         }
-    keep_still(w, w->x, r, derivative ? w->C : NULL);
-    bd_wheel_collect(w, r, e->r);
+    set_inactive_rows(w, w->x, r, derivative ? w->C : NULL);
+    bd_wheel_to_unknowns(w, r, e->r);
     if (derivative) {
         w->omega = y[n];
-        bd_wheel_collect(w, w->C, e->C);
+        bd_wheel_to_unknowns(w, w->C, e->C);
     }
     for (size_t i = 0; i < n; ++i) {
-        e->r[i] -= w->in.force[i];
+        e->r[i] -= w->input.force[i];
         sum += e->r[i] * 0.0;
     }
     w->cost.assembly += bd_seconds() - clock;
@@ -314,22 +315,22 @@ static bd_status evaluate_wheel(bd_equations *e, const double *y, int derivative
 
 /* out = J x, or J^T x, at the point whose derivatives were asked for last. */
 void bd_wheel_multiply(bd_wheel *w, int transposed, const double *x, double *out) {
-    const int N = w->in.n_sector, nb = w->in.n_blade, nd = w->in.n_damper, nc = w->n_coef, ns = w->size;
-    double *X = w->rest, *F = X + 3 * N * w->in.n_point * nc;
+    const int N = w->input.n_sector, nb = w->input.n_blade, nd = w->input.n_damper, nc = w->n_coef, ns = w->sector_size;
+    double *X = w->work, *F = X + 3 * N * w->input.n_point * nc;
     linear_part(w, w->omega, transposed, x, out, NULL);
     find_motion(w, x, X);
     apply_tangents(w, transposed, X, F);
     add_forces(w, F, out);
     for (int k = 0; k < N; ++k)
         for (int i = 0; i < nd; ++i) out[k * nc * ns + nb + i] += w->springs[k * nd + i] * x[k * nc * ns + nb + i];
-    keep_still(w, x, out, NULL);
+    set_inactive_rows(w, x, out, NULL);
 }
 
 static bd_status product_wheel(bd_equations *e, int transposed, const double *x, double *out) {
     bd_wheel *w = (bd_wheel *)e;
-    bd_wheel_spread(w, x, w->b);
-    bd_wheel_multiply(w, transposed, w->b, w->f);
-    bd_wheel_collect(w, w->f, out);
+    bd_wheel_to_vector(w, x, w->b);
+    bd_wheel_multiply(w, transposed, w->b, w->product);
+    bd_wheel_to_unknowns(w, w->product, out);
     return BD_OK;
 }
 
@@ -342,7 +343,7 @@ static void destroy_wheel(bd_equations *e) {
     free(w->memory);
     free(w->element);
     free(w->share);
-    free((void *)w->in.next);
+    free((void *)w->input.on_next);
     free(w);
 }
 
@@ -368,8 +369,8 @@ static void split_waves(const double *from, int waves, int n, double *to) {
 }
 
 /* Coupling (n, n) of a sector to the one `behind` sectors before it, and the waves without it and its transposed. */
-static void cut_waves(const bd_wheel *w, int n, int kept, int behind, double *waves, double *kernel) {
-    const int N = w->in.n_sector, first = n - kept;
+static void extract_coupling(const bd_wheel *w, int n, int kept, int behind, double *waves, double *kernel) {
+    const int N = w->input.n_sector, first = n - kept;
     const size_t nn = (size_t)(n * n);
     memset(kernel, 0, sizeof(double) * (size_t)(kept * kept));
     for (int pass = 0; pass < 2; ++pass)
@@ -392,20 +393,21 @@ static void cut_waves(const bd_wheel *w, int n, int kept, int behind, double *wa
 }
 
 /* What the elimination keeps of the circulant matrices, and what is left of them. */
-static void cut(bd_wheel *w) {
-    const bd_wheel_input *in = &w->in;
+static void split_couplings(bd_wheel *w) {
+    const bd_wheel_input *in = &w->input;
     const size_t D = (size_t)w->n_wave, r = (size_t)in->n_root, b = (size_t)in->n_blade, first = b - r;
-    double *full[3] = {w->full.stiffness, w->full.mass, w->full.damping};
-    double *far[3] = {w->far.stiffness, w->far.mass, w->far.damping};
+    double *full[3] = {w->waves.stiffness, w->waves.mass, w->waves.damping};
+    double *far[3] = {w->remainder.stiffness, w->remainder.mass, w->remainder.damping};
     for (int k = 0; k < 3; ++k) {
         const int n = k < 2 ? in->n_root : in->n_blade;
         memcpy(far[k], full[k], sizeof(double) * 2 * D * (size_t)(n * n));
-        cut_waves(w, n, n, 0, far[k], w->hat);
-        memset(w->own[k], 0, sizeof(double) * b * b);
+        extract_coupling(w, n, n, 0, far[k], w->wave_work);
+        memset(w->sector_part[k], 0, sizeof(double) * b * b);
         for (size_t i = 0; i < (size_t)n; ++i)
             for (size_t j = 0; j < (size_t)n; ++j)
-                w->own[k][(i + (k < 2 ? first : 0)) * b + j + (k < 2 ? first : 0)] = w->hat[i * (size_t)n + j];
-        if (k < 2) cut_waves(w, n, in->n_kept, 1, far[k], w->near[k]);
+                w->sector_part[k][(i + (k < 2 ? first : 0)) * b + j + (k < 2 ? first : 0)] =
+                    w->wave_work[i * (size_t)n + j];
+        if (k < 2) extract_coupling(w, n, in->n_kept, 1, far[k], w->neighbour_part[k]);
     }
 }
 
@@ -430,17 +432,17 @@ static bd_status arrays_create(bd_wheel *w, const bd_wheel_input *in, const part
                                      .n0 = in->n0[i],
                                      .w = {in->w[2 * i], in->w[2 * i + 1]},
                                      .load = in->load[i]};
-    split_waves(in->disk_stiffness, w->n_wave, in->n_root, w->full.stiffness);
-    split_waves(in->disk_mass, w->n_wave, in->n_root, w->full.mass);
-    split_waves(in->damping, w->n_wave, in->n_blade, w->full.damping);
+    split_waves(in->disk_stiffness, w->n_wave, in->n_root, w->waves.stiffness);
+    split_waves(in->disk_mass, w->n_wave, in->n_root, w->waves.mass);
+    split_waves(in->damping, w->n_wave, in->n_blade, w->waves.damping);
     for (int d = 0; d < w->n_wave; ++d)
         for (int n = 0; n < in->n_sector; ++n) {
             w->cosine[d * in->n_sector + n] = cos(BD_TWO_PI * ((d * n) % in->n_sector) / in->n_sector);
             w->sine[d * in->n_sector + n] = -sin(BD_TWO_PI * ((d * n) % in->n_sector) / in->n_sector);
         }
-    for (int i = 0; i < in->n_sector * in->n_damper; ++i) w->springs[i] = in->springs[i] + in->neutral[i];
-    cut(w);
-    memset(w->scale, 0, sizeof(double) * ((size_t)w->whole + 1));
+    for (int i = 0; i < in->n_sector * in->n_damper; ++i) w->springs[i] = in->springs[i] + in->jacobian_springs[i];
+    split_couplings(w);
+    memset(w->scale, 0, sizeof(double) * ((size_t)w->vector_size + 1));
     return BD_OK;
 }
 
@@ -451,46 +453,46 @@ static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
     const size_t D = N / 2 + 1, ns = b + d, W = N * nc * ns, points = N * (size_t)in->n_point, Y = N * nc * b;
     const size_t n = (size_t)w->base.n, n1 = n + 1, force = 3 * points * nc, most = W + 1 > 2 * force ? W + 1 : 2 * force;
     const size_t M = BD_WHEEL_KRYLOV, hat = 6 * D * nc * b + 6 * b, kernel = b * b > hat ? b * b : hat;
-    bd_wheel_input *own = &w->in;
+    bd_wheel_input *own = &w->input;
     *own = *in;
-    w->n_coef = (int)nc, w->n_wave = (int)D, w->size = (int)ns, w->whole = (int)W;
+    w->n_coef = (int)nc, w->n_wave = (int)D, w->sector_size = (int)ns, w->vector_size = (int)W;
     const part parts[] = {
-        {(double **)&own->rows, 3 * (size_t)in->n_point * ns, in->rows},
+        {(double **)&own->motion_rows, 3 * (size_t)in->n_point * ns, in->motion_rows},
         {(double **)&own->stiffness, N * b * b, in->stiffness},
         {(double **)&own->mass, b * b, in->mass},
         {(double **)&own->damper_stiffness, d, in->damper_stiffness},
         {(double **)&own->damper_mass, N * d, in->damper_mass},
         {(double **)&own->damper_damping, d, in->damper_damping},
         {(double **)&own->springs, N * d, in->springs},
-        {(double **)&own->home, N * d, in->home},
+        {(double **)&own->spring_origin, N * d, in->spring_origin},
         {(double **)&own->shift, 3 * points, in->shift},
         {(double **)&own->force, n, in->force},
         {&w->base.row_scale, n, in->row_scale},
         {&w->base.r, n, NULL},
         {&w->base.C, n, NULL},
         {&w->base.scratch, 4 * n1, NULL},
-        {&w->full.stiffness, 2 * D * r * r, NULL},
-        {&w->full.mass, 2 * D * r * r, NULL},
-        {&w->full.damping, 2 * D * b * b, NULL},
-        {&w->far.stiffness, 2 * D * r * r, NULL},
-        {&w->far.mass, 2 * D * r * r, NULL},
-        {&w->far.damping, 2 * D * b * b, NULL},
-        {&w->own[0], b * b, NULL},
-        {&w->own[1], b * b, NULL},
-        {&w->own[2], b * b, NULL},
-        {&w->near[0], k * k, NULL},
-        {&w->near[1], k * k, NULL},
+        {&w->waves.stiffness, 2 * D * r * r, NULL},
+        {&w->waves.mass, 2 * D * r * r, NULL},
+        {&w->waves.damping, 2 * D * b * b, NULL},
+        {&w->remainder.stiffness, 2 * D * r * r, NULL},
+        {&w->remainder.mass, 2 * D * r * r, NULL},
+        {&w->remainder.damping, 2 * D * b * b, NULL},
+        {&w->sector_part[0], b * b, NULL},
+        {&w->sector_part[1], b * b, NULL},
+        {&w->sector_part[2], b * b, NULL},
+        {&w->neighbour_part[0], k * k, NULL},
+        {&w->neighbour_part[1], k * k, NULL},
         {&w->cosine, D * N, NULL},
         {&w->sine, D * N, NULL},
         {&w->X, force, NULL},
         {&w->F, force, NULL},
-        {&w->T, 7 * points * nc * nc, NULL},
+        {&w->tangent, 7 * points * nc * nc, NULL},
         {&w->x, W, NULL},
-        {&w->turned, W, NULL},
+        {&w->shifted, W, NULL},
         {&w->motion, force > Y ? force : Y, NULL},
-        {&w->blade, Y, NULL},
-        {&w->heavy, Y, NULL},
-        {&w->hat, kernel, NULL},
+        {&w->blade_motion, Y, NULL},
+        {&w->inertia, Y, NULL},
+        {&w->wave_work, kernel, NULL},
         {&w->matrices, 2 * H * b * b + 2 * H * N * d + H * k * k, NULL},
         {&w->springs, N * d, NULL},
         {&w->C, W + 1, NULL},
@@ -498,17 +500,17 @@ static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
         {&w->scale, W + 1, NULL},
         {&w->column, W + 1, NULL},
         {&w->b, 3 * (W + 1), NULL},
-        {&w->f, W + 1, NULL},
-        {&w->rest, most, NULL},
+        {&w->product, W + 1, NULL},
+        {&w->work, most, NULL},
         {&w->krylov, (M + 1) * (Y + M + W) + 5 * M, NULL},
     };
     unsigned char *flags = malloc((size_t)in->n_point + nc + N);
-    own->next = flags;
+    own->on_next = flags;
     w->element = malloc(sizeof(bd_element) * (points + 1));
     w->share = malloc(sizeof(bd_status_share) * (points + 1));
     if (!flags || !w->element || !w->share) return BD_NO_MEMORY;
     own->active = flags + in->n_point, own->pinned = own->active + nc;
-    memcpy(flags, in->next, (size_t)in->n_point);
+    memcpy(flags, in->on_next, (size_t)in->n_point);
     memcpy(flags + in->n_point, in->active, nc);
     memcpy(flags + (size_t)in->n_point + nc, in->pinned, N);
     return arrays_create(w, in, parts, sizeof parts / sizeof *parts);
@@ -523,9 +525,9 @@ bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in) {
     w->base =
         (bd_equations){.type = &WHEEL, .n = active * in->n_sector * (in->n_blade + in->n_damper), .k = 1, .cost = &w->cost};
     bd_status status = parts_create(w, in);
-    const bd_wheel_input *own = &w->in;
-    const bd_ring_input ring = {in->n_sector, w->n_coef, in->n_blade, in->n_damper, in->n_kept,
-                                in->n_point,  own->next, own->rows,   own->active,  own->pinned};
+    const bd_wheel_input *own = &w->input;
+    const bd_ring_input ring = {in->n_sector, w->n_coef,    in->n_blade,      in->n_damper, in->n_kept,
+                                in->n_point,  own->on_next, own->motion_rows, own->active,  own->pinned};
     if (status == BD_OK) status = bd_ring_create(&w->ring, &ring);
     if (status == BD_OK) status = bd_evaluator_create(&w->evaluator, in->evaluation, in->n_harm, in->n_time);
     if (status == BD_OK)

@@ -54,9 +54,9 @@ bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int i
     work->stick = p, p += n_power;
     work->slip = p, p += n_power;
     work->one = p, p += n_power;
-    work->lanes.held = p, p += lanes * n_coef;
-    work->held_u = p, p += lanes * n_coef * n_coef;
-    work->held_g = p, p += lanes * n_coef * n_coef;
+    work->lanes.stick_slider = p, p += lanes * n_coef;
+    work->stick_slider_u = p, p += lanes * n_coef * n_coef;
+    work->stick_slider_g = p, p += lanes * n_coef * n_coef;
     work->scratch = p;
     work->lanes.n_harm = n_harm;
     work->lanes.n_time = n_time;
@@ -162,19 +162,19 @@ static void finish_lane(const bd_element *element, int d, int lane, const double
                         bd_status_share *share, bd_sampled_work *work) {
     const size_t n = (size_t)bd_n_coef(work->n_harm), at = (size_t)lane;
     const double weight = BD_TWO_PI / work->n_time;
-    const int tangent = work->lanes.held_u != NULL;
+    const int tangent = work->lanes.stick_slider_u != NULL;
     bd_cycle cycle = {.n_harm = work->n_harm,
                       .stick = work->stick,
                       .slip = work->slip,
-                      .held = work->lanes.held + at * n,
-                      .held_u = tangent ? work->held_u + at * n * n : NULL,
-                      .held_v = tangent ? work->held_g + at * n * n : NULL};
+                      .stick_slider = work->lanes.stick_slider + at * n,
+                      .stick_slider_u = tangent ? work->stick_slider_u + at * n * n : NULL,
+                      .stick_slider_v = tangent ? work->stick_slider_g + at * n * n : NULL};
     one_lane(work, work->lanes.stick, lane, work->stick);
     one_lane(work, work->lanes.slip, lane, work->slip);
-    for (size_t i = 0; i < n; ++i) cycle.held[i] *= weight;
+    for (size_t i = 0; i < n; ++i) cycle.stick_slider[i] *= weight;
     for (size_t i = 0; i < n * n && tangent; ++i) {
-        cycle.held_u[i] *= weight;
-        cycle.held_v[i] *= weight * element->kn;
+        cycle.stick_slider_u[i] *= weight;
+        cycle.stick_slider_v[i] *= weight * element->kn;
     }
     share->stick[d] = cycle.stick[0] / BD_TWO_PI;
     share->slip[d] = 1.0 - share->stick[d] - share->open;
@@ -189,7 +189,7 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
     bd_lanes *lanes = &work->lanes;
     int rubbing = 0;
     for (int lane = 0; lane < BD_LANES; ++lane) {
-        const int rubs = lane < n && bd_element_rubs(element + lane, d) && !bd_law_is_coupled(element[lane].law);
+        const int rubs = lane < n && bd_element_has_friction(element + lane, d) && !bd_law_is_coupled(element[lane].law);
         lanes->slope[lane] = rubs ? element[lane].mu / element[lane].kt[d] : 0.0;
         lanes->w[lane] = rubs ? element[lane].w[d] : 0.0;
         lanes->origin[lane] = -1;
@@ -204,10 +204,10 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
     if (moving) {
         memset(lanes->stick, 0, sizeof(double) * (size_t)n_power * BD_LANES);
         memset(lanes->slip, 0, sizeof(double) * (size_t)n_power * BD_LANES);
-        memset(lanes->held, 0, sizeof(double) * n_coef * BD_LANES);
-        if (lanes->held_u) memset(lanes->held_u, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
-        if (lanes->held_u) memset(lanes->held_g, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
-        work->kernel->march(lanes);
+        memset(lanes->stick_slider, 0, sizeof(double) * n_coef * BD_LANES);
+        if (lanes->stick_slider_u) memset(lanes->stick_slider_u, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
+        if (lanes->stick_slider_u) memset(lanes->stick_slider_g, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
+        work->kernel->sum_cycle(lanes);
         if (n == 1) list_parts(work, d);
     }
     for (int lane = 0; lane < n; ++lane) {
@@ -237,14 +237,14 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
             share[lane].stick[d] = 1.0;
         }
     }
-    work->lanes.held_u = out->dN ? work->held_u : NULL;
-    work->lanes.held_g = out->dN ? work->held_g : NULL;
+    work->lanes.stick_slider_u = out->dN ? work->stick_slider_u : NULL;
+    work->lanes.stick_slider_g = out->dN ? work->stick_slider_g : NULL;
     work->lanes.state = n == 1 ? work->state : NULL;
     load_lanes(n, element, x, work);
     const int touching = normal_direction(n, element, x, out, share, work);
     for (int d = 0; d < 2 && n == 1; ++d) {
         whole_cycle(work, d, touching ? BD_STICK : BD_OPEN);
-        if (touching && !bd_element_rubs(element, d) && element->law != BD_LAW_BONDED) work->n_segment[d] = 0;
+        if (touching && !bd_element_has_friction(element, d) && element->law != BD_LAW_BONDED) work->n_segment[d] = 0;
     }
     work->lanes.g = find_limit(n, element, work);
     for (int d = 0; d < 2 && touching; ++d) tangential_direction(n, element, d, x, out, share, work);

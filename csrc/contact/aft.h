@@ -17,7 +17,7 @@ typedef struct {
     double *stick, *slip, *one; /* (n_power) of one lane */
     double *scratch;            /* (n_coef, n_coef) */
     bd_lanes lanes;
-    double *held_u, *held_g;
+    double *stick_slider_u, *stick_slider_g;
     unsigned char *state;   /* (n_time, BD_LANES) */
     bd_segment *segment[2]; /* (n_time) of the latest point that was evaluated alone */
     int n_segment[2];

@@ -61,20 +61,20 @@ static void derivative_of_slider(const bd_lanes *l, int lane, int k, double w, d
     part[3] = middle < 0.0 ? -slope : slope;
 }
 
-static void save(bd_lanes *l, int lane) {
+static void save_stick_sums(bd_lanes *l, int lane) {
     const int n_power = bd_n_power(l->n_harm);
     for (int n = 0; n < n_power; ++n) l->saved[n * BD_LANES + lane] = l->stick[n * BD_LANES + lane];
 }
 
 /* The stretch of sticking of one lane ends. */
-BD_NOT_INLINE void end_stretch(bd_lanes *l, int lane, double w, int origin) {
+BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
     const int n_coef = bd_n_coef(l->n_harm), n_power = bd_n_power(l->n_harm);
     const size_t nc = (size_t)n_coef;
     double g[BD_MAX_COEF], du[BD_MAX_COEF], dg[BD_MAX_COEF], part[4];
     for (int i = 0; i < n_coef; ++i) g[i] = l->stick[(i + 1) * BD_LANES + lane] - l->saved[(i + 1) * BD_LANES + lane];
-    save(l, lane);
-    for (int i = 0; i < n_coef; ++i) l->held[(size_t)lane * nc + (size_t)i] += w * g[i];
-    if (origin < 0 || !l->held_u) return;
+    save_stick_sums(l, lane);
+    for (int i = 0; i < n_coef; ++i) l->stick_slider[(size_t)lane * nc + (size_t)i] += w * g[i];
+    if (origin < 0 || !l->stick_slider_u) return;
     derivative_of_slider(l, lane, origin, w, part);
     const double *b1 = l->power + (size_t)origin * (size_t)n_power + 1;
     const double *b0 = l->power + (size_t)before(l, origin) * (size_t)n_power + 1;
@@ -83,8 +83,8 @@ BD_NOT_INLINE void end_stretch(bd_lanes *l, int lane, double w, int origin) {
         dg[i] = part[2] * b0[i] + part[3] * b1[i];
     }
     for (size_t i = 0; i < nc; ++i) {
-        double *restrict hu = l->held_u + ((size_t)lane * nc + i) * nc, *restrict hg =
-                                                                            l->held_g + ((size_t)lane * nc + i) * nc;
+        double *restrict hu = l->stick_slider_u + ((size_t)lane * nc + i) * nc, *restrict hg = l->stick_slider_g +
+                                                                                               ((size_t)lane * nc + i) * nc;
         for (size_t j = 0; j < nc; ++j) {
             hu[j] += g[i] * du[j];
             hg[j] += g[i] * dg[j];
@@ -92,10 +92,10 @@ BD_NOT_INLINE void end_stretch(bd_lanes *l, int lane, double w, int origin) {
     }
 }
 
-static void end_stretches(bd_lanes *l, int vec, bd_mask ending, bd_vec w, bd_mask origin) {
+static void end_stick_parts(bd_lanes *l, int vec, bd_mask ending, bd_vec w, bd_mask origin) {
     for (int i = 0; i < BD_WIDTH; ++i) {
         const size_t at = (size_t)i;
-        if (bd_entry_int(ending, at)) end_stretch(l, vec * BD_WIDTH + i, bd_entry(w, at), (int)bd_entry_int(origin, at));
+        if (bd_entry_int(ending, at)) end_stick_part(l, vec * BD_WIDTH + i, bd_entry(w, at), (int)bd_entry_int(origin, at));
     }
 }
 
@@ -134,7 +134,7 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
 }
 
 /* The slider after each sample. */
-static void follow(const bd_lanes *l) {
+static void slider_path(const bd_lanes *l) {
     bd_vec w[N_VEC];
     for (int v = 0; v < N_VEC; ++v) w[v] = bd_load(l->w + v * BD_WIDTH);
     for (int k = 0; k < l->n_time; ++k)
@@ -154,7 +154,7 @@ BD_INLINE bd_mask load_int(const int *p) {
 }
 
 /* Sums over the samples that stick and slip.  kept > 0 is the constant n_power, whose sums stay in registers. */
-BD_INLINE void sum(bd_lanes *l, const int kept) {
+BD_INLINE void sum_samples(bd_lanes *l, const int kept) {
     const int n_power = kept ? kept : bd_n_power(l->n_harm);
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
     bd_mask origin[N_VEC], stuck[N_VEC];
@@ -174,7 +174,7 @@ BD_INLINE void sum(bd_lanes *l, const int kept) {
             const bd_mask stick = r.contact & ~plus & ~minus, ending = stuck[v] & ~stick, set = ~stick | r.closing;
             if (bd_any(ending)) {
                 for (int n = 0; n < kept; ++n) bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
-                end_stretches(l, v, ending, w_before[v], origin[v]);
+                end_stick_parts(l, v, ending, w_before[v], origin[v]);
             }
             w_before[v] = bd_load(l->path + k * BD_LANES + v * BD_WIDTH);
             origin[v] = (set & bd_all_int(k)) | (~set & origin[v]);
@@ -202,18 +202,18 @@ BD_INLINE void sum(bd_lanes *l, const int kept) {
             bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
             bd_store(l->slip + n * BD_LANES + v * BD_WIDTH, sum_slip[n][v]);
         }
-        end_stretches(l, v, stuck[v], w_before[v], origin[v]);
+        end_stick_parts(l, v, stuck[v], w_before[v], origin[v]);
     }
 }
 
-void BD_JOIN(bd_lanes_march_, BD_VARIANT)(bd_lanes *l);
-void BD_JOIN(bd_lanes_march_, BD_VARIANT)(bd_lanes *l) {
-    for (int lane = 0; lane < BD_LANES; ++lane) save(l, lane);
-    follow(l);
+void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *l);
+void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *l) {
+    for (int lane = 0; lane < BD_LANES; ++lane) save_stick_sums(l, lane);
+    slider_path(l);
     if (l->n_harm == 1)
-        sum(l, 6);
+        sum_samples(l, 6);
     else
-        sum(l, 0);
+        sum_samples(l, 0);
 }
 
 void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,

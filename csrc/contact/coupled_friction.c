@@ -48,8 +48,8 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
                             n_coef + n_coef * n_coef + n_power;
     work->memory = malloc(sizeof(double) * n_double);
     work->segment = malloc(sizeof(bd_segment) * k);
-    work->lanes.kind = malloc(k * lanes);
-    if (!work->memory || !work->segment || !work->lanes.kind) {
+    work->lanes.step_kind = malloc(k * lanes);
+    if (!work->memory || !work->segment || !work->lanes.step_kind) {
         bd_coulomb_destroy(work);
         return BD_NO_MEMORY;
     }
@@ -61,18 +61,18 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     work->lanes.n_time = sampled->n_time;
     work->lanes.interpolate = sampled->lanes.interpolate;
     double *m = work->memory;
-    work->point = m, m += 4 * padded * lanes;
+    work->point_samples = m, m += 4 * padded * lanes;
     work->lanes.x = m, m += k * lanes;
     work->lanes.y = m, m += k * lanes;
     work->lanes.R = m, m += k * lanes;
     work->lanes.g = m, m += k * lanes;
-    work->lanes.way = m, m += 7 * k * lanes;
+    work->lanes.chord = m, m += 7 * k * lanes;
     work->lanes.step = m, m += 18 * k * lanes;
     work->motion = m, m += 3 * n_coef * lanes;
-    work->slider = m, m += 2 * n_col;
-    work->next = m, m += 2 * n_col;
-    work->held = m, m += 2 * n_coef * n_col;
-    work->stretch = m, m += n_coef;
+    work->slider_derivative = m, m += 2 * n_col;
+    work->next_slider = m, m += 2 * n_col;
+    work->slider_sums = m, m += 2 * n_coef * n_col;
+    work->stick_basis = m, m += n_coef;
     work->products = m, m += n_coef * n_coef;
     work->contact = m;
     return BD_OK;
@@ -82,14 +82,14 @@ void bd_coulomb_destroy(bd_coulomb_work *work) {
     if (!work) return;
     free(work->memory);
     free(work->segment);
-    free(work->lanes.kind);
+    free(work->lanes.step_kind);
     memset(work, 0, sizeof *work);
 }
 
 /* ---- the period map ---- */
 
 /* The slider as it is admissible at the last sample of the previous period. */
-static void admit(const bd_coulomb_work *work, double *s) {
+static void make_admissible(const bd_coulomb_work *work, double *s) {
     const int k = work->n_time - 1;
     const double T[2] = {work->x[k] - s[0], work->y[k] - s[1]}, size = bd_norm(T[0], T[1]);
     if (size <= work->R[k]) return;
@@ -98,7 +98,7 @@ static void admit(const bd_coulomb_work *work, double *s) {
 }
 
 /* The smallest ellipse around the part of e with F . (x - m) >= 0, give or take a share `noise` of F. */
-static void cut(bd_ellipse *e, const double *F, const double *m, double noise) {
+static void cut_ellipse(bd_ellipse *e, const double *F, const double *m, double noise) {
     const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1], e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
     const double width = sqrt(F[0] * g[0] + F[1] * g[1]);
     const double depth = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / width - noise;
@@ -115,54 +115,54 @@ static void cut(bd_ellipse *e, const double *F, const double *m, double noise) {
     e->Q[1][0] = e->Q[0][1]; /* a difference would grow */
 }
 
-static void start_search(bd_coulomb_work *work, const bd_hold *centre, double size, bd_search *search) {
+static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, double size, bd_slider_search *search) {
     const int last = work->n_time - 1;
     const double radius2 = work->R[last] * work->R[last];
-    *search = (bd_search){.state = BD_SEARCHING,
-                          .size = size,
-                          .centre = *centre,
-                          .s = {centre->s[0], centre->s[1]},
-                          .before = INFINITY,
-                          .around = {{work->x[last], work->y[last]}, {{radius2, 0.0}, {0.0, radius2}}}};
-    admit(work, search->s);
+    *search = (bd_slider_search){.state = BD_SEARCHING,
+                                 .size = size,
+                                 .centre = *centre,
+                                 .s = {centre->s[0], centre->s[1]},
+                                 .last_length = INFINITY,
+                                 .ellipse = {{work->x[last], work->y[last]}, {{radius2, 0.0}, {0.0, radius2}}}};
+    make_admissible(work, search->s);
 }
 
 /* The next guess, from a period of slider lane that began at the latest one. */
-static void go_on(bd_coulomb_work *work, bd_search *search, int lane) {
-    const bd_slide *l = &work->lanes;
-    const double size = search->size, *from = search->centre.value < BARELY * size ? l->moved : l->end;
+static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane) {
+    const bd_coupled_lanes *l = &work->lanes;
+    const double size = search->size, *from = search->centre.value < BARELY * size ? l->net_motion : l->end;
     double F[2], dP[2][2], step[2] = {0.0, 0.0}, *s = search->s;
     for (int i = 0; i < 2; ++i) {
         F[i] = from[i * BD_LANES + lane] - (from == l->end ? s[i] : 0.0);
-        for (int j = 0; j < 2; ++j) dP[i][j] = l->slope[(2 * i + j) * BD_LANES + lane];
+        for (int j = 0; j < 2; ++j) dP[i][j] = l->period_derivative[(2 * i + j) * BD_LANES + lane];
     }
     const double far = bd_norm(F[0], F[1]);
     const int solved = bd_coulomb_solve_period(dP, F, step);
     const double length = solved ? bd_norm(step[0], step[1]) : INFINITY;
-    const int closer = solved && (search->n_row < FREE_STEPS || length < 0.5 * search->before);
+    const int closer = solved && (search->n_newton < FREE_STEPS || length < 0.5 * search->last_length);
     if (far == 0.0 || length <= SETTLED * size || (far <= STILL * size && !closer)) {
         for (int i = 0; i < 2; ++i) s[i] += closer ? step[i] : F[i];
-        admit(work, s);
+        make_admissible(work, s);
         search->state = BD_SETTLED;
         return;
     }
     if (++search->n_period >= MOST_PERIODS) search->state = BD_LOST;
     const double middle[2] = {s[0] + 0.5 * F[0], s[1] + 0.5 * F[1]};
-    cut(&search->around, F, middle, STILL * size / far);
+    cut_ellipse(&search->ellipse, F, middle, STILL * size / far);
     if (closer) {
-        search->before = length;
-        ++search->n_row;
+        search->last_length = length;
+        ++search->n_newton;
     } else {
-        search->before = INFINITY;
-        search->n_row = 0;
+        search->last_length = INFINITY;
+        search->n_newton = 0;
     }
-    for (int i = 0; i < 2; ++i) s[i] = search->n_row > 0 ? s[i] + step[i] : search->around.c[i];
-    admit(work, s);
+    for (int i = 0; i < 2; ++i) s[i] = search->n_newton > 0 ? s[i] + step[i] : search->ellipse.c[i];
+    make_admissible(work, s);
 }
 
-static void take_lane(bd_coulomb_work *work, int lane) {
+static void select_lane(bd_coulomb_work *work, int lane) {
     const size_t n = (size_t)work->n_padded;
-    work->x = work->point + 4 * n * (size_t)lane;
+    work->x = work->point_samples + 4 * n * (size_t)lane;
     work->y = work->x + n;
     work->R = work->y + n;
     work->g = work->R + n;
@@ -182,14 +182,14 @@ static int settle(bd_coulomb_work *work, int n, int tangent) {
         searching = 0;
         for (int lane = 0; lane < n; ++lane) searching |= work->search[lane].state == BD_SEARCHING;
         if (!searching) break;
-        if (!any) work->kernel->slide_ways(&work->lanes, tangent);
+        if (!any) work->kernel->coupled_chords(&work->lanes, tangent);
         any = 1;
         set_sliders(work, n);
-        work->kernel->slide(&work->lanes, 0, 0);
+        work->kernel->coupled_period(&work->lanes, 0, 0);
         for (int lane = 0; lane < n; ++lane) {
             if (work->search[lane].state != BD_SEARCHING) continue;
-            take_lane(work, lane);
-            go_on(work, work->search + lane, lane);
+            select_lane(work, lane);
+            next_guess(work, work->search + lane, lane);
         }
         ++work->n_period;
     }
@@ -198,15 +198,15 @@ static int settle(bd_coulomb_work *work, int n, int tangent) {
 
 /* ---- force and tangent over the settled period ---- */
 
-static void end_stretch(bd_coulomb_work *work) {
+static void end_stick_part(bd_coulomb_work *work) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     for (size_t d = 0; d < 2; ++d)
         for (size_t i = 0; i < n_coef; ++i) {
-            double *restrict to = work->held + (d * n_coef + i) * n_col;
-            const double *restrict from = work->slider + d * n_col, g = work->stretch[i];
+            double *restrict to = work->slider_sums + (d * n_coef + i) * n_col;
+            const double *restrict from = work->slider_derivative + d * n_col, g = work->stick_basis[i];
             for (size_t j = 0; j < n_col; ++j) to[j] += g * from[j];
         }
-    memset(work->stretch, 0, sizeof(double) * n_coef);
+    memset(work->stick_basis, 0, sizeof(double) * n_coef);
 }
 
 /* Derivative of the slider through the step of a lane that ends at sample k and moved it. */
@@ -218,8 +218,8 @@ static void advance(bd_coulomb_work *work, const bd_element *element, int lane, 
                  *b1 = bd_coulomb_basis(work, k);
     const double kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
     for (size_t d = 0; d < 2; ++d) {
-        double *restrict to = work->next + d * n_col;
-        const double *restrict s0 = work->slider, *restrict s1 = work->slider + n_col;
+        double *restrict to = work->next_slider + d * n_col;
+        const double *restrict s0 = work->slider_derivative, *restrict s1 = work->slider_derivative + n_col;
         const double A0 = A[2 * d * stride], A1 = A[(2 * d + 1) * stride];
         for (size_t j = 0; j < n_col; ++j) to[j] = A0 * s0[j] + A1 * s1[j];
         for (size_t c = 0; c < 2; ++c) {
@@ -229,9 +229,9 @@ static void advance(bd_coulomb_work *work, const bd_element *element, int lane, 
         const double f0 = kn * C[d * stride], f1 = kn * C[(2 + d) * stride];
         for (size_t j = 0; j < n_coef && kn > 0.0; ++j) to[2 * n_coef + j] += f0 * b0[j] + f1 * b1[j];
     }
-    double *swap = work->slider;
-    work->slider = work->next;
-    work->next = swap;
+    double *swap = work->slider_derivative;
+    work->slider_derivative = work->next_slider;
+    work->next_slider = swap;
 }
 
 static void push_sample(bd_coulomb_work *work, int k, int state) {
@@ -246,11 +246,11 @@ static void push_sample(bd_coulomb_work *work, int k, int state) {
 static void start_slider(bd_coulomb_work *work, const bd_element *element) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     const int last = work->n_time - 1, open = !(work->g[last] > 0.0);
-    memset(work->slider, 0, sizeof(double) * 2 * n_col);
+    memset(work->slider_derivative, 0, sizeof(double) * 2 * n_col);
     for (size_t d = 0; d < 2; ++d) {
-        if (!open) work->slider[d * n_col + 3 * n_coef + d] = 1.0;
+        if (!open) work->slider_derivative[d * n_col + 3 * n_coef + d] = 1.0;
         for (size_t j = 0; open && j < n_coef; ++j)
-            work->slider[d * n_col + d * n_coef + j] = element->kt[d] * bd_coulomb_basis(work, last)[j];
+            work->slider_derivative[d * n_col + d * n_coef + j] = element->kt[d] * bd_coulomb_basis(work, last)[j];
     }
 }
 
@@ -265,14 +265,14 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, int lan
     memset(work->contact, 0, sizeof(double) * (size_t)n_power);
     work->n_segment = 0;
     if (tangent) {
-        memset(work->held, 0, sizeof(double) * 2 * (size_t)(n_coef * (3 * n_coef + 2)));
-        memset(work->stretch, 0, sizeof(double) * (size_t)n_coef);
+        memset(work->slider_sums, 0, sizeof(double) * 2 * (size_t)(n_coef * (3 * n_coef + 2)));
+        memset(work->stick_basis, 0, sizeof(double) * (size_t)n_coef);
         start_slider(work, element);
     }
     for (int k = 0; k < n_time; ++k) {
-        const int at = k * BD_LANES + lane, kind = work->lanes.kind[at];
+        const int at = k * BD_LANES + lane, kind = work->lanes.step_kind[at];
         if (tangent && kind != BD_STEP_STICK) {
-            end_stretch(work);
+            end_stick_part(work);
             advance(work, element, lane, k);
         }
         push_sample(work, k, kind == BD_STEP_OPEN ? BD_OPEN : kind == BD_STEP_SLIP ? BD_SLIP_PLUS : BD_STICK);
@@ -286,9 +286,9 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, int lan
         for (int d = 0; d < 2; ++d)
             for (int i = 0; i < n_coef; ++i) F[d][i] += weight * T[d] * b[i];
         for (int i = 0; tangent && i < n_power; ++i) work->contact[i] += weight * power[i];
-        for (int i = 0; tangent && i < n_coef; ++i) work->stretch[i] += weight * b[i];
+        for (int i = 0; tangent && i < n_coef; ++i) work->stick_basis[i] += weight * b[i];
     }
-    if (tangent) end_stretch(work);
+    if (tangent) end_stick_part(work);
     for (int d = 0; d < 2; ++d) {
         for (int i = 0; i < n_coef; ++i) F[d][i] *= i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI;
         share->stick[d] = (double)n_stick / n_time;
@@ -299,11 +299,11 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, int lan
 /* Blocks of the tangent from the sums; ds0 (2, 3 n_coef) is the derivative of the settled slider. */
 static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n_x + 2;
-    double *ds0 = work->next;
-    const double dP[2][2] = {{work->slider[n_x], work->slider[n_x + 1]},
-                             {work->slider[n_col + n_x], work->slider[n_col + n_x + 1]}};
+    double *ds0 = work->next_slider;
+    const double dP[2][2] = {{work->slider_derivative[n_x], work->slider_derivative[n_x + 1]},
+                             {work->slider_derivative[n_col + n_x], work->slider_derivative[n_col + n_x + 1]}};
     for (size_t j = 0; j < n_x; ++j) {
-        const double b[2] = {work->slider[j], work->slider[n_col + j]};
+        const double b[2] = {work->slider_derivative[j], work->slider_derivative[n_col + j]};
         double y[2];
         const int solved = bd_coulomb_solve_period(dP, b, y);
         ds0[j] = solved ? y[0] : 0.0;
@@ -312,7 +312,8 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
     bd_cycle_products(work->n_harm, work->contact, work->products);
     for (size_t d = 0; d < 2; ++d)
         for (size_t i = 0; i < n_coef; ++i) {
-            const double *held = work->held + (d * n_coef + i) * n_col, scale = i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI;
+            const double *held = work->slider_sums + (d * n_coef + i) * n_col,
+                         scale = i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI;
             const double h0 = held[n_x], h1 = held[n_x + 1];
             for (size_t c = 0; c < 3; ++c) {
                 double *row = (c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d]) + i * n_coef;
@@ -329,7 +330,7 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
 /* Motion and load of all points at the samples, lane beside lane and point after point. */
 static void sample_motion(bd_coulomb_work *work, int n, const bd_element *element, const double *x) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
-    bd_slide *l = &work->lanes;
+    bd_coupled_lanes *l = &work->lanes;
     memset(work->motion, 0, sizeof(double) * 3 * (size_t)n_coef * BD_LANES);
     for (int lane = 0; lane < n; ++lane) {
         const bd_element *e = element + lane;
@@ -350,7 +351,7 @@ static void sample_motion(bd_coulomb_work *work, int n, const bd_element *elemen
     for (int i = 0; i < work->n_time * BD_LANES; ++i) l->R[i] = l->mu[i % BD_LANES] * (l->g[i] > 0.0 ? l->g[i] : 0.0);
     for (int lane = 0; lane < n; ++lane) {
         if (work->search[lane].state == BD_DONE) continue;
-        take_lane(work, lane);
+        select_lane(work, lane);
         for (int k = 0; k < work->n_time; ++k) {
             const int at = k * BD_LANES + lane;
             work->x[k] = l->x[at];
@@ -363,8 +364,8 @@ static void sample_motion(bd_coulomb_work *work, int n, const bd_element *elemen
 }
 
 /* What geometry tells of a point; the others begin their search. */
-static void find_rest(bd_coulomb_work *work, const bd_element *element, const double *x, bd_response *out,
-                      bd_status_share *share, bd_search *search) {
+static void find_sticking(bd_coulomb_work *work, const bd_element *element, const double *x, bd_response *out,
+                          bd_status_share *share, bd_slider_search *search) {
     double size = 0.0;
     int n_open = 0;
     for (int k = 0; k < work->n_time; ++k) {
@@ -382,10 +383,10 @@ static void find_rest(bd_coulomb_work *work, const bd_element *element, const do
     const double scale = size + bd_norm(given[0], given[1]) + 1e-300;
     const int tangent = out->dN != NULL;
     const bd_disks disks = {work->n_padded, work->x, work->y, work->R, work->kernel};
-    bd_hold centre = {.s = {given[0], given[1]}, .value = INFINITY};
+    bd_disk_point centre = {.s = {given[0], given[1]}, .value = INFINITY};
     int worst = 0;
-    if (n_open == 0 && bd_disks_worst(&disks, given, &worst) <= SLACK * scale) {
-        bd_rest_write(work, element, x, given, out, share);
+    if (n_open == 0 && bd_disks_violation(&disks, given, &worst) <= SLACK * scale) {
+        bd_sticking_write(work, element, x, given, out, share);
         return;
     }
     if (n_open == 0) bd_disks_centre(&disks, SLACK * scale, &centre);
@@ -394,18 +395,18 @@ static void find_rest(bd_coulomb_work *work, const bd_element *element, const do
         return;
     }
     if (centre.value >= -TOUCH * scale) {
-        bd_rest_write(work, element, x, centre.s, out, share);
-        if (tangent) bd_rest_write_onset(work, element, &centre, out);
+        bd_sticking_write(work, element, x, centre.s, out, share);
+        if (tangent) bd_sticking_write_onset(work, element, &centre, out);
         return;
     }
-    const double way = bd_disks_enter(&disks, given, centre.s, &worst);
+    const double way = bd_disks_entry(&disks, given, centre.s, &worst);
     const double s[2] = {given[0] + way * (centre.s[0] - given[0]), given[1] + way * (centre.s[1] - given[1])};
-    bd_rest_write(work, element, x, s, out, share);
-    if (tangent) bd_rest_write_entered(work, element, given, &centre, way, worst, out);
+    bd_sticking_write(work, element, x, s, out, share);
+    if (tangent) bd_sticking_write_shifted(work, element, given, &centre, way, worst, out);
 }
 
 static void finish(bd_coulomb_work *work, const bd_element *element, int lane, bd_response *out, bd_status_share *share) {
-    const bd_search *search = work->search + lane;
+    const bd_slider_search *search = work->search + lane;
     const int tangent = out->dN != NULL, onset = search->centre.value <= ONSET * search->size;
     if (search->state == BD_LOST) {
         for (int i = 0; i < 2 * bd_n_coef(work->n_harm); ++i) out->F[i] = NAN;
@@ -416,7 +417,7 @@ static void finish(bd_coulomb_work *work, const bd_element *element, int lane, b
     out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
     out->coupled = 1;
     out->with_normal[0] = out->with_normal[1] = !bd_law_is_constant(element->law);
-    if (tangent && onset) bd_rest_write_onset(work, element, &search->centre, out);
+    if (tangent && onset) bd_sticking_write_onset(work, element, &search->centre, out);
     if (tangent && !onset) write_tangent(work, element, out);
 }
 
@@ -427,7 +428,7 @@ void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_r
     work->n_segment = work->n_period = 0;
     for (int lane = 0; lane < n; ++lane) {
         const bd_element *e = element + lane;
-        const int rubs = bd_law_is_coupled(e->law) && (bd_element_rubs(e, 0) || bd_element_rubs(e, 1));
+        const int rubs = bd_law_is_coupled(e->law) && (bd_element_has_friction(e, 0) || bd_element_has_friction(e, 1));
         work->search[lane].state = rubs ? BD_SEARCHING : BD_DONE;
         any |= rubs;
     }
@@ -435,15 +436,15 @@ void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_r
     sample_motion(work, n, element, x);
     for (int lane = 0; lane < n; ++lane) {
         if (work->search[lane].state == BD_DONE) continue;
-        take_lane(work, lane);
-        find_rest(work, element + lane, x + size * (size_t)lane, out + lane, share + lane, work->search + lane);
+        select_lane(work, lane);
+        find_sticking(work, element + lane, x + size * (size_t)lane, out + lane, share + lane, work->search + lane);
     }
     if (!settle(work, n, out->dN != NULL)) return;
     set_sliders(work, n);
-    work->kernel->slide(&work->lanes, 1, out->dN != NULL);
+    work->kernel->coupled_period(&work->lanes, 1, out->dN != NULL);
     for (int lane = 0; lane < n; ++lane) {
         if (work->search[lane].state == BD_DONE) continue;
-        take_lane(work, lane);
+        select_lane(work, lane);
         finish(work, element + lane, lane, out + lane, share + lane);
     }
 }

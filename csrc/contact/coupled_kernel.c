@@ -31,7 +31,7 @@ BD_INLINE bd_mask to_int(bd_vec x) { return bd_bits(x + bd_all(6755399441055744.
 BD_INLINE bd_vec power_of_two(bd_mask i) { return bd_of_bits((i + bd_all_int(1023)) << 52); }
 
 /* 1 - exp(-x) for x >= 0, to rounding of itself. */
-BD_INLINE bd_vec lost(bd_vec x) {
+BD_INLINE bd_vec one_minus_exp(bd_vec x) {
     x = bd_min(x, bd_all(700.0));
     const bd_mask k = to_int(x * bd_all(1.0 / LN2));
     const bd_vec y = bd_all(0.0) - ((x - to_double(k) * bd_all(6.93147180369123816490e-01)) -
@@ -44,9 +44,9 @@ BD_INLINE bd_vec lost(bd_vec x) {
 
 typedef struct {
     bd_vec L, L0, L1; /* int d tau/R and its derivatives with respect to R at both ends */
-} bd_inverse;
+} inverse_limit;
 
-BD_INLINE bd_inverse mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
+BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
     const bd_vec ratio = bd_min(bd_max(R1 / R0, bd_all(1e-290)), bd_all(1e290));
     /* the power of two next to the ratio */
@@ -56,7 +56,7 @@ BD_INLINE bd_inverse mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     for (int k = 11; k >= 0; --k) A = bd_all(1.0 / (2 * k + 1)) + z2 * A;
     const bd_mask same = bd_equal_int(n, bd_all_int(0));
     const bd_vec dR = bd_select(same, one, R1 - R0);
-    bd_inverse o = {bd_select(same, two * A / S, (to_double(n) * bd_all(LN2) + two * z * A) / dR), zero, zero};
+    inverse_limit o = {bd_select(same, two * A / S, (to_double(n) * bd_all(LN2) + two * z * A) / dR), zero, zero};
     if (!tangent) return o;
     for (int k = 11; k >= 1; --k) B = bd_all(2.0 * k / (2 * k + 1)) + z2 * B; /* of A'(z)/z */
     const bd_vec slope = bd_all(4.0) * z * B / (S * S * S);
@@ -72,23 +72,23 @@ typedef struct {
 /* Of a slip by the part D of the way dp, what does not depend on the slider if that is all of it. */
 typedef struct {
     bd_vec length, a[2], p; /* |D|, D/|D|, 1 - q */
-    bd_inverse inverse;
-} way;
+    inverse_limit inverse;
+} chord;
 
-BD_INLINE way way_of(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tangent) {
-    way w = {.length = bd_max(bd_root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300)),
-             .inverse = mean_inverse(R_e, R1, tangent)};
+BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tangent) {
+    chord w = {.length = bd_max(bd_root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300)),
+               .inverse = mean_inverse(R_e, R1, tangent)};
     for (int i = 0; i < 2; ++i) w.a[i] = D[i] / w.length;
-    w.p = lost(w.length * w.inverse.L);
+    w.p = one_minus_exp(w.length * w.inverse.L);
     return w;
 }
 
 /* Slip over the rest 1 - tau of the step, from the force direction e on the edge R_e. */
-BD_INLINE void slip_step(step *o, const way *w, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_vec R1, bd_vec mu,
+BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_vec R1, bd_vec mu,
                          const bd_vec *dp, const bd_vec *p1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0), rest = one - tau;
     const bd_vec D[2] = {rest * dp[0], rest * dp[1]}, length = w->length, *a = w->a, p = w->p, q = one - p;
-    const bd_inverse inv = w->inverse;
+    const inverse_limit inv = w->inverse;
     const bd_vec c = bd_min(bd_max(a[0] * e[0] + a[1] * e[1], bd_all(-1.0 + 1e-14)), one);
     const bd_vec X = one + c, Y = one - c, q2 = q * q, inverse = one / (X + q2 * Y);
     const bd_vec alpha = (X - q2 * Y) * inverse, beta = two * q * inverse;
@@ -129,24 +129,27 @@ BD_INLINE void slip_step(step *o, const way *w, const bd_vec *e, bd_vec tau, bd_
 
 BD_INLINE void choose(bd_vec *to, bd_mask mask, bd_vec x) { *to = bd_select(mask, x, *to); }
 
-BD_INLINE double *way_part(const bd_slide *l, int at, int part) { return l->way + part * l->n_time * BD_LANES + at; }
-
-BD_INLINE void save_way(bd_slide *l, int at, const way *w, const int tangent) {
-    bd_store(way_part(l, at, 0), w->a[0]);
-    bd_store(way_part(l, at, 1), w->a[1]);
-    bd_store(way_part(l, at, 2), w->p);
-    if (!tangent) return;
-    bd_store(way_part(l, at, 3), w->length);
-    bd_store(way_part(l, at, 4), w->inverse.L);
-    bd_store(way_part(l, at, 5), w->inverse.L0);
-    bd_store(way_part(l, at, 6), w->inverse.L1);
+BD_INLINE double *chord_part(const bd_coupled_lanes *l, int at, int part) {
+    return l->chord + part * l->n_time * BD_LANES + at;
 }
 
-BD_INLINE way load_way(const bd_slide *l, int at, const int tangent) {
-    way w = {.a = {bd_load(way_part(l, at, 0)), bd_load(way_part(l, at, 1))}, .p = bd_load(way_part(l, at, 2))};
+BD_INLINE void save_chord(bd_coupled_lanes *l, int at, const chord *w, const int tangent) {
+    bd_store(chord_part(l, at, 0), w->a[0]);
+    bd_store(chord_part(l, at, 1), w->a[1]);
+    bd_store(chord_part(l, at, 2), w->p);
+    if (!tangent) return;
+    bd_store(chord_part(l, at, 3), w->length);
+    bd_store(chord_part(l, at, 4), w->inverse.L);
+    bd_store(chord_part(l, at, 5), w->inverse.L0);
+    bd_store(chord_part(l, at, 6), w->inverse.L1);
+}
+
+BD_INLINE chord load_chord(const bd_coupled_lanes *l, int at, const int tangent) {
+    chord w = {.a = {bd_load(chord_part(l, at, 0)), bd_load(chord_part(l, at, 1))}, .p = bd_load(chord_part(l, at, 2))};
     if (!tangent) return w;
-    w.length = bd_load(way_part(l, at, 3));
-    w.inverse = (bd_inverse){bd_load(way_part(l, at, 4)), bd_load(way_part(l, at, 5)), bd_load(way_part(l, at, 6))};
+    w.length = bd_load(chord_part(l, at, 3));
+    w.inverse =
+        (inverse_limit){bd_load(chord_part(l, at, 4)), bd_load(chord_part(l, at, 5)), bd_load(chord_part(l, at, 6))};
     return w;
 }
 
@@ -177,7 +180,7 @@ BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t,
 }
 
 /* From sample k0 to the next one, k1; a lane that sticks keeps its slider. */
-BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_vec *s, step *o, bd_mask *sticks,
+BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, const bd_vec *s, step *o, bd_mask *sticks,
                             const int tangent) {
     const int at0 = k0 * BD_LANES + v * BD_WIDTH, at1 = k1 * BD_LANES + v * BD_WIDTH;
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
@@ -194,7 +197,7 @@ BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_v
     *sticks = contact & ~slips;
     if (bd_any(slips) && !bd_any(slips & ~direct)) {
         const bd_vec e[2] = {T[0] / size, T[1] / size};
-        const way w = load_way(l, at1, tangent);
+        const chord w = load_chord(l, at1, tangent);
         slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, tangent);
     } else if (bd_any(slips)) {
         const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = along - R0 * dR;
@@ -204,7 +207,7 @@ BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_v
         const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, late))), rest = one - tau;
         const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
         const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e}, R_e = R0 + tau * dR, D[2] = {rest * dp[0], rest * dp[1]};
-        const way w = way_of(D, R_e, R1, tangent);
+        const chord w = make_chord(D, R_e, R1, tangent);
         slip_step(o, &w, e, tau, R_e, R1, mu, dp, p1, tangent);
     }
     if (bd_any(closing))
@@ -225,18 +228,18 @@ BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_v
     return slipping;
 }
 
-BD_INLINE void keep(bd_slide *l, int k, int v, const step *o, const bd_vec *s, bd_mask sticks, bd_mask slips,
-                    const int tangent) {
+BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, const bd_vec *s, bd_mask sticks, bd_mask slips,
+                          const int tangent) {
     const int at = k * BD_LANES + v * BD_WIDTH, n = l->n_time * BD_LANES;
     double *to = l->step + at;
     bd_store(to, s[0]);
     bd_store(to + n, s[1]);
     const bd_mask open = ~bd_above(bd_load(l->g + at), bd_all(0.0));
     for (int i = 0; i < BD_WIDTH; ++i)
-        l->kind[at + i] = (unsigned char)(bd_entry_int(open, (size_t)i)     ? BD_STEP_OPEN
-                                          : bd_entry_int(sticks, (size_t)i) ? BD_STEP_STICK
-                                          : bd_entry_int(slips, (size_t)i)  ? BD_STEP_SLIP
-                                                                            : BD_STEP_CLOSE);
+        l->step_kind[at + i] = (unsigned char)(bd_entry_int(open, (size_t)i)     ? BD_STEP_OPEN
+                                               : bd_entry_int(sticks, (size_t)i) ? BD_STEP_STICK
+                                               : bd_entry_int(slips, (size_t)i)  ? BD_STEP_SLIP
+                                                                                 : BD_STEP_CLOSE);
     if (!tangent) return;
     to += 2 * n;
     for (int i = 0; i < 2; ++i)
@@ -251,7 +254,7 @@ BD_INLINE void keep(bd_slide *l, int k, int v, const step *o, const bd_vec *s, b
     }
 }
 
-BD_INLINE void period(bd_slide *l, const int kept, const int tangent) {
+BD_INLINE void period(bd_coupled_lanes *l, const int kept, const int tangent) {
     for (int v = 0; v < N_VEC; ++v) {
         const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
         bd_vec s[2] = {bd_load(l->s + v * BD_WIDTH), bd_load(l->s + BD_LANES + v * BD_WIDTH)}, F[2] = {zero, zero};
@@ -272,36 +275,36 @@ BD_INLINE void period(bd_slide *l, const int kept, const int tangent) {
                     choose(&P[0][j], moves, o.A[0][0] * d0 + o.A[0][1] * d1);
                     choose(&P[1][j], moves, o.A[1][0] * d0 + o.A[1][1] * d1);
                 }
-            if (kept) keep(l, k, v, &o, s, sticks, slips, tangent);
+            if (kept) store_step(l, k, v, &o, s, sticks, slips, tangent);
         }
         for (int i = 0; i < 2; ++i) {
             bd_store(l->end + i * BD_LANES + v * BD_WIDTH, s[i]);
-            bd_store(l->moved + i * BD_LANES + v * BD_WIDTH, F[i]);
-            for (int j = 0; j < 2; ++j) bd_store(l->slope + (2 * i + j) * BD_LANES + v * BD_WIDTH, P[i][j]);
+            bd_store(l->net_motion + i * BD_LANES + v * BD_WIDTH, F[i]);
+            for (int j = 0; j < 2; ++j) bd_store(l->period_derivative + (2 * i + j) * BD_LANES + v * BD_WIDTH, P[i][j]);
         }
     }
 }
 
-BD_INLINE void ways(bd_slide *l, const int tangent) {
+BD_INLINE void all_chords(bd_coupled_lanes *l, const int tangent) {
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
             const int at1 = k * BD_LANES + v * BD_WIDTH, at0 = (k > 0 ? k - 1 : l->n_time - 1) * BD_LANES + v * BD_WIDTH;
             const bd_vec D[2] = {bd_load(l->x + at1) - bd_load(l->x + at0), bd_load(l->y + at1) - bd_load(l->y + at0)};
-            const way w = way_of(D, bd_load(l->R + at0), bd_load(l->R + at1), tangent);
-            save_way(l, at1, &w, tangent);
+            const chord w = make_chord(D, bd_load(l->R + at0), bd_load(l->R + at1), tangent);
+            save_chord(l, at1, &w, tangent);
         }
 }
 
-void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l, int tangent);
-void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l, int tangent) {
+void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *l, int tangent);
+void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *l, int tangent) {
     if (tangent)
-        ways(l, 1);
+        all_chords(l, 1);
     else
-        ways(l, 0);
+        all_chords(l, 0);
 }
 
-void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *l, int kept, int tangent);
-void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *l, int kept, int tangent) {
+void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int kept, int tangent);
+void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int kept, int tangent) {
     if (!kept)
         period(l, 0, 0);
     else if (!tangent)
@@ -311,10 +314,10 @@ void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *l, int kept, int tangent) {
 }
 
 /* Largest of |c - s| - R over n disks, n a multiple of 8, and which of them has it. */
-double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
-                                      int *which);
-double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
-                                      int *which) {
+double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
+                                               int *which);
+double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
+                                               int *which) {
     bd_vec most = bd_all(-INFINITY), place = bd_all(0.0);
     for (int k = 0; k < n; k += BD_WIDTH) {
         const bd_vec dx = bd_load(x + k) - bd_all(s[0]), dy = bd_load(y + k) - bd_all(s[1]);

@@ -35,10 +35,10 @@ void bd_cycle_clear(bd_cycle *cycle) {
     const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm), n_power = (size_t)bd_n_power(cycle->n_harm);
     memset(cycle->stick, 0, sizeof(double) * n_power);
     memset(cycle->slip, 0, sizeof(double) * n_power);
-    memset(cycle->held, 0, sizeof(double) * n_coef);
-    if (cycle->held_u) {
-        memset(cycle->held_u, 0, sizeof(double) * n_coef * n_coef);
-        memset(cycle->held_v, 0, sizeof(double) * n_coef * n_coef);
+    memset(cycle->stick_slider, 0, sizeof(double) * n_coef);
+    if (cycle->stick_slider_u) {
+        memset(cycle->stick_slider_u, 0, sizeof(double) * n_coef * n_coef);
+        memset(cycle->stick_slider_v, 0, sizeof(double) * n_coef * n_coef);
     }
 }
 
@@ -52,13 +52,13 @@ void bd_cycle_integrate(int n_harm, double *E, double length, const double *star
     }
 }
 
-void bd_cycle_hold(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part) {
+void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part) {
     const int n_coef = bd_n_coef(cycle->n_harm);
-    for (int i = 0; i < n_coef; ++i) cycle->held[i] += w * g[i];
-    if (!cycle->held_u || !du_part) return;
+    for (int i = 0; i < n_coef; ++i) cycle->stick_slider[i] += w * g[i];
+    if (!cycle->stick_slider_u || !du_part) return;
     for (int i = 0; i < n_coef; ++i) {
-        double *restrict row_u = cycle->held_u + (size_t)i * (size_t)n_coef;
-        double *restrict row_v = cycle->held_v + (size_t)i * (size_t)n_coef;
+        double *restrict row_u = cycle->stick_slider_u + (size_t)i * (size_t)n_coef;
+        double *restrict row_v = cycle->stick_slider_v + (size_t)i * (size_t)n_coef;
         for (int j = 0; j < n_coef; ++j) {
             row_u[j] += g[i] * du_part[j];
             row_v[j] += g[i] * dv_part[j];
@@ -94,18 +94,18 @@ void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, 
     const double load = constant ? fmax(element->load, 0.0) : element->n0;
     double *F = out->F + (size_t)d * n;
     double *dT = out->dT[d], *dTv = out->dTv[d];
-    const int tangent = cycle->held_u != NULL;
+    const int tangent = cycle->stick_slider_u != NULL;
 
     bd_cycle_products(cycle->n_harm, cycle->stick, scratch);
     for (int i = 0; i < n_coef; ++i) {
         const double scale = row_scale(i);
         const double *row = scratch + (size_t)i * n;
-        double sum = -cycle->held[i];
+        double sum = -cycle->stick_slider[i];
         for (int j = 0; j < n_coef; ++j) sum += row[j] * u[j];
         F[i] = scale * kt * sum;
         if (tangent)
             for (int j = 0; j < n_coef; ++j)
-                dT[(size_t)i * n + (size_t)j] = scale * kt * (row[j] - cycle->held_u[(size_t)i * n + (size_t)j]);
+                dT[(size_t)i * n + (size_t)j] = scale * kt * (row[j] - cycle->stick_slider_u[(size_t)i * n + (size_t)j]);
     }
     out->tangential[d] = BD_BLOCK_FULL;
     out->with_normal[d] = mu_kn > 0.0;
@@ -120,7 +120,8 @@ void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, 
         F[i] += scale * mu_kn * sum;
         if (tangent)
             for (int j = 0; j < n_coef; ++j)
-                dTv[(size_t)i * n + (size_t)j] = scale * (mu_kn * row[j] - kt * cycle->held_v[(size_t)i * n + (size_t)j]);
+                dTv[(size_t)i * n + (size_t)j] =
+                    scale * (mu_kn * row[j] - kt * cycle->stick_slider_v[(size_t)i * n + (size_t)j]);
     }
 }
 

@@ -23,11 +23,11 @@ typedef struct {
     double kt[2]; /* N/m */
     double kn;    /* N/m */
     double mu;
-    double n0;         /* N, normal load at v = 0; negative: a gap of -n0/kn */
-    double w[2];       /* m, slider positions that a point keeps if it never slips; infinite: the end of the admissible */
-                       /* interval on that side */
-    double load;       /* N, normal load that limits the friction of the laws of constant load */
-    const bd_own *own; /* of BD_LAW_USER, owned by the equations */
+    double n0;   /* N, normal load at v = 0; negative: a gap of -n0/kn */
+    double w[2]; /* m, slider positions that a point keeps if it never slips; infinite: the end of the admissible */
+                 /* interval on that side */
+    double load; /* N, normal load that limits the friction of the laws of constant load */
+    const bd_point_law *point_law; /* of BD_LAW_USER, owned by the equations */
 } bd_element;
 
 static inline int bd_law_is_constant(bd_law law) { return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT; }
@@ -37,14 +37,14 @@ static inline int bd_law_is_coupled(bd_law law) { return law == BD_LAW_COUPLED |
 static inline int bd_law_is_two_sided(bd_law law) { return law == BD_LAW_BONDED || bd_law_is_constant(law); }
 
 /* Whether direction d carries friction at all. */
-static inline int bd_element_rubs(const bd_element *e, int d) {
+static inline int bd_element_has_friction(const bd_element *e, int d) {
     if (e->law == BD_LAW_NORMAL || e->law == BD_LAW_BONDED || e->law >= BD_LAW_CUBIC) return 0;
     if (!(e->mu > 0.0) || !(e->kt[d] > 0.0)) return 0;
     return !bd_law_is_constant(e->law) || e->load > 0.0;
 }
 
 /* Closing of the surfaces at v = 0. */
-static inline double bd_closing_at_rest(double kn, double n0) { return kn > 0.0 ? n0 / kn : 0.0; }
+static inline double bd_static_closing(double kn, double n0) { return kn > 0.0 ? n0 / kn : 0.0; }
 
 /* State of one tangential direction on a part of the cycle. */
 typedef enum { BD_STICK = 0, BD_SLIP_PLUS = 1, BD_SLIP_MINUS = 2, BD_OPEN = 3 } bd_state;
@@ -84,11 +84,11 @@ typedef struct {
  * [E_0, E_0, Re E_1, Im E_1, ...] (entry 1 repeats E_0, so that E + 1 holds the integrals of the basis): */
 typedef struct {
     int n_harm;
-    double *stick;  /* (4 n_harm + 2) over the parts that stick */
-    double *slip;   /* over the parts that slip, plus minus minus */
-    double *held;   /* (n_coef) integral of w times the basis over the parts that stick */
-    double *held_u; /* (n_coef, n_coef) its derivative with respect to u, or NULL if no tangent is asked for */
-    double *held_v; /* the same with respect to v */
+    double *stick;          /* (4 n_harm + 2) over the parts that stick */
+    double *slip;           /* over the parts that slip, plus minus minus */
+    double *stick_slider;   /* (n_coef) integral of w times the basis over the parts that stick */
+    double *stick_slider_u; /* (n_coef, n_coef) its derivative with respect to u, or NULL if no tangent is asked for */
+    double *stick_slider_v; /* the same with respect to v */
 } bd_cycle;
 
 static inline int bd_n_power(int n_harm) { return 4 * n_harm + 2; }
@@ -99,7 +99,7 @@ void bd_cycle_clear(bd_cycle *cycle);
 void bd_cycle_integrate(int n_harm, double *E, double length, const double *start, const double *end, double sign);
 
 /* Adds a part that sticks at slider position w with dw = du_part . du + dv_part . dv; g is its (n_coef) integral. */
-void bd_cycle_hold(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part);
+void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part);
 
 /* Symmetric matrix of the integrals of products of basis functions (Toeplitz plus Hankel) from E. */
 void bd_cycle_products(int n_harm, const double *E, double *products);

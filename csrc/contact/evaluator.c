@@ -14,10 +14,10 @@ bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation,
     return status;
 }
 
-bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_own *own) {
+bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_point_law *point_law) {
     int n_state = -1;
-    for (int p = 0; p < n && own; ++p)
-        if (own[p].function && own[p].n_state > n_state) n_state = own[p].n_state;
+    for (int p = 0; p < n && point_law; ++p)
+        if (point_law[p].function && point_law[p].n_state > n_state) n_state = point_law[p].n_state;
     return n_state < 0 ? BD_OK : bd_user_create(&evaluator->user, &evaluator->sampled, n_state);
 }
 

@@ -23,12 +23,12 @@ typedef struct {
 bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm, int n_time);
 
 /* Room for the laws of users among n points (NULL: none). */
-bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_own *own);
+bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_point_law *point_law);
 
 void bd_evaluator_destroy(bd_evaluator *evaluator);
 
 /* The coupled laws and those of users have no exact evaluation. */
-static inline int bd_evaluation_serves(bd_evaluation evaluation, bd_law law) {
+static inline int bd_evaluation_supports(bd_evaluation evaluation, bd_law law) {
     return evaluation != BD_EXACT || !(bd_law_is_coupled(law) || law == BD_LAW_USER);
 }
 

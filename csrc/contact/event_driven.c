@@ -46,22 +46,22 @@ bd_status bd_event_create(bd_event_work *work, int n_harm) {
     work->slope = p, p += n_time;
     work->dx = p, p += 3 * n_coef;
     work->ddx = p, p += 3 * n_coef;
-    work->poly = p, p += 5 * n_coef;
-    work->theta = p, p += n_event;
-    work->z = p, p += 2 * n_event;
-    work->lo = p, p += n_event;
-    work->hi = p, p += n_event;
+    work->polynomial = p, p += 5 * n_coef;
+    work->event_theta = p, p += n_event;
+    work->event_z = p, p += 2 * n_event;
+    work->event_lo = p, p += n_event;
+    work->event_hi = p, p += n_event;
     work->power[0] = p, p += n_power;
     work->power[1] = p, p += n_power;
     work->contact = p, p += n_power;
-    work->part = p, p += n_power;
+    work->part_sum = p, p += n_power;
     work->cycle.stick = p, p += n_power;
     work->cycle.slip = p, p += n_power;
-    work->cycle.held = p, p += n_coef;
-    work->origin_v = p, p += n_coef;
+    work->cycle.stick_slider = p, p += n_coef;
+    work->slider_v = p, p += n_coef;
     work->scratch = p, p += n_coef * n_coef;
-    work->held_u = p, p += n_coef * n_coef;
-    work->held_v = p;
+    work->stick_slider_u = p, p += n_coef * n_coef;
+    work->stick_slider_v = p;
     work->cycle.n_harm = n_harm;
     work->piece = work->order + n_event;
     work->segment[1] = work->segment[0] + n_segment;
@@ -86,7 +86,7 @@ static double between_samples(const bd_event_work *work, const double *x) {
 }
 
 /* v' and v'' on the grid, then those of u1 and u2, only if roots are to be found at all. */
-static void need_derivatives(bd_event_work *work, const double *x) {
+static void find_derivatives(bd_event_work *work, const double *x) {
     if (work->derivatives_known) return;
     const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm), n_time = work->grid.n_time;
     for (int a = 0; a < 3; ++a) {
@@ -122,19 +122,20 @@ static int bound_contact(const bd_element *element, const double *v, bd_event_wo
 static int find_lifts(const bd_element *element, const double *x, bd_event_work *work) {
     const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm), n_time = work->grid.n_time;
     const double *v = x + 2 * n_coef;
-    double *g = work->poly;
+    double *g = work->polynomial;
     for (int i = 0; i < n_coef; ++i) g[i] = element->kn * v[i];
     g[0] += element->n0;
-    need_derivatives(work, x);
+    find_derivatives(work, x);
     for (int k = 0; k < n_time && n_harm > 1; ++k) {
         work->value[k] = element->n0 + element->kn * work->motion[2 * n_time + k];
         work->slope[k] = element->kn * work->dmotion[2 * n_time + k];
     }
-    return bd_trig_roots_with_powers(&work->grid, g, work->value, work->slope, work->theta, work->z);
+    return bd_trig_roots_with_powers(&work->grid, g, work->value, work->slope, work->event_theta, work->event_z);
 }
 
 static double lift_length(const bd_event_work *work, int n_lift, int e) {
-    return e + 1 < n_lift ? work->theta[e + 1] - work->theta[e] : work->theta[0] + BD_TWO_PI - work->theta[e];
+    return e + 1 < n_lift ? work->event_theta[e + 1] - work->event_theta[e]
+                          : work->event_theta[0] + BD_TWO_PI - work->event_theta[e];
 }
 
 /* Whether the part that follows the first lift is in contact: told in the middle of the longest part, where the sign is
@@ -144,7 +145,7 @@ static int contact_follows_first(const bd_event_work *work, int n_lift) {
     for (int e = 1; e < n_lift; ++e)
         if (lift_length(work, n_lift, e) > lift_length(work, n_lift, longest)) longest = e;
     const double value =
-        bd_march_clear_value(work->n_harm, work->poly, work->theta[longest], lift_length(work, n_lift, longest));
+        bd_clear_value(work->n_harm, work->polynomial, work->event_theta[longest], lift_length(work, n_lift, longest));
     return longest % 2 == 0 ? value > 0.0 : !(value > 0.0);
 }
 
@@ -153,8 +154,8 @@ static void integrate_contact(bd_event_work *work, int n_lift, int contact_first
     memset(work->contact, 0, sizeof(double) * (size_t)bd_n_power(work->n_harm));
     for (int e = contact_first ? 0 : 1; e < n_lift; e += 2) {
         const int next = (e + 1) % n_lift;
-        bd_trig_powers_of(2 * work->n_harm, work->z + 2 * e, work->power[0]);
-        bd_trig_powers_of(2 * work->n_harm, work->z + 2 * next, work->power[1]);
+        bd_trig_powers_of(2 * work->n_harm, work->event_z + 2 * e, work->power[0]);
+        bd_trig_powers_of(2 * work->n_harm, work->event_z + 2 * next, work->power[1]);
         bd_cycle_integrate(work->n_harm, work->contact, lift_length(work, n_lift, e), work->power[0], work->power[1], 1.0);
     }
     share->open = 1.0 - work->contact[0] / BD_TWO_PI;
@@ -163,10 +164,10 @@ static void integrate_contact(bd_event_work *work, int n_lift, int contact_first
 /* ---- events of one tangential direction ---- */
 
 /* lo, hi and their derivatives; returns whether bounds on their swing already prove that w stays inside. */
-static int make_bounds(const bd_element *element, int d, const double *u, const double *v, bd_direction *dir) {
+static int find_bounds(const bd_element *element, int d, const double *u, const double *v, bd_direction *dir) {
     const int n_coef = dir->n_coef, constant = bd_law_is_constant(element->law);
     bd_event_work *work = dir->work;
-    double *lo = work->poly + n_coef, *hi = lo + n_coef, *dlo = hi + n_coef, *dhi = dlo + n_coef;
+    double *lo = work->polynomial + n_coef, *hi = lo + n_coef, *dlo = hi + n_coef, *dhi = dlo + n_coef;
     const double shift = element->mu * (constant ? fmax(element->load, 0.0) : element->n0) / element->kt[d];
     const double w = element->w[d];
     dir->r = constant ? 0.0 : element->mu * element->kn / element->kt[d];
@@ -190,7 +191,7 @@ static int make_bounds(const bd_element *element, int d, const double *u, const 
 static void find_extrema(bd_direction *dir, int d) {
     bd_event_work *work = dir->work;
     const int n_time = work->grid.n_time, n_coef = dir->n_coef;
-    double *dlo = work->poly + 3 * n_coef, *dhi = dlo + n_coef;
+    double *dlo = work->polynomial + 3 * n_coef, *dhi = dlo + n_coef;
     const double *du = work->dx + d * n_coef, *dv = work->dx + 2 * n_coef, r = dir->r;
     const double *su = work->dmotion + d * n_time, *sv = work->dmotion + 2 * n_time;
     const double *ssu = work->ddmotion + d * n_time, *ssv = work->ddmotion + 2 * n_time;
@@ -203,7 +204,8 @@ static void find_extrema(bd_direction *dir, int d) {
         work->slope[k] = ssu[k] - r * ssv[k];
     }
     const int at = dir->n_lift;
-    dir->n_lo = bd_trig_roots_with_powers(&work->grid, dlo, work->value, work->slope, work->theta + at, work->z + 2 * at);
+    dir->n_lo = bd_trig_roots_with_powers(&work->grid, dlo, work->value, work->slope, work->event_theta + at,
+                                          work->event_z + 2 * at);
     dir->n_event = at + dir->n_lo;
     dir->common = r == 0.0;
     if (dir->common) return;
@@ -211,32 +213,32 @@ static void find_extrema(bd_direction *dir, int d) {
         work->value[k] = su[k] + r * sv[k];
         work->slope[k] = ssu[k] + r * ssv[k];
     }
-    dir->n_event += bd_trig_roots_with_powers(&work->grid, dhi, work->value, work->slope, work->theta + dir->n_event,
-                                              work->z + 2 * dir->n_event);
+    dir->n_event += bd_trig_roots_with_powers(&work->grid, dhi, work->value, work->slope, work->event_theta + dir->n_event,
+                                              work->event_z + 2 * dir->n_event);
 }
 
 /* ---- one tangential direction ---- */
 
 /* lo and hi are constant: the slider is the given one clipped to [lo, hi]. */
-static void hold_constant(const bd_direction *dir, int d, const bd_element *element, bd_status_share *share) {
+static void add_constant_bounds(const bd_direction *dir, int d, const bd_element *element, bd_status_share *share) {
     bd_event_work *work = dir->work;
     const double lo = dir->lo[0], hi = dir->hi[0], given = element->w[d];
     const double w = given < lo ? lo : given > hi ? hi : given;
     double *one = work->power[0];
     memset(one, 0, sizeof(double) * (size_t)dir->n_coef);
-    memset(work->origin_v, 0, sizeof(double) * (size_t)dir->n_coef);
+    memset(work->slider_v, 0, sizeof(double) * (size_t)dir->n_coef);
     one[0] = 1.0;
-    work->origin_v[0] = given < lo ? -dir->r : given > hi ? dir->r : 0.0;
+    work->slider_v[0] = given < lo ? -dir->r : given > hi ? dir->r : 0.0;
     work->cycle.stick[0] = work->cycle.stick[1] = BD_TWO_PI;
-    bd_cycle_hold(&work->cycle, work->cycle.stick + 1, w, w == given ? NULL : one, work->origin_v);
-    bd_march_whole(work, d, BD_STICK);
+    bd_cycle_add_stick(&work->cycle, work->cycle.stick + 1, w, w == given ? NULL : one, work->slider_v);
+    bd_slider_whole_cycle(work, d, BD_STICK);
     share->stick[d] = 1.0;
 }
 
 static void stay_stuck(const bd_element *element, int d, const double *u, bd_response *out, bd_status_share *share,
                        bd_event_work *work) {
     bd_element_stuck(element, work->n_harm, d, u, out);
-    bd_march_whole(work, d, BD_STICK);
+    bd_slider_whole_cycle(work, d, BD_STICK);
     share->stick[d] = 1.0;
 }
 
@@ -246,19 +248,19 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
     const double *u = x + d * n_coef, *v = x + 2 * n_coef;
     bd_direction dir = {
         .n_harm = work->n_harm, .n_coef = n_coef, .n_power = bd_n_power(work->n_harm), .n_lift = n_lift, .work = work};
-    if (make_bounds(element, d, u, v, &dir)) {
+    if (find_bounds(element, d, u, v, &dir)) {
         stay_stuck(element, d, u, out, share, work);
         return;
     }
-    need_derivatives(work, x);
+    find_derivatives(work, x);
     find_extrema(&dir, d);
     bd_cycle_clear(&work->cycle);
     if (dir.n_event == 0) {
-        hold_constant(&dir, d, element, share);
+        add_constant_bounds(&dir, d, element, share);
         bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
         return;
     }
-    if (!bd_march_through(&dir, d, element, v, share)) {
+    if (!bd_slider_cycle(&dir, d, element, v, share)) {
         stay_stuck(element, d, u, out, share, work);
         return;
     }
@@ -279,7 +281,7 @@ static int evaluate_normal(const bd_element *element, const double *x, bd_respon
         bd_cycle_normal(element, work->n_harm, work->contact, v, out, work->scratch);
         return n_lift;
     }
-    if (bound == OPEN_ALWAYS || (bound == CHANGES && bd_march_clear_value(work->n_harm, work->poly, 0.0, BD_TWO_PI) <= 0.0))
+    if (bound == OPEN_ALWAYS || (bound == CHANGES && bd_clear_value(work->n_harm, work->polynomial, 0.0, BD_TWO_PI) <= 0.0))
         share->open = 1.0;
     else
         bd_element_closed(element, work->n_harm, v, out);
@@ -294,15 +296,16 @@ void bd_event_evaluate(const bd_element *element, const double *x, bd_response *
     *share = (bd_status_share){{0.0, 0.0}, {0.0, 0.0}, 0.0};
     work->n_segment[0] = work->n_segment[1] = 0;
     work->derivatives_known = 0;
-    work->cycle.held_u = out->dN ? work->held_u : NULL;
-    work->cycle.held_v = out->dN ? work->held_v : NULL;
+    work->cycle.stick_slider_u = out->dN ? work->stick_slider_u : NULL;
+    work->cycle.stick_slider_v = out->dN ? work->stick_slider_v : NULL;
     bd_element_open(element, n_harm, out);
     if (n_harm > 1 && element->law != BD_LAW_BONDED)
         work->kernel->grid_values(n_coef, work->grid.n_time, work->grid.basis, 3, x, work->motion);
     const int n_lift = evaluate_normal(element, x, out, share, work);
     for (int d = 0; d < 2; ++d) {
         if (element->law == BD_LAW_BONDED) stay_stuck(element, d, x + d * n_coef, out, share, work);
-        if (share->open == 1.0) bd_march_whole(work, d, BD_OPEN);
-        if (bd_element_rubs(element, d) && share->open < 1.0) evaluate_direction(element, d, n_lift, x, out, share, work);
+        if (share->open == 1.0) bd_slider_whole_cycle(work, d, BD_OPEN);
+        if (bd_element_has_friction(element, d) && share->open < 1.0)
+            evaluate_direction(element, d, n_lift, x, out, share, work);
     }
 }

@@ -22,9 +22,9 @@
 #include <math.h>
 #include <string.h>
 
-enum { GIVEN, SET_BY_LO, SET_BY_HI, SET_BY_CLOSING };
+enum { INITIAL, SET_BY_LO, SET_BY_HI, SET_BY_CLOSING };
 enum { CONTACT = 1, LO_RISES = 2, HI_FALLS = 4 };
-enum { NOTHING = -1 }; /* besides bd_state */
+enum { NO_STATE = -1 }; /* besides bd_state */
 
 /* Where the slider stands, and what set it there. */
 typedef struct {
@@ -38,11 +38,11 @@ typedef struct {
     int state;
     double start;
     int at; /* work->power[at] belongs to its beginning */
-    slider held;
-} run;
+    slider slider;
+} cycle_part;
 
 /* x and y at exp(i theta) = z. */
-static void pair_at(int n_harm, const double *x, const double *y, const double *z, double *at_x, double *at_y) {
+static void values_at(int n_harm, const double *x, const double *y, const double *z, double *at_x, double *at_y) {
     const double c = z[0], s = z[1];
     double re = c, im = s, sum_x = x[0], sum_y = y[0];
     for (int l = 1; l <= n_harm; ++l) {
@@ -56,7 +56,7 @@ static void pair_at(int n_harm, const double *x, const double *y, const double *
     *at_y = sum_y;
 }
 
-double bd_march_clear_value(int n_harm, const double *f, double start, double length) {
+double bd_clear_value(int n_harm, const double *f, double start, double length) {
     static const double place[4] = {0.29, 0.67, 0.11, 0.87};
     const int n_coef = bd_n_coef(n_harm);
     double size = 0.0, value = bd_trig_value(n_harm, f, start + 0.5 * length);
@@ -81,7 +81,7 @@ static void push_segment(bd_event_work *work, int d, double start, double end, i
     }
 }
 
-void bd_march_whole(bd_event_work *work, int d, int state) {
+void bd_slider_whole_cycle(bd_event_work *work, int d, int state) {
     work->n_segment[d] = 0;
     push_segment(work, d, 0.0, BD_TWO_PI, state);
 }
@@ -123,7 +123,8 @@ static void sort_events(bd_direction *dir) {
     bd_event_work *work = dir->work;
     for (int i = 0; i < dir->n_event; ++i) {
         int j = i;
-        for (; j > 0 && work->theta[work->order[j - 1]] > work->theta[i]; --j) work->order[j] = work->order[j - 1];
+        for (; j > 0 && work->event_theta[work->order[j - 1]] > work->event_theta[i]; --j)
+            work->order[j] = work->order[j - 1];
         work->order[j] = i;
     }
 }
@@ -131,7 +132,7 @@ static void sort_events(bd_direction *dir) {
 static double piece_end(const bd_direction *dir, int i) {
     const bd_event_work *work = dir->work;
     const int n = dir->n_event;
-    return i + 1 < n ? work->theta[work->order[i + 1]] : work->theta[work->order[0]] + BD_TWO_PI;
+    return i + 1 < n ? work->event_theta[work->order[i + 1]] : work->event_theta[work->order[0]] + BD_TWO_PI;
 }
 
 /* Signs on every piece: evaluated inside the longest one, where they are clearest, and toggled from there at
@@ -142,20 +143,20 @@ static void flag_pieces(bd_direction *dir, const bd_element *element, const doub
     int longest = 0, flags = 0;
     double length = -1.0;
     for (int i = 0; i < n; ++i) {
-        const double l = piece_end(dir, i) - work->theta[work->order[i]];
+        const double l = piece_end(dir, i) - work->event_theta[work->order[i]];
         if (l > length) length = l, longest = i;
     }
-    const double start = work->theta[work->order[longest]];
+    const double start = work->event_theta[work->order[longest]];
     if (dir->n_lift == 0) {
         flags |= CONTACT;
     } else {
-        double *level = work->poly; /* n0 + kn v */
+        double *level = work->polynomial; /* n0 + kn v */
         for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
         level[0] += element->n0;
-        if (bd_march_clear_value(dir->n_harm, level, start, length) > 0.0) flags |= CONTACT;
+        if (bd_clear_value(dir->n_harm, level, start, length) > 0.0) flags |= CONTACT;
     }
-    if (bd_march_clear_value(dir->n_harm, dir->dlo, start, length) > 0.0) flags |= LO_RISES;
-    if (bd_march_clear_value(dir->n_harm, dir->dhi, start, length) < 0.0) flags |= HI_FALLS;
+    if (bd_clear_value(dir->n_harm, dir->dlo, start, length) > 0.0) flags |= LO_RISES;
+    if (bd_clear_value(dir->n_harm, dir->dhi, start, length) < 0.0) flags |= HI_FALLS;
     work->piece[longest] = flags;
     for (int k = 1; k < n; ++k) {
         const int i = (longest + k) % n, event = work->order[i];
@@ -173,7 +174,7 @@ static void flag_pieces(bd_direction *dir, const bd_element *element, const doub
 
 static slider clip_at_end(const bd_direction *dir, slider s, int flags, int event) {
     const bd_event_work *work = dir->work;
-    const double lo = work->lo[event], hi = work->hi[event];
+    const double lo = work->event_lo[event], hi = work->event_hi[event];
     if (!(flags & CONTACT)) return (slider){SET_BY_CLOSING, event, 0.5 * (lo + hi)};
     if (s.w < lo) return (slider){SET_BY_LO, event, lo};
     if (s.w > hi) return (slider){SET_BY_HI, event, hi};
@@ -184,45 +185,45 @@ static slider clip_at_end(const bd_direction *dir, slider s, int flags, int even
 static slider settle(const bd_direction *dir, double w) {
     const bd_event_work *work = dir->work;
     const int n = dir->n_event;
-    slider s = {GIVEN, -1, w};
+    slider s = {INITIAL, -1, w};
     for (int i = 0; i < n; ++i) s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
     return s;
 }
 
 /* dw of a slider that was set at the beginning of the present part of the cycle. */
-static void hold(const bd_direction *dir, const run *part) {
+static void add_stick(const bd_direction *dir, const cycle_part *part) {
     bd_event_work *work = dir->work;
     const double *b = work->power[part->at] + 1;
-    if (!work->cycle.held_u) {
-        bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, NULL, NULL);
+    if (!work->cycle.stick_slider_u) {
+        bd_cycle_add_stick(&work->cycle, work->part_sum + 1, part->slider.w, NULL, NULL);
         return;
     }
-    double factor = part->held.kind == SET_BY_LO ? -dir->r : dir->r;
-    if (part->held.kind == SET_BY_CLOSING) {
+    double factor = part->slider.kind == SET_BY_LO ? -dir->r : dir->r;
+    if (part->slider.kind == SET_BY_CLOSING) {
         /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); sticking after it, |u'/v'| <= r */
         double dlo, dhi;
-        pair_at(dir->n_harm, dir->dlo, dir->dhi, work->z + 2 * part->held.event, &dlo, &dhi);
+        values_at(dir->n_harm, dir->dlo, dir->dhi, work->event_z + 2 * part->slider.event, &dlo, &dhi);
         factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
     }
-    for (int i = 0; i < dir->n_coef; ++i) work->origin_v[i] = factor * b[i];
-    bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, b, work->origin_v);
+    for (int i = 0; i < dir->n_coef; ++i) work->slider_v[i] = factor * b[i];
+    bd_cycle_add_stick(&work->cycle, work->part_sum + 1, part->slider.w, b, work->slider_v);
 }
 
 /* The state changes at theta (exp(i theta) = z): sums of the part that ends, beginning of the next. */
-static void change(const bd_direction *dir, int d, run *part, int state, double theta, const double *z, slider s,
-                   bd_status_share *share) {
+static void change_state(const bd_direction *dir, int d, cycle_part *part, int state, double theta, const double *z,
+                         slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
     double *from = work->power[part->at], *to = work->power[!part->at];
     if (part->state == state) return;
     bd_trig_powers_of(2 * dir->n_harm, z, to);
-    if (part->state != NOTHING) {
+    if (part->state != NO_STATE) {
         const double length = theta - part->start;
         push_segment(work, d, part->start, theta, part->state);
         if (part->state == BD_STICK) {
-            memset(work->part, 0, sizeof(double) * (size_t)dir->n_power);
-            bd_cycle_integrate(dir->n_harm, work->part, length, from, to, 1.0);
-            for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part[n];
-            hold(dir, part);
+            memset(work->part_sum, 0, sizeof(double) * (size_t)dir->n_power);
+            bd_cycle_integrate(dir->n_harm, work->part_sum, length, from, to, 1.0);
+            for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part_sum[n];
+            add_stick(dir, part);
         } else if (part->state != BD_OPEN) {
             bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to, part->state == BD_SLIP_PLUS ? 1.0 : -1.0);
             share->slip[d] += length;
@@ -231,12 +232,12 @@ static void change(const bd_direction *dir, int d, run *part, int state, double 
     part->at = !part->at;
     part->state = state;
     part->start = theta;
-    part->held = s;
+    part->slider = s;
 }
 
 /* Where lo (hi) first meets w in a piece over which it rises (falls). */
 static double find_onset(const bd_direction *dir, int plus, double w, double start, double end, double *z) {
-    double *bound = dir->work->poly; /* lo - w or hi - w */
+    double *bound = dir->work->polynomial; /* lo - w or hi - w */
     memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
     bound[0] -= w;
     if (dir->n_harm > 1) {
@@ -262,61 +263,62 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
 }
 
 /* Marches through one piece and returns the slider at its end. */
-static slider march_piece(const bd_direction *dir, int d, int i, double turn, slider s, run *part, bd_status_share *share) {
+static slider slider_through_piece(const bd_direction *dir, int d, int i, double turn, slider s, cycle_part *part,
+                                   bd_status_share *share) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;
     const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0], flags = work->piece[i];
-    const double *z = work->z + 2 * start, theta = work->theta[start] + turn;
+    const double *z = work->event_z + 2 * start, theta = work->event_theta[start] + turn;
     if (!(flags & CONTACT)) {
-        change(dir, d, part, BD_OPEN, theta, z, s, share);
+        change_state(dir, d, part, BD_OPEN, theta, z, s, share);
         return clip_at_end(dir, s, flags, end);
     }
-    const int set_now = s.event == start && s.kind != GIVEN;
+    const int set_now = s.event == start && s.kind != INITIAL;
     const int plus_now = set_now && s.kind != SET_BY_HI && (flags & LO_RISES);
     const int minus_now = set_now && s.kind != SET_BY_LO && (flags & HI_FALLS);
     if (plus_now || minus_now) {
-        change(dir, d, part, plus_now ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, s, share);
-        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end, plus_now ? work->lo[end] : work->hi[end]};
+        change_state(dir, d, part, plus_now ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, s, share);
+        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end, plus_now ? work->event_lo[end] : work->event_hi[end]};
     }
     const slider after = clip_at_end(dir, s, flags, end);
-    change(dir, d, part, BD_STICK, theta, z, s, share);
+    change_state(dir, d, part, BD_STICK, theta, z, s, share);
     if (after.kind == s.kind && after.event == s.event) return s; /* nothing pushed it */
     const int plus = after.kind == SET_BY_LO;
-    if (plus ? work->lo[start] >= s.w : work->hi[start] <= s.w) { /* at once: the slip had only paused */
-        change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
+    if (plus ? work->event_lo[start] >= s.w : work->event_hi[start] <= s.w) { /* at once: the slip had only paused */
+        change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
         return after;
     }
     double at[2];
-    const double onset = find_onset(dir, plus, s.w, work->theta[start], piece_end(dir, i), at) + turn;
-    change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
+    const double onset = find_onset(dir, plus, s.w, work->event_theta[start], piece_end(dir, i), at) + turn;
+    change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
     return after;
 }
 
 /* The settled cycle from the event on that set its slider, so that every part begins where its slider was set. */
-static void march_cycle(const bd_direction *dir, int d, slider s, bd_status_share *share) {
+static void sum_cycle(const bd_direction *dir, int d, slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;
-    run part = {.state = NOTHING};
+    cycle_part part = {.state = NO_STATE};
     int first = 0;
     while (work->order[first] != s.event) ++first;
     for (int k = 0; k < n; ++k) {
         const int i = first + k < n ? first + k : first + k - n;
-        s = march_piece(dir, d, i, first + k < n ? 0.0 : BD_TWO_PI, s, &part, share);
+        s = slider_through_piece(dir, d, i, first + k < n ? 0.0 : BD_TWO_PI, s, &part, share);
     }
     const int event = work->order[first];
-    change(dir, d, &part, NOTHING, work->theta[event] + BD_TWO_PI, work->z + 2 * event, s, share);
+    change_state(dir, d, &part, NO_STATE, work->event_theta[event] + BD_TWO_PI, work->event_z + 2 * event, s, share);
     arrange_segments(work, d);
 }
 
-int bd_march_through(bd_direction *dir, int d, const bd_element *element, const double *v, bd_status_share *share) {
+int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const double *v, bd_status_share *share) {
     bd_event_work *work = dir->work;
     sort_events(dir);
     flag_pieces(dir, element, v);
     for (int e = 0; e < dir->n_event; ++e)
-        pair_at(dir->n_harm, dir->lo, dir->hi, work->z + 2 * e, work->lo + e, work->hi + e);
+        values_at(dir->n_harm, dir->lo, dir->hi, work->event_z + 2 * e, work->event_lo + e, work->event_hi + e);
     const slider s = settle(dir, element->w[d]);
-    if (s.kind == GIVEN) return 0;
-    march_cycle(dir, d, s, share);
+    if (s.kind == INITIAL) return 0;
+    sum_cycle(dir, d, s, share);
     share->slip[d] /= BD_TWO_PI;
     share->stick[d] = work->cycle.stick[0] / BD_TWO_PI;
     return 1;

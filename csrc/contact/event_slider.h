@@ -9,26 +9,26 @@
 typedef struct {
     int n_harm;
     const bd_kernel *kernel;
-    bd_trig_grid grid;     /* bracketing grid of the root finder */
-    double *motion;        /* (3, n_time) u1, u2, v */
-    double *dmotion;       /* (3, n_time) their derivatives */
-    double *ddmotion;      /* (3, n_time) */
-    double *value, *slope; /* (n_time) samples handed to the root finder */
-    double *dx, *ddx;      /* (3, n_coef) coefficients of the derivatives */
-    double *poly;          /* (5, n_coef) work polynomials */
-    double *theta;         /* (6 n_harm) instants of events */
-    double *z;             /* (6 n_harm, 2) exp(i theta) there */
-    double *lo, *hi;       /* (6 n_harm) bounds of the slider there */
-    int *order;            /* (6 n_harm) events in ascending order */
-    int *piece;            /* (6 n_harm) flags of the piece that follows each of them */
-    double *power[2];      /* (n_power) powers at the beginning and at the end of a part of the cycle */
-    double *contact;       /* (n_power) sums over the parts in contact */
-    double *part;          /* (n_power) sums over the present part */
-    double *scratch;       /* (n_coef, n_coef) */
-    double *origin_v;      /* (n_coef) derivative of the slider position */
+    bd_trig_grid grid;           /* bracketing grid of the root finder */
+    double *motion;              /* (3, n_time) u1, u2, v */
+    double *dmotion;             /* (3, n_time) their derivatives */
+    double *ddmotion;            /* (3, n_time) */
+    double *value, *slope;       /* (n_time) samples handed to the root finder */
+    double *dx, *ddx;            /* (3, n_coef) coefficients of the derivatives */
+    double *polynomial;          /* (5, n_coef) work polynomials */
+    double *event_theta;         /* (6 n_harm) instants of events */
+    double *event_z;             /* (6 n_harm, 2) exp(i theta) there */
+    double *event_lo, *event_hi; /* (6 n_harm) bounds of the slider there */
+    int *order;                  /* (6 n_harm) events in ascending order */
+    int *piece;                  /* (6 n_harm) flags of the piece that follows each of them */
+    double *power[2];            /* (n_power) powers at the beginning and at the end of a part of the cycle */
+    double *contact;             /* (n_power) sums over the parts in contact */
+    double *part_sum;            /* (n_power) sums over the present part */
+    double *scratch;             /* (n_coef, n_coef) */
+    double *slider_v;            /* (n_coef) derivative of the slider position */
     bd_cycle cycle;
-    double *held_u, *held_v; /* storage that cycle points to when a tangent is asked for */
-    bd_segment *segment[2];  /* (12 n_harm + 2) parts of the cycle, for each direction, ascending */
+    double *stick_slider_u, *stick_slider_v; /* storage that cycle points to when a tangent is asked for */
+    bd_segment *segment[2];                  /* (12 n_harm + 2) parts of the cycle, for each direction, ascending */
     int n_segment[2];
     int derivatives_known;
     double *memory; /* all of the above */
@@ -49,13 +49,13 @@ typedef struct {
 
 /* Settles the slider of direction d and adds up its cycle (work->cycle, segments, shares).  Returns 0 if nothing ever sets the
  * given slider, which then stays where it is; nothing is added up. */
-int bd_march_through(bd_direction *dir, int d, const bd_element *element, const double *v, bd_status_share *share);
+int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const double *v, bd_status_share *share);
 
 /* The cycle of direction d is one part. */
-void bd_march_whole(bd_event_work *work, int d, int state);
+void bd_slider_whole_cycle(bd_event_work *work, int d, int state);
 
 /* Value of f somewhere between start and start + length, where f does not cross zero: in the middle; if f is small there,
  * because it touches zero, a clearer value is looked for. */
-double bd_march_clear_value(int n_harm, const double *f, double start, double length);
+double bd_clear_value(int n_harm, const double *f, double start, double length);
 
 #endif

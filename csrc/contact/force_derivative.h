@@ -6,7 +6,7 @@
 
 /* dF (3, n_coef): `rate` has the derivatives of the numbers of `element`, dX (3, n_coef) that of the motion X; `response` is
  * that of X, with tangents. */
-void bd_rate_of_force(const bd_element *element, const bd_element *rate, int n_harm, const double *X, const double *dX,
-                      const bd_response *response, double *dF);
+void bd_force_derivative(const bd_element *element, const bd_element *rate, int n_harm, const double *X, const double *dX,
+                         const bd_response *response, double *dF);
 
 #endif

@@ -19,18 +19,18 @@ static double norm(double x, double y) { return sqrt(x * x + y * y); }
 /* ---- centre ---- */
 
 /* Two disks; value -infinity if one of them holds the centre alone. */
-static bd_hold centre_of_two(const bd_disks *disks, int i, int j) {
+static bd_disk_point centre_of_two(const bd_disks *disks, int i, int j) {
     const double dx = disks->x[j] - disks->x[i], dy = disks->y[j] - disks->y[i], d = norm(dx, dy);
-    bd_hold hold = {.n = 2, .disk = {i, j}, .value = 0.5 * (d - disks->R[i] - disks->R[j])};
+    bd_disk_point hold = {.n = 2, .disk = {i, j}, .value = 0.5 * (d - disks->R[i] - disks->R[j])};
     const double r = disks->R[i] + hold.value; /* from the first centre */
-    if (!(r > 0.0 && r < d)) return (bd_hold){.value = -INFINITY};
+    if (!(r > 0.0 && r < d)) return (bd_disk_point){.value = -INFINITY};
     hold.s[0] = disks->x[i] + dx * (r / d);
     hold.s[1] = disks->y[i] + dy * (r / d);
     return hold;
 }
 
 /* Improves a point at the same distance from three disks by one step of Newton's method. */
-static void polish(const bd_disks *disks, bd_hold *hold) {
+static void polish(const bd_disks *disks, bd_disk_point *hold) {
     double e[3][2], f[3];
     for (int a = 0; a < 3; ++a) {
         const int k = hold->disk[a];
@@ -49,7 +49,7 @@ static void polish(const bd_disks *disks, bd_hold *hold) {
 }
 
 /* Whether the normals of three disks enclose the origin: no move makes all three distances smaller. */
-static int encloses(const bd_disks *disks, const bd_hold *hold) {
+static int encloses(const bd_disks *disks, const bd_disk_point *hold) {
     double d[3][2], turn[3];
     for (int a = 0; a < 3; ++a) {
         d[a][0] = disks->x[hold->disk[a]] - hold->s[0];
@@ -62,10 +62,10 @@ static int encloses(const bd_disks *disks, const bd_hold *hold) {
     return (turn[0] > 0.0 && turn[1] > 0.0 && turn[2] > 0.0) || (turn[0] < 0.0 && turn[1] < 0.0 && turn[2] < 0.0);
 }
 
-static bd_hold centre_of_three(const bd_disks *disks, int i, int j, int k) {
+static bd_disk_point centre_of_three(const bd_disks *disks, int i, int j, int k) {
     const int other[2] = {j, k};
     double d[2][2], c[2], w[2];
-    bd_hold best = {.value = -INFINITY};
+    bd_disk_point best = {.value = -INFINITY};
     for (int a = 0; a < 2; ++a) {
         d[a][0] = disks->x[other[a]] - disks->x[i];
         d[a][1] = disks->y[other[a]] - disks->y[i];
@@ -82,7 +82,7 @@ static bd_hold centre_of_three(const bd_disks *disks, int i, int j, int k) {
     for (int side = 0; side < 2; ++side) {
         const double r = side ? C / h : h / A;
         if (!isfinite(r) || r < 0.0 || r + w[0] < 0.0 || r + w[1] < 0.0) continue;
-        bd_hold hold = {.n = 3, .disk = {i, j, k}, .value = r - disks->R[i]};
+        bd_disk_point hold = {.n = 3, .disk = {i, j, k}, .value = r - disks->R[i]};
         for (int a = 0; a < 2; ++a) hold.s[a] = alpha[a] - r * beta[a];
         hold.s[0] += disks->x[i];
         hold.s[1] += disks->y[i];
@@ -93,38 +93,38 @@ static bd_hold centre_of_three(const bd_disks *disks, int i, int j, int k) {
 }
 
 /* Of at most four disks, the last of which is new. */
-static bd_hold centre_of_few(const bd_disks *disks, int n, const int *disk) {
+static bd_disk_point centre_of_few(const bd_disks *disks, int n, const int *disk) {
     const int new = disk[n - 1];
-    bd_hold best = {.n = 1, .disk = {new}, .s = {disks->x[new], disks->y[new]}, .value = -disks->R[new]};
+    bd_disk_point best = {.n = 1, .disk = {new}, .s = {disks->x[new], disks->y[new]}, .value = -disks->R[new]};
     for (int i = 0; i < n - 1; ++i) {
-        const bd_hold two = centre_of_two(disks, disk[i], new);
+        const bd_disk_point two = centre_of_two(disks, disk[i], new);
         if (two.value > best.value) best = two;
         for (int j = 0; j < i; ++j) {
-            const bd_hold three = centre_of_three(disks, disk[i], disk[j], new);
+            const bd_disk_point three = centre_of_three(disks, disk[i], disk[j], new);
             if (three.value > best.value) best = three;
         }
     }
     return best;
 }
 
-void bd_disks_centre(const bd_disks *disks, double slack, bd_hold *hold) {
+void bd_disks_centre(const bd_disks *disks, double slack, bd_disk_point *hold) {
     int least = 0;
     for (int k = 1; k < disks->n; ++k)
         if (disks->R[k] < disks->R[least]) least = k;
-    *hold = (bd_hold){.n = 1, .disk = {least}, .s = {disks->x[least], disks->y[least]}, .value = -disks->R[least]};
+    *hold = (bd_disk_point){.n = 1, .disk = {least}, .s = {disks->x[least], disks->y[least]}, .value = -disks->R[least]};
     for (int round = 0; round < MOST_ROUNDS; ++round) {
         int few[4], worst = least;
-        const double most = bd_disks_worst(disks, hold->s, &worst);
+        const double most = bd_disks_violation(disks, hold->s, &worst);
         if (most <= hold->value + slack) return;
         for (int i = 0; i < hold->n; ++i) few[i] = hold->disk[i];
         few[hold->n] = worst;
-        const bd_hold next = centre_of_few(disks, hold->n + 1, few);
+        const bd_disk_point next = centre_of_few(disks, hold->n + 1, few);
         if (!(next.value > hold->value)) return; /* rounding */
         *hold = next;
     }
 }
 
-double bd_disks_enter(const bd_disks *disks, const double *from, const double *to, int *which) {
+double bd_disks_entry(const bd_disks *disks, const double *from, const double *to, int *which) {
     const double v[2] = {to[0] - from[0], to[1] - from[1]}, A = v[0] * v[0] + v[1] * v[1];
     double latest = 0.0;
     for (int k = 0; k < disks->n; ++k) {

@@ -15,18 +15,18 @@ typedef struct {
     int n, disk[3];
     double s[2];
     double value; /* its distance outside of those disks; negative inside */
-} bd_hold;
+} bd_disk_point;
 
 /* Largest of |c_k - s| - R_k over the disks, and the disk that has it. */
-static inline double bd_disks_worst(const bd_disks *disks, const double *s, int *which) {
-    return disks->kernel->worst(disks->n, disks->x, disks->y, disks->R, s, which);
+static inline double bd_disks_violation(const bd_disks *disks, const double *s, int *which) {
+    return disks->kernel->disk_violation(disks->n, disks->x, disks->y, disks->R, s, which);
 }
 
 /* The point at which that is least.  It is negative if and only if the disks have common points inside. */
-void bd_disks_centre(const bd_disks *disks, double slack, bd_hold *hold);
+void bd_disks_centre(const bd_disks *disks, double slack, bd_disk_point *hold);
 
 /* Share of the way from a point to one inside of all disks after which it lies in all of them, and the disk that is entered
  * last; 0 if it lies in all of them from the start (which is not written then). */
-double bd_disks_enter(const bd_disks *disks, const double *from, const double *to, int *which);
+double bd_disks_entry(const bd_disks *disks, const double *from, const double *to, int *which);
 
 #endif

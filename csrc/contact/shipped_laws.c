@@ -22,7 +22,7 @@
 
 enum { STEPS = 4, MOST_ITERATIONS = 60 };
 
-static void press(double kn, const double *x, double *F, double *Fx) {
+static void normal_spring(double kn, const double *x, double *F, double *Fx) {
     F[0] = F[1] = 0.0;
     F[2] = x[2] > 0.0 ? kn * x[2] : 0.0;
     if (Fx) Fx[8] = x[2] > 0.0 ? kn : 0.0;
@@ -35,7 +35,7 @@ void bd_law_jenkins(const double x[3], const double before[3], const double *p, 
     const double kn = p[1], gain = x[2] - before[2];
     const int open = kn > 0.0 && !(x[2] > 0.0), closes = kn > 0.0 && x[2] > 0.0 && !(before[2] > 0.0) && gain > 0.0;
     const double t = closes ? -before[2] / gain : 0.0;
-    press(kn, x, F, Fx);
+    normal_spring(kn, x, F, Fx);
     for (size_t d = 0; d < 2; ++d)
         for (size_t i = 0; i < n; ++i) {
             const double k = p[2 + 3 * i], r = (p[3 + 3 * i] + p[4 + 3 * i] * F[2]) / k;
@@ -105,7 +105,7 @@ void bd_law_bouc_wen(const double x[3], const double before[3], const double *p,
     (void)data;
     const double k = p[1], alpha = p[2];
     const bouc_wen law = {p[3], p[4], p[5]};
-    press(p[0], x, F, Fx);
+    normal_spring(p[0], x, F, Fx);
     for (size_t d = 0; d < 2; ++d) {
         double by_u, by_z;
         s1[d] = evolve(&law, x[d] - before[d], s0[d], &by_u, &by_z);
@@ -121,46 +121,47 @@ void bd_law_bouc_wen(const double x[3], const double before[3], const double *p,
 
 /* ---- laws of points ---- */
 
-static int jenkins_fits(const bd_own *own) {
-    const double *p = own->parameter;
-    if (own->n_parameter < 2 || 2.0 * p[0] != own->n_state || 2.0 + 3.0 * p[0] != own->n_parameter || !(p[1] >= 0.0))
+static int jenkins_fits(const bd_point_law *point_law) {
+    const double *p = point_law->parameter;
+    if (point_law->n_parameter < 2 || 2.0 * p[0] != point_law->n_state || 2.0 + 3.0 * p[0] != point_law->n_parameter ||
+        !(p[1] >= 0.0))
         return 0;
-    for (int i = 2; i < own->n_parameter; i += 3)
+    for (int i = 2; i < point_law->n_parameter; i += 3)
         if (!(p[i] > 0.0 && p[i + 1] >= 0.0 && p[i + 2] >= 0.0)) return 0;
     return 1;
 }
 
-static int bouc_wen_fits(const bd_own *own) {
-    const double *p = own->parameter;
-    return own->n_parameter == 6 && own->n_state == 2 && p[0] >= 0.0 && p[1] > 0.0 && p[2] >= 0.0 && p[2] <= 1.0 &&
-           fabs(p[4]) <= p[3] && p[5] >= 1.0;
+static int bouc_wen_fits(const bd_point_law *point_law) {
+    const double *p = point_law->parameter;
+    return point_law->n_parameter == 6 && point_law->n_state == 2 && p[0] >= 0.0 && p[1] > 0.0 && p[2] >= 0.0 &&
+           p[2] <= 1.0 && fabs(p[4]) <= p[3] && p[5] >= 1.0;
 }
 
-const char *bd_law_misfit(const bd_own *own) {
-    if (own->function == bd_law_jenkins && !jenkins_fits(own))
+const char *bd_law_parameter_error(const bd_point_law *point_law) {
+    if (point_law->function == bd_law_jenkins && !jenkins_fits(point_law))
         return "jenkins: expected the parameters n, kn >= 0, then k > 0, f >= 0, mu >= 0 of n elements, and 2 n states";
-    if (own->function == bd_law_bouc_wen && !bouc_wen_fits(own))
+    if (point_law->function == bd_law_bouc_wen && !bouc_wen_fits(point_law))
         return "bouc_wen: expected the parameters kn >= 0, k > 0, alpha from 0 to 1, beta >= 0, gamma from -beta to beta, "
                "n >= 1, and 2 states";
     return NULL;
 }
 
-bd_own *bd_own_create(int n, const bd_own *from) {
-    size_t size = sizeof(bd_own) * (size_t)n;
+bd_point_law *bd_point_laws_create(int n, const bd_point_law *from) {
+    size_t size = sizeof(bd_point_law) * (size_t)n;
     for (int p = 0; p < n && from; ++p)
         if (from[p].function) size += sizeof(double) * (size_t)(from[p].n_parameter + 3 + from[p].n_state);
-    bd_own *own = malloc(size + 1);
-    if (!own) return NULL;
-    memset(own, 0, sizeof(bd_own) * (size_t)n);
-    double *number = (double *)(void *)(own + n);
+    bd_point_law *point_law = malloc(size + 1);
+    if (!point_law) return NULL;
+    memset(point_law, 0, sizeof(bd_point_law) * (size_t)n);
+    double *number = (double *)(void *)(point_law + n);
     for (int p = 0; p < n && from; ++p) {
         if (!from[p].function) continue;
         const size_t n_parameter = (size_t)from[p].n_parameter, n_memory = 3 + (size_t)from[p].n_state;
-        own[p] = from[p];
-        own[p].parameter = memcpy(number, from[p].parameter, sizeof(double) * n_parameter);
+        point_law[p] = from[p];
+        point_law[p].parameter = memcpy(number, from[p].parameter, sizeof(double) * n_parameter);
         number += n_parameter;
-        own[p].memory = memcpy(number, from[p].memory, sizeof(double) * n_memory);
+        point_law[p].memory = memcpy(number, from[p].memory, sizeof(double) * n_memory);
         number += n_memory;
     }
-    return own;
+    return point_law;
 }

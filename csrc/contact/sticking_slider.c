@@ -25,7 +25,7 @@
 #include <string.h>
 
 /* The direction from the slider to the centre of a disk that holds it, and the distance. */
-static double direction(const bd_coulomb_work *work, const bd_hold *hold, int i, double *e) {
+static double direction(const bd_coulomb_work *work, const bd_disk_point *hold, int i, double *e) {
     const int k = hold->disk[i];
     const double x = work->x[k] - hold->s[0], y = work->y[k] - hold->s[1], size = bd_norm(x, y);
     e[0] = size > 0.0 ? x / size : 1.0;
@@ -45,7 +45,8 @@ static void motion_row(const bd_coulomb_work *work, const bd_element *element, i
 
 /* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i, and across the line of two centres the point on
  * it moves along. */
-static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element, const bd_hold *centre, double *D) {
+static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element, const bd_disk_point *centre,
+                                 double *D) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
     double e[3][2] = {{0.0}}, r[3] = {0.0}, f[2][3], along[3][2]; /* dc_d = sum_i along_id . dp_i - f_di dR_i */
     memset(D, 0, sizeof(double) * 2 * n_col);
@@ -74,12 +75,12 @@ static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *
 
 /* Derivative (2, n_col) of the slider that was taken a share of the way from the given one to the centre, into disk k:
  * ds = share dc + (c - w) d share,   e . ds = e . dp - dR. */
-static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *centre,
-                               double share, int k) {
+static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element, const double *given,
+                                  const bd_disk_point *centre, double share, int k) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
     const double way[2] = {centre->s[0] - given[0], centre->s[1] - given[1]};
-    const bd_hold slider = {.n = 1, .disk = {k}, .s = {given[0] + share * way[0], given[1] + share * way[1]}};
-    double e[2], *D = work->slider, *follow = work->next;
+    const bd_disk_point slider = {.n = 1, .disk = {k}, .s = {given[0] + share * way[0], given[1] + share * way[1]}};
+    double e[2], *D = work->slider_derivative, *follow = work->next_slider;
     direction(work, &slider, 0, e);
     derivative_of_centre(work, element, centre, D);
     memset(follow, 0, sizeof(double) * n_col);
@@ -93,7 +94,8 @@ static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element,
 
 /* Half the way across that the centre of a disk goes while the slider slips by a unit of length, in the last part of the step
  * that ends at its sample. */
-static double turn_of_slip(const bd_coulomb_work *work, const bd_hold *hold, int i, const double *e, const double *t) {
+static double turn_of_slip(const bd_coulomb_work *work, const bd_disk_point *hold, int i, const double *e,
+                           const double *t) {
     const int k1 = hold->disk[i], k0 = bd_coulomb_before(work, k1);
     const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
     const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]), size = bd_norm(dp[0], dp[1]);
@@ -101,9 +103,10 @@ static double turn_of_slip(const bd_coulomb_work *work, const bd_hold *hold, int
 }
 
 /* Derivatives (n, 2, n_col) of the slider after each of the disks that hold it at the onset of slip. */
-static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *hold) {
+static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *hold) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)hold->n;
-    double *D = work->held, *across = work->slider, *follow = work->next, e[3][2] = {{0.0}}, r[3] = {0.0};
+    double *D = work->slider_sums, *across = work->slider_derivative, *follow = work->next_slider, e[3][2] = {{0.0}},
+           r[3] = {0.0};
     memset(D, 0, sizeof(double) * n * 2 * n_col);
     memset(across, 0, sizeof(double) * n_col);
     for (int i = 0; i < hold->n; ++i) r[i] = direction(work, hold, i, e[i]);
@@ -152,7 +155,7 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
 }
 
 /* Sums of the basis over the samples that follow each of the disks that hold the slider, as they come to bear on a force. */
-static void shares_of_onset(const bd_coulomb_work *work, const bd_hold *hold, double *share) {
+static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point *hold, double *share) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     memset(share, 0, sizeof(double) * (size_t)hold->n * n_coef);
     int part = hold->n - 1;
@@ -166,8 +169,8 @@ static void shares_of_onset(const bd_coulomb_work *work, const bd_hold *hold, do
 
 /* T = p - s: the tangent of a slider that is at rest but for a change of its derivative D (n_part, 2, n_col) from part to
  * part of the cycle. */
-static void write_parts(const bd_coulomb_work *work, const bd_element *element, int n_part, const double *D,
-                        const double *share, bd_response *out) {
+static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *element, int n_part, const double *D,
+                                const double *share, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     for (size_t d = 0; d < 2; ++d)
         for (size_t c = 0; c < 3; ++c) {
@@ -184,8 +187,9 @@ static void write_parts(const bd_coulomb_work *work, const bd_element *element, 
     out->with_normal[0] = out->with_normal[1] = 1;
 }
 
-void bd_rest_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *found, bd_response *out) {
-    bd_hold hold = *found;
+void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *found,
+                             bd_response *out) {
+    bd_disk_point hold = *found;
     for (int i = 0; i < hold.n; ++i) /* in the order of time */
         for (int j = i + 1; j < hold.n; ++j)
             if (hold.disk[j] < hold.disk[i]) {
@@ -194,20 +198,20 @@ void bd_rest_write_onset(bd_coulomb_work *work, const bd_element *element, const
                 hold.disk[j] = swap;
             }
     derivative_of_onset(work, element, &hold);
-    shares_of_onset(work, &hold, work->products);
-    write_parts(work, element, hold.n, work->held, work->products, out);
+    basis_sums_of_onset(work, &hold, work->products);
+    write_tangent_parts(work, element, hold.n, work->slider_sums, work->products, out);
 }
 
-void bd_rest_write_entered(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *centre,
-                           double share, int k, bd_response *out) {
-    derivative_of_rest(work, element, given, centre, share, k);
-    memset(work->stretch, 0, sizeof(double) * (size_t)bd_n_coef(work->n_harm));
-    work->stretch[0] = 1.0; /* bears on the mean force alone */
-    write_parts(work, element, 1, work->slider, work->stretch, out);
+void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *given,
+                               const bd_disk_point *centre, double share, int k, bd_response *out) {
+    derivative_of_shifted(work, element, given, centre, share, k);
+    memset(work->stick_basis, 0, sizeof(double) * (size_t)bd_n_coef(work->n_harm));
+    work->stick_basis[0] = 1.0; /* bears on the mean force alone */
+    write_tangent_parts(work, element, 1, work->slider_derivative, work->stick_basis, out);
 }
 
-void bd_rest_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
-                   bd_status_share *share) {
+void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
+                       bd_status_share *share) {
     bd_element held = *element;
     for (int d = 0; d < 2; ++d) {
         held.w[d] = element->kt[d] > 0.0 ? s[d] / element->kt[d] : 0.0;

@@ -17,30 +17,31 @@ typedef struct {
 typedef struct {
     enum { BD_DONE, BD_SEARCHING, BD_SETTLED, BD_LOST } state; /* done: there is nothing to be settled */
     double size;                                               /* of the forces */
-    bd_hold centre;
-    double s[2];   /* the latest guess */
-    double before; /* length of the latest step of Newton's method */
-    int n_row;     /* such steps in a row; the first of them may grow, as slips across come after slips along */
+    bd_disk_point centre;
+    double s[2];        /* the latest guess */
+    double last_length; /* length of the latest step of Newton's method */
+    int n_newton;       /* such steps in a row; the first of them may grow, as slips across come after slips along */
     int n_period;
-    bd_ellipse around;
-} bd_search;
+    bd_ellipse ellipse;
+} bd_slider_search;
 
 typedef struct {
     int n_harm, n_time, n_padded; /* n_padded: n_time, rounded up to a multiple of 8 */
     const bd_kernel *kernel;
     const double *power; /* (n_time, n_power), owned by the sampled evaluator */
-    bd_slide lanes;
-    bd_search search[BD_LANES];
+    bd_coupled_lanes lanes;
+    bd_slider_search search[BD_LANES];
     double *motion;        /* (3, n_coef, BD_LANES) kt u and n0 + kn v */
-    double *point;         /* (BD_LANES, 4, n_padded) x, y, R, g of each point */
+    double *point_samples; /* (BD_LANES, 4, n_padded) x, y, R, g of each point */
     double *x, *y, *R, *g; /* those of the point at hand */
-    double *slider;        /* (2, 3 n_coef + 2) derivative of the slider: u1, u2, v, slider at the start of the period */
-    double *next;          /* the same after a step */
-    double *held;          /* (2, n_coef, 3 n_coef + 2) sum of the basis times the derivative over samples in contact */
-    double *stretch;       /* (n_coef) sum of the basis since the slider was last set */
-    double *products;      /* (n_coef, n_coef) */
-    double *contact;       /* (n_power) */
-    bd_segment *segment;   /* (n_time) parts of the cycle of the latest point; state slip is BD_SLIP_PLUS */
+    double
+        *slider_derivative; /* (2, 3 n_coef + 2) derivative of the slider: u1, u2, v, slider at the start of the period */
+    double *next_slider;    /* the same after a step */
+    double *slider_sums;    /* (2, n_coef, 3 n_coef + 2) sum of the basis times the derivative over samples in contact */
+    double *stick_basis;    /* (n_coef) sum of the basis since the slider was last set */
+    double *products;       /* (n_coef, n_coef) */
+    double *contact;        /* (n_power) */
+    bd_segment *segment;    /* (n_time) parts of the cycle of the latest point; state slip is BD_SLIP_PLUS */
     int n_segment;
     int n_period; /* periods that the latest evaluation marched to settle */
     double *memory;
@@ -66,14 +67,15 @@ static inline int bd_coulomb_solve_period(const double dP[2][2], const double *b
 }
 
 /* Force and shares of a slider at rest at s (newtons); the tangent is that of a slider which does not move. */
-void bd_rest_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
-                   bd_status_share *share);
+void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
+                       bd_status_share *share);
 
 /* Tangent of a slider that was taken a share of the way from the given one to the centre, into disk k. */
-void bd_rest_write_entered(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *centre,
-                           double share, int k, bd_response *out);
+void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *given,
+                               const bd_disk_point *centre, double share, int k, bd_response *out);
 
 /* Tangent at the onset of slip, with the disks that hold the slider. */
-void bd_rest_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *found, bd_response *out);
+void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *found,
+                             bd_response *out);
 
 #endif

@@ -28,54 +28,56 @@ typedef struct {
     int n_parameter, n_state;
     const double *parameter;
     const double *memory; /* at the start */
-} bd_own;
+} bd_point_law;
 
 typedef struct {
     double Fx[9], *Fs, *sx, *ss;
-} bd_own_slopes;
+} bd_point_law_derivatives;
 
 /* Forces F (3) of a point that comes to the motion x (3); `to` is what it remembers then.  With slopes, also derivatives. */
-static inline void bd_own_step(const bd_own *own, const double *x, const double *from, double *to, double *F,
-                               bd_own_slopes *slopes) {
-    const size_t n = (size_t)own->n_state;
-    if (slopes) {
-        memset(slopes->Fx, 0, sizeof slopes->Fx);
-        memset(slopes->Fs, 0, sizeof(double) * 3 * n);
-        memset(slopes->sx, 0, sizeof(double) * 6 * n);
-        memset(slopes->ss, 0, sizeof(double) * n * n);
+static inline void bd_point_law_step(const bd_point_law *point_law, const double *x, const double *from, double *to,
+                                     double *F, bd_point_law_derivatives *derivatives) {
+    const size_t n = (size_t)point_law->n_state;
+    if (derivatives) {
+        memset(derivatives->Fx, 0, sizeof derivatives->Fx);
+        memset(derivatives->Fs, 0, sizeof(double) * 3 * n);
+        memset(derivatives->sx, 0, sizeof(double) * 6 * n);
+        memset(derivatives->ss, 0, sizeof(double) * n * n);
     }
-    own->function(x, from, own->parameter, from + 3, to + 3, F, slopes ? slopes->Fx : NULL, slopes ? slopes->Fs : NULL,
-                  slopes ? slopes->sx : NULL, slopes ? slopes->ss : NULL, own->data);
+    point_law->function(x, from, point_law->parameter, from + 3, to + 3, F, derivatives ? derivatives->Fx : NULL,
+                        derivatives ? derivatives->Fs : NULL, derivatives ? derivatives->sx : NULL,
+                        derivatives ? derivatives->ss : NULL, point_law->data);
     for (int i = 0; i < 3; ++i) to[i] = x[i];
 }
 
 /* D (3, 3): derivative of the forces after a step with respect to where it ends. */
-static inline void bd_own_derivative(const bd_own *own, const bd_own_slopes *slopes, double *D) {
-    const size_t n = (size_t)own->n_state;
+static inline void bd_point_law_tangent(const bd_point_law *point_law, const bd_point_law_derivatives *derivatives,
+                                        double *D) {
+    const size_t n = (size_t)point_law->n_state;
     for (size_t i = 0; i < 3; ++i)
         for (size_t j = 0; j < 3; ++j) {
-            double sum = slopes->Fx[3 * i + j];
-            for (size_t s = 0; s < n; ++s) sum += slopes->Fs[i * n + s] * slopes->sx[6 * s + j];
+            double sum = derivatives->Fx[3 * i + j];
+            for (size_t s = 0; s < n; ++s) sum += derivatives->Fs[i * n + s] * derivatives->sx[6 * s + j];
             D[3 * i + j] = sum;
         }
 }
 
 /* Numbers that the slopes of a law with n_state need room for, and slopes in that room. */
-static inline size_t bd_own_room(int n_state) { return (size_t)n_state * (size_t)(n_state + 9) + 1; }
+static inline size_t bd_point_law_work_size(int n_state) { return (size_t)n_state * (size_t)(n_state + 9) + 1; }
 
-static inline bd_own_slopes bd_own_in(double *room, int n_state) {
+static inline bd_point_law_derivatives bd_point_law_derivatives_in(double *work, int n_state) {
     const size_t n = (size_t)n_state;
-    return (bd_own_slopes){.Fs = room, .sx = room + 3 * n, .ss = room + 9 * n};
+    return (bd_point_law_derivatives){.Fs = work, .sx = work + 3 * n, .ss = work + 9 * n};
 }
 
 /* ---- bd_laws.c ---- */
 
 /* The laws of n points with numbers of their own, in one piece of memory to be freed; NULL without memory. */
-bd_own *bd_own_create(int n, const bd_own *from);
+bd_point_law *bd_point_laws_create(int n, const bd_point_law *from);
 
 /* NULL if a law has the counts that its function reads and writes, and parameters for which its formulas hold; otherwise the
  * law's name and the counts and ranges that it expects.  Laws that bdamper does not ship always pass. */
-const char *bd_law_misfit(const bd_own *own);
+const char *bd_law_parameter_error(const bd_point_law *point_law);
 
 /* p = (n, kn, then k, f, mu of each of n elements). */
 void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],

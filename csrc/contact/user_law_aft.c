@@ -30,26 +30,26 @@ bd_status bd_user_create(bd_user_work *work, const bd_sampled_work *sampled, int
     memset(work, 0, sizeof *work);
     const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time, n = (size_t)n_state;
     const size_t n_col = n + 3 * n_coef, n_power = (size_t)bd_n_power(sampled->n_harm);
-    const size_t size = bd_own_room(n_state) + k * (n_coef + 15 + n) + n_power + 2 * (3 + n) + 3 * n + 3 * n * n_col +
-                        3 * (k + n_coef) * n_col + 2 * n * n + BD_KERNEL_PAD;
-    if (!(work->numbers = calloc(size, sizeof(double)))) return BD_NO_MEMORY;
-    double *m = work->numbers;
-    work->slopes = bd_own_in(m, n_state), m += bd_own_room(n_state);
+    const size_t size = bd_point_law_work_size(n_state) + k * (n_coef + 15 + n) + n_power + 2 * (3 + n) + 3 * n +
+                        3 * n * n_col + 3 * (k + n_coef) * n_col + 2 * n * n + BD_KERNEL_PAD;
+    if (!(work->memory = calloc(size, sizeof(double)))) return BD_NO_MEMORY;
+    double *m = work->memory;
+    work->derivatives = bd_point_law_derivatives_in(m, n_state), m += bd_point_law_work_size(n_state);
     work->basis = m, m += k * n_coef;
     work->motion = m, m += 3 * k;
     work->force = m, m += 3 * k;
-    work->path = m, m += k * n;
-    work->factor = m, m += 9 * k;
+    work->states = m, m += k * n;
+    work->motion_force_derivative = m, m += 9 * k;
     work->power_sum = m, m += n_power;
-    for (int i = 0; i < 2; ++i) work->memory[i] = m, m += 3 + n;
+    for (int i = 0; i < 2; ++i) work->law_memory[i] = m, m += 3 + n;
     work->start = m, m += n;
-    work->size = m, m += n;
+    work->state_scale = m, m += n;
     work->step = m, m += n;
-    work->slider = m, m += n * n_col;
-    work->saved = m, m += n * n_col;
-    work->next = m, m += n * n_col;
-    work->row = m, m += 3 * k * n_col;
-    work->sum = m, m += 3 * n_coef * n_col;
+    work->state_derivative = m, m += n * n_col;
+    work->motion_derivative = m, m += n * n_col;
+    work->next_derivative = m, m += n * n_col;
+    work->state_force_derivative = m, m += 3 * k * n_col;
+    work->derivative_coef = m, m += 3 * n_coef * n_col;
     work->power = m, m += n * n;
     work->square = m;
     work->n_harm = sampled->n_harm;
@@ -65,7 +65,7 @@ bd_status bd_user_create(bd_user_work *work, const bd_sampled_work *sampled, int
 
 void bd_user_destroy(bd_user_work *work) {
     if (!work) return;
-    free(work->numbers);
+    free(work->memory);
     memset(work, 0, sizeof *work);
 }
 
@@ -88,8 +88,8 @@ static double largest(size_t n, size_t m, size_t stride, const double *x) {
 /* R (n, m) becomes (1 + A + A^2 + ...) R; A is the first n columns of the slider.  What `next` holds is lost.  0 if the sum has
  * no end. */
 static int sum_powers(bd_user_work *work, size_t n, size_t n_col, size_t m, double *R, size_t stride) {
-    double *A = work->power, *square = work->square, *more = work->next;
-    for (size_t i = 0; i < n; ++i) memcpy(A + i * n, work->slider + i * n_col, sizeof(double) * n);
+    double *A = work->power, *square = work->square, *more = work->next_derivative;
+    for (size_t i = 0; i < n; ++i) memcpy(A + i * n, work->state_derivative + i * n_col, sizeof(double) * n);
     for (int k = 0; k < DOUBLINGS; ++k) {
         memset(more, 0, sizeof(double) * n * m);
         add_times(work, n, m, A, R, stride, more, m);
@@ -110,7 +110,7 @@ static int sum_powers(bd_user_work *work, size_t n, size_t n_col, size_t m, doub
 /* The point's law, how many columns its derivatives have (those by the state, then those by the motion), and at which sample
  * the period is. */
 typedef struct {
-    const bd_own *own;
+    const bd_point_law *point_law;
     size_t n, n_coef, n_col;
     int k;
 } stage;
@@ -129,40 +129,40 @@ static void add_motion(const bd_user_work *work, const stage *at, const double *
     }
 }
 
-static void advance(bd_user_work *work, const stage *at) {
+static void advance_derivative(bd_user_work *work, const stage *at) {
     const size_t n = at->n, n_col = at->n_col;
-    const double *ss = work->slopes.ss, *sx = work->slopes.sx;
+    const double *ss = work->derivatives.ss, *sx = work->derivatives.sx;
     int diagonal = 1;
     for (size_t i = 0; i < n && diagonal; ++i)
         for (size_t j = 0; j < n; ++j) diagonal &= i == j || ss[i * n + j] == 0.0;
     for (size_t i = 0; i < n; ++i) { /* entries of their own are changed in place, those that rest not at all */
-        double *restrict to = (diagonal ? work->slider : work->next) + i * n_col;
+        double *restrict to = (diagonal ? work->state_derivative : work->next_derivative) + i * n_col;
         if (!diagonal) memset(to, 0, sizeof(double) * n_col);
         for (size_t j = 0; j < n && !diagonal; ++j) {
-            const double a = ss[i * n + j], *restrict from = work->slider + j * n_col;
+            const double a = ss[i * n + j], *restrict from = work->state_derivative + j * n_col;
             for (size_t c = 0; c < n_col && a != 0.0; ++c) to[c] += a * from[c];
         }
-        const double own = ss[i * n + i];
-        for (size_t c = 0; c < n_col && diagonal && own != 1.0; ++c) to[c] *= own;
+        const double point_law = ss[i * n + i];
+        for (size_t c = 0; c < n_col && diagonal && point_law != 1.0; ++c) to[c] *= point_law;
         add_motion(work, at, sx + 6 * i, to);
     }
     if (diagonal) return;
-    double *swap = work->slider;
-    work->slider = work->next, work->next = swap;
+    double *swap = work->state_derivative;
+    work->state_derivative = work->next_derivative, work->next_derivative = swap;
 }
 
 /* Derivative of the forces at a sample: factors of the motion there, and what comes by the state. */
-static void write_row(bd_user_work *work, const stage *at) {
+static void store_force_derivative(bd_user_work *work, const stage *at) {
     const size_t n = at->n, n_col = at->n_col, n_time = (size_t)work->n_time;
     for (size_t i = 0; i < 9; ++i) {
-        work->factor[i * n_time + (size_t)at->k] = work->slopes.Fx[i];
-        work->has_factor[i] |= work->slopes.Fx[i] != 0.0;
+        work->motion_force_derivative[i * n_time + (size_t)at->k] = work->derivatives.Fx[i];
+        work->has_motion_derivative[i] |= work->derivatives.Fx[i] != 0.0;
     }
     for (size_t a = 0; a < 3; ++a) {
-        double *restrict to = work->row + (3 * (size_t)at->k + a) * n_col;
+        double *restrict to = work->state_force_derivative + (3 * (size_t)at->k + a) * n_col;
         int written = 0;
         for (size_t i = 0; i < n; ++i) {
-            const double f = work->slopes.Fs[a * n + i], *restrict from = work->slider + i * n_col;
+            const double f = work->derivatives.Fs[a * n + i], *restrict from = work->state_derivative + i * n_col;
             if (f == 0.0) continue;
             if (written)
                 for (size_t c = 0; c < n_col; ++c) to[c] += f * from[c];
@@ -171,58 +171,58 @@ static void write_row(bd_user_work *work, const stage *at) {
             written = 1;
         }
         if (!written) memset(to, 0, sizeof(double) * n_col);
-        work->has_row[a] |= written;
+        work->has_state_derivative[a] |= written;
     }
 }
 
 /* From the state `start` through a period, whose forces are kept; with columns, the derivative of the state goes along, and with
  * those by the motion that of the forces, too.  A period that meets the one before on its way is that one from there on: 1 is
  * returned, and the state has settled; otherwise 0. */
-static int march(bd_user_work *work, const bd_own *own, size_t n_col) {
-    const size_t n = (size_t)own->n_state, n_time = (size_t)work->n_time;
-    stage at = {.own = own, .n = n, .n_coef = (size_t)bd_n_coef(work->n_harm), .n_col = n_col};
-    double *from = work->memory[0], *to = work->memory[1];
+static int integrate_period(bd_user_work *work, const bd_point_law *point_law, size_t n_col) {
+    const size_t n = (size_t)point_law->n_state, n_time = (size_t)work->n_time;
+    stage at = {.point_law = point_law, .n = n, .n_coef = (size_t)bd_n_coef(work->n_harm), .n_col = n_col};
+    double *from = work->law_memory[0], *to = work->law_memory[1];
     for (size_t d = 0; d < 3; ++d) from[d] = work->motion[d * n_time + n_time - 1];
     memcpy(from + 3, work->start, sizeof(double) * n);
-    for (size_t i = 0; i < n; ++i) work->size[i] = fabs(work->start[i]);
+    for (size_t i = 0; i < n; ++i) work->state_scale[i] = fabs(work->start[i]);
     for (size_t i = 0; i < n && n_col; ++i)
-        for (size_t j = 0; j < n; ++j) work->slider[i * n_col + j] = i == j;
+        for (size_t j = 0; j < n; ++j) work->state_derivative[i * n_col + j] = i == j;
     if (n_col > n) {
-        memcpy(work->saved, work->slider, sizeof(double) * n * n_col);
-        memset(work->has_factor, 0, sizeof work->has_factor);
-        memset(work->has_row, 0, sizeof work->has_row);
+        memcpy(work->motion_derivative, work->state_derivative, sizeof(double) * n * n_col);
+        memset(work->has_motion_derivative, 0, sizeof work->has_motion_derivative);
+        memset(work->has_state_derivative, 0, sizeof work->has_state_derivative);
     }
     const int first = work->n_period++ == 0;
     int met = 0;
     for (at.k = 0; at.k < work->n_time && !met; ++at.k) {
-        double x[3], F[3], *path = work->path + n * (size_t)at.k;
+        double x[3], F[3], *path = work->states + n * (size_t)at.k;
         for (size_t d = 0; d < 3; ++d) x[d] = work->motion[d * n_time + (size_t)at.k];
-        bd_own_step(own, x, from, to, F, n_col ? &work->slopes : NULL);
+        bd_point_law_step(point_law, x, from, to, F, n_col ? &work->derivatives : NULL);
         ++work->n_call;
         met = !first && !n_col;
         for (size_t i = 0; i < n; ++i) {
             const double s = to[3 + i];
             met &= s == path[i];
             path[i] = s;
-            if (!(fabs(s) <= work->size[i])) work->size[i] = fabs(s);
+            if (!(fabs(s) <= work->state_scale[i])) work->state_scale[i] = fabs(s);
         }
         for (size_t d = 0; d < 3; ++d) work->force[d * n_time + (size_t)at.k] = F[d];
-        if (n_col) advance(work, &at);
-        if (n_col > n) write_row(work, &at);
+        if (n_col) advance_derivative(work, &at);
+        if (n_col > n) store_force_derivative(work, &at);
         double *swap = from;
         from = to, to = swap;
     }
-    work->memory[0] = from, work->memory[1] = to;
+    work->law_memory[0] = from, work->law_memory[1] = to;
     return met;
 }
 
 /* ---- settling ---- */
 
 /* Largest entry of a change of the state, each relative to its largest value in the period. */
-static double relative(const bd_user_work *work, size_t n, const double *change) {
+static double relative_change(const bd_user_work *work, size_t n, const double *change) {
     double most = 0.0;
     for (size_t i = 0; i < n; ++i) {
-        const double share = fabs(change[i]) / (work->size[i] > 0.0 ? work->size[i] : 1.0);
+        const double share = fabs(change[i]) / (work->state_scale[i] > 0.0 ? work->state_scale[i] : 1.0);
         if (!(share <= most)) most = share;
         if (isnan(most)) break;
     }
@@ -231,30 +231,30 @@ static double relative(const bd_user_work *work, size_t n, const double *change)
 
 /* Marches periods until the state repeats, from the given one; 0 if it does not.  With columns by the motion the derivative of
  * the state goes along. */
-static int settle(bd_user_work *work, const bd_own *own, size_t n_x) {
-    const size_t n = (size_t)own->n_state;
+static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x) {
+    const size_t n = (size_t)point_law->n_state;
     double before = INFINITY;
-    memcpy(work->start, own->memory + 3, sizeof(double) * n);
-    memset(work->slider, 0, sizeof(double) * n * (n + n_x));
+    memcpy(work->start, point_law->memory + 3, sizeof(double) * n);
+    memset(work->state_derivative, 0, sizeof(double) * n * (n + n_x));
     work->n_period = 0;
     for (int period = 0; period < MOST_PERIODS; ++period) {
         int newton = period >= FREE;
         const size_t n_col = n_x ? n + n_x : newton ? n : 0;
-        const int met = march(work, own, n_col);
-        const double *end = work->memory[0] + 3;
+        const int met = integrate_period(work, point_law, n_col);
+        const double *end = work->law_memory[0] + 3;
         if (met) return 1;
         for (size_t i = 0; i < n; ++i) work->step[i] = end[i] - work->start[i];
-        double length = relative(work, n, work->step);
+        double length = relative_change(work, n, work->step);
         if (length <= REPEATS) return 1;
         if (newton) {
             newton = sum_powers(work, n, n_col, 1, work->step, 1);
-            length = relative(work, n, work->step);
+            length = relative_change(work, n, work->step);
         }
         const int steps = newton && length < 0.5 * before;
         before = steps ? length : INFINITY;
         for (size_t i = 0; i < n; ++i) work->start[i] = steps ? work->start[i] + work->step[i] : end[i];
         if (steps && length <= SETTLED) {
-            march(work, own, n_x ? n + n_x : 0);
+            integrate_period(work, point_law, n_x ? n + n_x : 0);
             return 1;
         }
     }
@@ -264,9 +264,9 @@ static int settle(bd_user_work *work, const bd_own *own, size_t n_x) {
 /* ---- force and tangent ---- */
 
 /* Whether many periods leave nothing of a change of the state: no entry of a power of A is above FADED. */
-static int forgets(bd_user_work *work, size_t n, size_t n_col) {
+static int decays(bd_user_work *work, size_t n, size_t n_col) {
     double *A = work->power, *square = work->square;
-    for (size_t i = 0; i < n; ++i) memcpy(A + i * n, work->slider + i * n_col, sizeof(double) * n);
+    for (size_t i = 0; i < n; ++i) memcpy(A + i * n, work->state_derivative + i * n_col, sizeof(double) * n);
     for (int k = 0; k < FADES && largest(n, n, n, A) > FADED; ++k) {
         memset(square, 0, sizeof(double) * n * n);
         add_times(work, n, n, A, A, n, square, n);
@@ -278,28 +278,33 @@ static int forgets(bd_user_work *work, size_t n, size_t n_col) {
 
 /* The settled period again, with derivatives.  Where a state that no period changes came about in settling, the derivative of
  * that comes from settling once more. */
-static void differentiate(bd_user_work *work, const bd_own *own) {
-    const size_t n = (size_t)own->n_state, n_x = 3 * (size_t)bd_n_coef(work->n_harm);
+static void differentiate(bd_user_work *work, const bd_point_law *point_law) {
+    const size_t n = (size_t)point_law->n_state, n_x = 3 * (size_t)bd_n_coef(work->n_harm);
     const int moved = work->n_period > 1;
-    memset(work->slider, 0, sizeof(double) * n * (n + n_x));
-    march(work, own, n + n_x);
-    if (!moved || forgets(work, n, n + n_x)) return;
-    settle(work, own, n_x);
+    memset(work->state_derivative, 0, sizeof(double) * n * (n + n_x));
+    integrate_period(work, point_law, n + n_x);
+    if (!moved || decays(work, n, n + n_x)) return;
+    settle(work, point_law, n_x);
 }
 
 /* Sensitivity of the settled state beside that with which the last period began, and the tangent. */
 static void write_tangent(bd_user_work *work, size_t n, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n + n_x, n_time = (size_t)work->n_time;
     const size_t n_power = (size_t)bd_n_power(work->n_harm);
-    double *more = work->saved; /* what the period has changed of the derivative by the motion */
+    double *more = work->motion_derivative; /* what the period has changed of the derivative by the motion */
     for (size_t i = 0; i < n; ++i)
-        for (size_t j = n; j < n_col; ++j) more[i * n_col + j] = work->slider[i * n_col + j] - more[i * n_col + j];
+        for (size_t j = n; j < n_col; ++j)
+            more[i * n_col + j] = work->state_derivative[i * n_col + j] - more[i * n_col + j];
     sum_powers(work, n, n_col, n_x, more + n, n_col);
-    memset(work->sum, 0, sizeof(double) * n_coef * 3 * n_col);
-    const size_t rows = work->has_row[2] ? 3 : work->has_row[1] ? 2 : (size_t)work->has_row[0]; /* the others are zero */
+    memset(work->derivative_coef, 0, sizeof(double) * n_coef * 3 * n_col);
+    const size_t rows = work->has_state_derivative[2]   ? 3
+                        : work->has_state_derivative[1] ? 2
+                                                        : (size_t)work->has_state_derivative[0]; /* the others are zero */
     if (rows > 0) {
-        work->kernel->product(n_coef, rows * n_col, n_time, work->basis, work->row, 3 * n_col, work->sum, 3 * n_col);
-        work->kernel->add_product(3 * n_coef, n_x, n, 1.0, work->sum, n_col, more + n, n_col, work->sum + n, n_col);
+        work->kernel->product(n_coef, rows * n_col, n_time, work->basis, work->state_force_derivative, 3 * n_col,
+                              work->derivative_coef, 3 * n_col);
+        work->kernel->add_product(3 * n_coef, n_x, n, 1.0, work->derivative_coef, n_col, more + n, n_col,
+                                  work->derivative_coef + n, n_col);
     }
     for (size_t a = 0; a < 3; ++a)
         for (size_t c = 0; c < 3; ++c) {
@@ -308,12 +313,12 @@ static void write_tangent(bd_user_work *work, size_t n, bd_response *out) {
                             : c == a ? out->dT[a]
                                      : out->dTc[a];
             memset(work->power_sum, 0, sizeof(double) * n_power);
-            if (work->has_factor[3 * a + c])
-                work->kernel->multiply_transposed(n_time, n_power, work->powers, work->factor + (3 * a + c) * n_time,
-                                                  work->power_sum);
+            if (work->has_motion_derivative[3 * a + c])
+                work->kernel->multiply_transposed(n_time, n_power, work->powers,
+                                                  work->motion_force_derivative + (3 * a + c) * n_time, work->power_sum);
             bd_cycle_products(work->n_harm, work->power_sum, block);
             for (size_t i = 0; i < n_coef; ++i) {
-                const double *restrict row = work->sum + (3 * i + a) * n_col + n + c * n_coef;
+                const double *restrict row = work->derivative_coef + (3 * i + a) * n_col + n + c * n_coef;
                 const double scale = (i == 0 ? 1.0 : 2.0) / (double)n_time;
                 for (size_t j = 0; j < n_coef; ++j) block[i * n_coef + j] = scale * (block[i * n_coef + j] + row[j]);
             }
@@ -322,15 +327,15 @@ static void write_tangent(bd_user_work *work, size_t n, bd_response *out) {
 
 void bd_user_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                       bd_user_work *work) {
-    const bd_own *own = element->own;
-    const size_t n = (size_t)own->n_state, n_coef = (size_t)bd_n_coef(work->n_harm), n_time = (size_t)work->n_time;
+    const bd_point_law *point_law = element->point_law;
+    const size_t n = (size_t)point_law->n_state, n_coef = (size_t)bd_n_coef(work->n_harm), n_time = (size_t)work->n_time;
     const int tangent = out->dN != NULL;
     for (size_t d = 0; d < 3; ++d)
         work->kernel->multiply(n_time, n_coef, work->basis, x + d * n_coef, work->motion + d * n_time);
-    for (size_t k = 0; k < n_time; ++k) work->motion[2 * n_time + k] += bd_closing_at_rest(element->kn, element->n0);
+    for (size_t k = 0; k < n_time; ++k) work->motion[2 * n_time + k] += bd_static_closing(element->kn, element->n0);
     work->n_call = 0;
-    const int settled = settle(work, own, 0);
-    if (tangent) differentiate(work, own);
+    const int settled = settle(work, point_law, 0);
+    if (tangent) differentiate(work, point_law);
     const double *f = work->force;
     int n_open = 0;
     for (size_t k = 0; k < n_time; ++k) n_open += f[k] == 0.0 && f[n_time + k] == 0.0 && f[2 * n_time + k] == 0.0;

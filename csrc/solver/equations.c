@@ -8,7 +8,7 @@ bd_status bd_evaluate(bd_equations *e, const double *y, int derivative) {
     return status;
 }
 
-bd_status bd_residual_beside(bd_equations *e, const double *y) {
+bd_status bd_trial_residual(bd_equations *e, const double *y) {
     const bd_status status = e->type->evaluate(e, y, 0);
     if (status != BD_OK) e->stage = BD_EMPTY;
     return status;

@@ -55,8 +55,7 @@ struct bd_equations {
 };
 
 bd_status bd_evaluate(bd_equations *equations, const double *y, int derivative);
-bd_status bd_residual_beside(bd_equations *equations,
-                             const double *y); /* r alone; factors stay those of the point before */
+bd_status bd_trial_residual(bd_equations *equations, const double *y); /* r alone; factors stay those of the point before */
 bd_status bd_product(bd_equations *equations, int transposed, const double *x, double *out); /* (n) */
 bd_status bd_factor(bd_equations *equations, const bd_border *border);
 bd_status bd_solve_linear(bd_equations *equations, double tolerance, double *b);

@@ -31,7 +31,8 @@
  * many steps do not halve the residual that of a step is made stricter: near sharp resonances the solution of loose ones is
  * none.  Below 1e-5 nothing is won: with 1e-12 six peaks of the shipped wheel (65 blades, 500 N to 2 kN) were the same, and at
  * 2 kN the elimination was solved a quarter more often. */
-static const double OF_STEP = 1e-2, OF_TANGENT = 1e-3, OF_TRIAL = 1.0, STRICTER = 0.03, STRICTEST = 1e-5;
+static const double STEP_TOLERANCE = 1e-2, TANGENT_TOLERANCE = 1e-3, TRIAL_TOLERANCE = 1.0, TIGHTENING = 0.03,
+                    TIGHTEST = 1e-5;
 
 /* One run of Newton's method. */
 typedef struct {
@@ -45,14 +46,14 @@ typedef struct {
     bd_solver_report *report;
     double *step, *y_old;                                /* (n + 1) */
     double first_residual, residual_before, step_before; /* of the first and of the previous iteration */
-    int stalls;
-    double residual_stalled; /* at the first of them */
+    int n_stall;
+    double stall_residual; /* at the first of them */
     int arrived;
-    double fraction;            /* of the latest step that was taken */
-    double linear;              /* tolerance of the equations of a step */
-    double border;              /* of a linear condition: row . (z - z_predicted), carried along */
-    double moved, slope_before; /* of a stationary one: the latest way along the tangent, and phi before it */
-    int opposed;                /* how often phi went the other way along the curve */
+    double fraction;                   /* of the latest step that was taken */
+    double linear_tolerance;           /* tolerance of the equations of a step */
+    double condition_residual;         /* of a linear condition: row . (z - z_predicted), carried along */
+    double tangent_step, slope_before; /* of a stationary one: the latest way along the tangent, and phi before it */
+    int n_wrong_sense;                 /* how often phi went the other way along the curve */
 } newton_run;
 
 static double largest(const bd_equations *e) {
@@ -84,7 +85,7 @@ double bd_slope(const bd_condition *condition, const double *y, const double *ta
 
 /* Whether to go on from the point that was just evaluated.  Without line search, three iterations in a row that do not halve
  * the residual end a correction: on 240 ordinary curves this saves 1 % of the evaluations, and far from a solution most. */
-static bd_status judge(newton_run *run) {
+static bd_status check_progress(newton_run *run) {
     const bd_solver_options *options = run->options;
     const double residual = run->report->residual;
     const int stationary = run->condition->kind == BD_STATIONARY; /* judged after its step */
@@ -93,8 +94,8 @@ static bd_status judge(newton_run *run) {
         return BD_NOT_CONVERGED;
     if (!converged && residual > 1e6 * (1.0 + run->first_residual)) return BD_DIVERGED;
     if (!stationary && !converged && !options->line_search && i > 2) {
-        run->stalls = residual > 0.5 * run->residual_before ? run->stalls + 1 : 0;
-        if (run->stalls >= 3) return BD_NOT_CONVERGED;
+        run->n_stall = residual > 0.5 * run->residual_before ? run->n_stall + 1 : 0;
+        if (run->n_stall >= 3) return BD_NOT_CONVERGED;
     }
     return BD_OK;
 }
@@ -104,7 +105,7 @@ static bd_status find_tangent(newton_run *run) {
     double *tangent = run->tangent;
     memset(tangent, 0, sizeof(double) * n1);
     tangent[n1 - 1] = 1.0;
-    bd_status status = bd_solve_linear(run->equations, OF_TANGENT, tangent);
+    bd_status status = bd_solve_linear(run->equations, TANGENT_TOLERANCE, tangent);
     const double size = length(tangent, n1);
     if (status != BD_OK || !(size > 0.0) || !isfinite(size)) return BD_SINGULAR;
     for (size_t i = 0; i < n1; ++i) tangent[i] /= size;
@@ -120,8 +121,8 @@ static bd_status find_step(newton_run *run, int with_step, int with_tangent) {
     bd_status status = bd_factor(e, &(bd_border){.row = run->normal, .scale = run->scale});
     if (status == BD_OK && with_step) {
         for (size_t j = 0; j < n; ++j) run->step[j] = -e->r[j];
-        run->step[n] = -run->border;
-        status = bd_solve_linear(e, run->linear, run->step);
+        run->step[n] = -run->condition_residual;
+        status = bd_solve_linear(e, run->linear_tolerance, run->step);
     }
     if (status == BD_OK && with_tangent) status = find_tangent(run);
     report->factored = e->factored;
@@ -131,7 +132,7 @@ static bd_status find_step(newton_run *run, int with_step, int with_tangent) {
     report->last_step = length(run->step, n + 1);
     if (!isfinite(report->last_step)) return BD_SINGULAR;
     if (report->iterations == 0) report->first_step = report->last_step;
-    if (run->options->reach > 0.0 && report->last_step > run->options->reach) return BD_NOT_CONVERGED;
+    if (run->options->max_newton_step > 0.0 && report->last_step > run->options->max_newton_step) return BD_NOT_CONVERGED;
     return BD_OK;
 }
 
@@ -142,7 +143,7 @@ static void move(newton_run *run, double fraction) {
 }
 
 /* Halves the step until the residual shrinks; takes the best fraction if none does. */
-static void search_line(newton_run *run) {
+static void search_residual(newton_run *run) {
     const double before = run->report->residual;
     double best = INFINITY, best_fraction = 1.0, fraction = 1.0;
     for (int i = 0; i < 14; ++i, fraction *= 0.5) {
@@ -158,7 +159,7 @@ static void search_line(newton_run *run) {
 
 /* Halves the step until the one that would follow with the same factors is shorter; takes the best fraction if none is.
  * Contacts are stiff: their residuals say little on the way. */
-static void search_next(newton_run *run) {
+static void search_step_length(newton_run *run) {
     bd_equations *e = run->equations;
     const size_t n = (size_t)e->n;
     const double whole = length(run->step, n + 1);
@@ -166,11 +167,12 @@ static void search_next(newton_run *run) {
     run->fraction = 1.0;
     for (int i = 0; i < 8; ++i, fraction *= 0.5) {
         move(run, fraction);
-        if (bd_residual_beside(e, run->y) != BD_OK) continue;
+        if (bd_trial_residual(e, run->y) != BD_OK) continue;
         for (size_t j = 0; j < n; ++j) next[j] = -e->r[j];
-        next[n] = -(1.0 - fraction) * run->border;
-        const double now =
-            bd_solve_linear(e, fmin(OF_TRIAL, 100.0 * run->linear), next) == BD_OK ? length(next, n + 1) : INFINITY;
+        next[n] = -(1.0 - fraction) * run->condition_residual;
+        const double now = bd_solve_linear(e, fmin(TRIAL_TOLERANCE, 100.0 * run->linear_tolerance), next) == BD_OK
+                               ? length(next, n + 1)
+                               : INFINITY;
         if (now < best) best = now, run->fraction = fraction;
         if (now < (1.0 - 0.25 * fraction) * whole) break;
     }
@@ -180,12 +182,12 @@ static void search_next(newton_run *run) {
 /* Whether of more than three steps no more than a 32nd was of use, and the residual has not halved meanwhile.  Asked where a
  * rough point is enough, which begins near one: on the shipped disk (65 blades, 500 N) such runs end without a solution after
  * 25 steps, which on the whole wheel cost as much as all else of a search.  From afar some of them arrive. */
-static int leads_to_and_fro(newton_run *run) {
+static int oscillates(newton_run *run) {
     enum { MOST_BACK = 3 };
-    if (run->report->residual < 0.5 * run->residual_stalled) run->stalls = 0;
+    if (run->report->residual < 0.5 * run->stall_residual) run->n_stall = 0;
     if (run->fraction > 1.0 / 32.0) return 0;
-    if (run->stalls == 0) run->residual_stalled = run->report->residual;
-    return ++run->stalls > MOST_BACK;
+    if (run->n_stall == 0) run->stall_residual = run->report->residual;
+    return ++run->n_stall > MOST_BACK;
 }
 
 static void advance_to_curve(newton_run *run) {
@@ -193,9 +195,9 @@ static void advance_to_curve(newton_run *run) {
     memcpy(run->y_old, run->y, sizeof(double) * n1);
     move(run, 1.0);
     run->fraction = 1.0;
-    if (run->options->line_search == 1) search_line(run);
-    if (run->options->line_search == 2) search_next(run);
-    for (size_t j = 0; j < n1; ++j) run->border += run->normal[j] * (run->y[j] - run->y_old[j]) / run->scale[j];
+    if (run->options->line_search == 1) search_residual(run);
+    if (run->options->line_search == 2) search_step_length(run);
+    for (size_t j = 0; j < n1; ++j) run->condition_residual += run->normal[j] * (run->y[j] - run->y_old[j]) / run->scale[j];
 }
 
 /* The Newton step and a secant step along the tangent, unless the place is reached.  phi falls along the curve where the
@@ -206,17 +208,17 @@ static bd_status advance_along(newton_run *run) {
     const bd_condition *condition = run->condition;
     const size_t n = (size_t)run->equations->n;
     const double sense = condition->curvature > 0.0 ? -1.0 : 1.0;
-    const double slope = bd_slope(condition, run->y, run->tangent, run->scale, n), moved = run->moved;
+    const double slope = bd_slope(condition, run->y, run->tangent, run->scale, n), moved = run->tangent_step;
     if (fabs(moved) > 1e-7 && fmax(run->step_before, report->last_step) < 0.1 * fabs(moved)) {
         const double secant = sense * (slope - run->slope_before) / moved, kappa = sense * report->curvature;
-        if (!(secant < 0.0) && ++run->opposed > 1) return BD_NOT_CONVERGED;
+        if (!(secant < 0.0) && ++run->n_wrong_sense > 1) return BD_NOT_CONVERGED;
         report->curvature = sense * fmin(0.3 * kappa, fmax(4.0 * kappa, secant));
-        if (fabs(slope) > 0.5 * fabs(run->slope_before)) ++run->stalls;
+        if (fabs(slope) > 0.5 * fabs(run->slope_before)) ++run->n_stall;
     }
     run->slope_before = slope;
     const int on_curve = report->residual <= run->options->tolerance;
-    if (report->iterations > 1 && !on_curve && report->last_step > 0.5 * run->step_before) ++run->stalls;
-    if (run->stalls > MOST_STALLS) return BD_NOT_CONVERGED;
+    if (report->iterations > 1 && !on_curve && report->last_step > 0.5 * run->step_before) ++run->n_stall;
+    if (run->n_stall > MOST_STALLS) return BD_NOT_CONVERGED;
     const double way = -slope / report->curvature;
     if (!isfinite(way)) return BD_NOT_CONVERGED;
     run->arrived = on_curve && fabs(way) <= condition->tolerance;
@@ -225,8 +227,9 @@ static bd_status advance_along(newton_run *run) {
         return BD_OK;
     }
     /* far from the curve the slope is not that of the curve */
-    run->moved = report->last_step > 0.3 * fabs(way) ? 0.0 : fmax(-condition->max_step, fmin(condition->max_step, way));
-    for (size_t j = 0; j <= n; ++j) run->y[j] += (run->step[j] + run->moved * run->tangent[j]) * run->scale[j];
+    run->tangent_step =
+        report->last_step > 0.3 * fabs(way) ? 0.0 : fmax(-condition->max_step, fmin(condition->max_step, way));
+    for (size_t j = 0; j <= n; ++j) run->y[j] += (run->step[j] + run->tangent_step * run->tangent[j]) * run->scale[j];
     return BD_OK;
 }
 
@@ -242,9 +245,10 @@ static bd_status iterate(newton_run *run) {
         report->residual = largest(run->equations);
         report->iterations = i;
         if (i == 0) run->first_residual = report->residual;
-        status = judge(run);
+        status = check_progress(run);
         if (status != BD_OK) return status;
-        if (i > 8 && report->residual > 0.5 * run->residual_before) run->linear = fmax(STRICTER * run->linear, STRICTEST);
+        if (i > 8 && report->residual > 0.5 * run->residual_before)
+            run->linear_tolerance = fmax(TIGHTENING * run->linear_tolerance, TIGHTEST);
         run->arrived = report->residual <= run->options->tolerance && !stationary;
         if (run->arrived && !run->tangent) return BD_OK;
         status = find_step(run, !run->arrived, run->arrived || stationary);
@@ -252,13 +256,13 @@ static bd_status iterate(newton_run *run) {
         if (status != BD_OK) return status;
         if (stationary || run->arrived) continue;
         advance_to_curve(run);
-        if (run->options->rough > 0.0 && leads_to_and_fro(run)) return BD_NOT_CONVERGED;
-        if (run->fraction < 1.0 || report->last_step >= run->options->loose) continue;
+        if (run->options->accepted_residual > 0.0 && oscillates(run)) return BD_NOT_CONVERGED;
+        if (run->fraction < 1.0 || report->last_step >= run->options->step_tolerance) continue;
         if (run->tangent) status = find_tangent(run);
         if (status == BD_OK) status = bd_evaluate(run->equations, run->y, 0);
         if (status != BD_OK) return status;
         report->residual = largest(run->equations);
-        if (run->options->rough == 0.0 || report->residual <= run->options->rough) {
+        if (run->options->accepted_residual == 0.0 || report->residual <= run->options->accepted_residual) {
             ++report->iterations;
             return BD_OK;
         }
@@ -276,7 +280,7 @@ bd_status bd_solve(bd_equations *equations, const bd_condition *condition, const
                       .scale = scale,
                       .tangent = tangent,
                       .report = report,
-                      .linear = OF_STEP,
+                      .linear_tolerance = STEP_TOLERANCE,
                       .step = equations->scratch,
                       .y_old = equations->scratch + equations->n + equations->k};
     *report = (bd_solver_report){.residual = INFINITY,

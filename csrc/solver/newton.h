@@ -19,10 +19,12 @@ typedef struct {
     int max_iterations;
     int line_search; /* of BD_LINEAR alone: 1 halves a step that does not reduce the residual, 2 one that does not make the */
                      /* next step with the same factors shorter */
-    double loose;    /* of BD_LINEAR alone: a whole Newton step shorter than this counts as the last, 0: none does; the */
-                     /* tangent is then that of the factors that gave the step */
-    double rough;    /* if it leads to a residual below this; 0: to any */
-    double reach;    /* a Newton step longer than this in scaled unknowns is not taken: BD_NOT_CONVERGED; 0: any is */
+    double
+        step_tolerance; /* of BD_LINEAR alone: a whole Newton step shorter than this counts as the last, 0: none does; the */
+                        /* tangent is then that of the factors that gave the step */
+    double accepted_residual; /* if it leads to a residual below this; 0: to any */
+    double
+        max_newton_step; /* a Newton step longer than this in scaled unknowns is not taken: BD_NOT_CONVERGED; 0: any is */
 } bd_solver_options;
 
 typedef struct {

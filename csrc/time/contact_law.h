@@ -10,37 +10,38 @@
 #include "util/vector_types.h"
 
 typedef struct {
-    bd_vec kt[2], ease[2], cubic[2], held[2], shift[3], kn, n0, floor, r0, r1, coupled, own;
+    bd_vec kt[2], inverse_kt[2], cubic[2], fixed_slider[2], shift[3], kn, n0, least_n, limit, mu, coupled, user_law;
 } points;
 
-BD_INLINE points load_points(const bd_time *t, size_t p) {
+BD_INLINE points load_parameters(const bd_time *t, size_t p) {
     points out;
-    const double *x = t->point + p;
+    const double *x = t->parameters + p;
     const size_t s = t->stride;
     for (size_t d = 0; d < 2; ++d) {
         out.kt[d] = bd_load(x + (BD_TIME_KT + d) * s);
-        out.ease[d] = bd_load(x + (BD_TIME_EASE + d) * s);
+        out.inverse_kt[d] = bd_load(x + (BD_TIME_INVERSE_KT + d) * s);
         out.cubic[d] = bd_load(x + (BD_TIME_CUBIC + d) * s);
-        out.held[d] = bd_load(x + (BD_TIME_HELD + d) * s);
+        out.fixed_slider[d] = bd_load(x + (BD_TIME_FIXED_SLIDER + d) * s);
     }
     for (size_t d = 0; d < 3; ++d) out.shift[d] = bd_load(x + (BD_TIME_SHIFT + d) * s);
     out.kn = bd_load(x + BD_TIME_KN * s);
     out.n0 = bd_load(x + BD_TIME_N0 * s);
-    out.floor = bd_load(x + BD_TIME_FLOOR * s);
-    out.r0 = bd_load(x + BD_TIME_R0 * s);
-    out.r1 = bd_load(x + BD_TIME_R1 * s);
+    out.least_n = bd_load(x + BD_TIME_LEAST_N * s);
+    out.limit = bd_load(x + BD_TIME_LIMIT * s);
+    out.mu = bd_load(x + BD_TIME_MU * s);
     out.coupled = bd_load(x + BD_TIME_COUPLED * s);
-    out.own = bd_load(x + BD_TIME_OWN * s);
+    out.user_law = bd_load(x + BD_TIME_USER_LAW * s);
     return out;
 }
 
 /* Forces F (3) at motion x (3); moves the sliders from w to moved_w, (2, stride) from the first of these points on. */
-BD_INLINE void press(const bd_time *t, const points *at, const bd_vec *x, const double *w, double *moved_w, bd_vec *F) {
+BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w, double *moved_w,
+                              bd_vec *F) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-    const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->floor), r = at->r0 + at->r1 * normal;
+    const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->least_n), r = at->limit + at->mu * normal;
     bd_vec before[2], moved[2];
     for (size_t d = 0; d < 2; ++d) {
-        const bd_vec reach = r * at->ease[d];
+        const bd_vec reach = r * at->inverse_kt[d];
         before[d] = bd_load(w + d * t->stride);
         moved[d] = bd_min(bd_max(before[d], x[d] - reach), x[d] + reach);
     }
@@ -55,7 +56,7 @@ BD_INLINE void press(const bd_time *t, const points *at, const bd_vec *x, const 
         }
     }
     for (size_t d = 0; d < 2; ++d) {
-        moved[d] = bd_select(bd_above(at->held[d], zero), before[d], moved[d]);
+        moved[d] = bd_select(bd_above(at->fixed_slider[d], zero), before[d], moved[d]);
         bd_store(moved_w + d * t->stride, moved[d]);
         F[d] = at->kt[d] * (x[d] - moved[d]);
         if (t->has_cubic) F[d] = F[d] + at->cubic[d] * x[d] * x[d] * x[d];
@@ -64,40 +65,41 @@ BD_INLINE void press(const bd_time *t, const points *at, const bd_vec *x, const 
 }
 
 /* Motion (3) of a point of a sector as its own law takes it. */
-BD_INLINE void own_motion(const bd_time *t, size_t p, const double *x, double *now) {
-    const double *at = t->point + p;
+BD_INLINE void user_law_motion(const bd_time *t, size_t p, const double *x, double *now) {
+    const double *at = t->parameters + p;
     for (size_t d = 0; d < 3; ++d) now[d] = x[d];
-    now[2] += bd_closing_at_rest(at[BD_TIME_KN * t->stride], at[BD_TIME_N0 * t->stride]);
+    now[2] += bd_static_closing(at[BD_TIME_KN * t->stride], at[BD_TIME_N0 * t->stride]);
 }
 
 /* Forces of the points with laws of users, point by point. */
-BD_NOT_INLINE void press_own(bd_time *t, const double *x, double *F) {
+BD_NOT_INLINE void user_law_forces(bd_time *t, const double *x, double *F) {
     const size_t s = t->stride, n = (size_t)t->n_point, m = (size_t)t->n_memory;
     for (size_t p = 0; p < n; ++p) {
-        if (!t->own[p].function) continue;
+        if (!t->point_law[p].function) continue;
         for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
             const double *at = x + k * t->rows + p, motion[3] = {at[0], at[s], at[2 * s]};
             double now[3], force[3];
-            own_motion(t, p, motion, now);
-            bd_own_step(t->own + p, now, t->memory_of[0] + (k * n + p) * m, t->memory_of[1] + (k * n + p) * m, force, NULL);
+            user_law_motion(t, p, motion, now);
+            bd_point_law_step(t->point_law + p, now, t->law_memory[0] + (k * n + p) * m, t->law_memory[1] + (k * n + p) * m,
+                              force, NULL);
             for (size_t d = 0; d < 3; ++d) F[k * t->rows + d * s + p] = force[d];
         }
     }
 }
 
 /* Forces F (n_sector, rows) of all contacts at the motion x; moves the sliders. */
-static void press_all(bd_time *t, const double *x, double *F) {
+static void all_contact_forces(bd_time *t, const double *x, double *F) {
     const size_t s = t->stride;
     for (size_t p = 0; p < (size_t)t->n_point; p += BD_WIDTH) {
-        const points at = load_points(t, p);
+        const points at = load_parameters(t, p);
         for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
             bd_vec now[3], force[3];
             for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
-            press(t, &at, now, t->w + 2 * s * k + p, t->moved + 2 * s * k + p, force);
+            contact_forces(t, &at, now, t->slider + 2 * s * k + p, t->next_slider + 2 * s * k + p, force);
             for (size_t d = 0; d < 3; ++d) bd_store(F + k * t->rows + d * s + p, force[d]);
         }
     }
-    if (t->n_own) press_own(t, x, F);
+    if (t->n_own) user_law_forces(t, x, F);
 }
 
 /* ---- derivative of the forces, of which the contact condition has need ---- */
@@ -106,13 +108,13 @@ enum { SLIDES_IN_PLANE = 18 };
 
 /* State of each point: 1 if it is closed, 2 or 4 (6 or 12) if it slips in the positive or negative sense; above these if the
  * derivative changes continuously. */
-BD_INLINE bd_vec state_of(const bd_time *t, const points *at, const bd_vec *x, const double *w) {
-    const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2], r = at->r0 + at->r1 * bd_max(normal, at->floor);
-    const bd_mask closed = bd_above(normal, at->floor);
+BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_vec *x, const double *w) {
+    const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2], r = at->limit + at->mu * bd_max(normal, at->least_n);
+    const bd_mask closed = bd_above(normal, at->least_n);
     bd_vec state = bd_select(closed, bd_all(1.0), zero), T[2];
     for (size_t d = 0; d < 2; ++d) {
-        const bd_vec before = bd_load(w + d * t->stride), reach = r * at->ease[d];
-        const bd_mask free = closed & ~bd_above(at->held[d], zero) & ~bd_above(at->coupled, zero);
+        const bd_vec before = bd_load(w + d * t->stride), reach = r * at->inverse_kt[d];
+        const bd_mask free = closed & ~bd_above(at->fixed_slider[d], zero) & ~bd_above(at->coupled, zero);
         const bd_vec plus = bd_all(d ? 6.0 : 2.0), minus = bd_all(d ? 12.0 : 4.0);
         state += bd_select(free & bd_above(x[d] - reach, before), plus, zero);
         state += bd_select(free & bd_above(before, x[d] + reach), minus, zero);
@@ -120,37 +122,37 @@ BD_INLINE bd_vec state_of(const bd_time *t, const points *at, const bd_vec *x, c
     }
     const bd_mask slides = closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
     const bd_mask cubic = bd_differ(at->cubic[0], zero) | bd_differ(at->cubic[1], zero);
-    return state + bd_select(slides | cubic | bd_above(at->own, zero), bd_all(SLIDES_IN_PLANE), zero);
+    return state + bd_select(slides | cubic | bd_above(at->user_law, zero), bd_all(SLIDES_IN_PLANE), zero);
 }
 
 /* Derivative D (3, 3) of the forces of a point with a law of a user; what it remembers after the step is written again. */
-static void differentiate_own(bd_time *t, size_t k, size_t p, const double *x, double *D) {
+static void user_law_tangent(bd_time *t, size_t k, size_t p, const double *x, double *D) {
     const size_t at = (k * (size_t)t->n_point + p) * (size_t)t->n_memory;
-    bd_own_slopes slopes = bd_own_in(t->slopes, t->own[p].n_state);
+    bd_point_law_derivatives derivatives = bd_point_law_derivatives_in(t->derivatives, t->point_law[p].n_state);
     double now[3], force[3];
-    own_motion(t, p, x, now);
-    bd_own_step(t->own + p, now, t->memory_of[0] + at, t->memory_of[1] + at, force, &slopes);
-    bd_own_derivative(t->own + p, &slopes, D);
+    user_law_motion(t, p, x, now);
+    bd_point_law_step(t->point_law + p, now, t->law_memory[0] + at, t->law_memory[1] + at, force, &derivatives);
+    bd_point_law_tangent(t->point_law + p, &derivatives, D);
 }
 
 /* Derivative D (3, 3) of the forces of point p of sector k at motion x with slider w before. */
-static void differentiate(bd_time *t, size_t k, size_t p, const double *x, const double *w, double *D) {
-    if (t->n_own && t->own[p].function) {
-        differentiate_own(t, k, p, x, D);
+static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, const double *w, double *D) {
+    if (t->n_own && t->point_law[p].function) {
+        user_law_tangent(t, k, p, x, D);
         return;
     }
     const size_t s = t->stride;
-    const double *c = t->point + p, *kt = c + BD_TIME_KT * s;
-    const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2], floor = c[BD_TIME_FLOOR * s];
-    const double kn = normal > floor ? c[BD_TIME_KN * s] : 0.0, along = c[BD_TIME_R1 * s] * kn;
-    const double r = c[BD_TIME_R0 * s] + c[BD_TIME_R1 * s] * (normal > floor ? normal : floor);
+    const double *c = t->parameters + p, *kt = c + BD_TIME_KT * s;
+    const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2], floor = c[BD_TIME_LEAST_N * s];
+    const double kn = normal > floor ? c[BD_TIME_KN * s] : 0.0, along = c[BD_TIME_MU * s] * kn;
+    const double r = c[BD_TIME_LIMIT * s] + c[BD_TIME_MU * s] * (normal > floor ? normal : floor);
     const double T[2] = {kt[0] * (x[0] - w[0]), kt[s] * (x[1] - w[1])}, size = sqrt(T[0] * T[0] + T[1] * T[1]);
     memset(D, 0, 9 * sizeof *D);
     D[8] = kn;
     for (size_t d = 0; d < 2; ++d) {
-        const double reach = r * c[(BD_TIME_EASE + d) * s], k = kt[d * s];
+        const double reach = r * c[(BD_TIME_INVERSE_KT + d) * s], k = kt[d * s];
         D[4 * d] = 3.0 * c[(BD_TIME_CUBIC + d) * s] * x[d] * x[d];
-        if (c[(BD_TIME_HELD + d) * s] > 0.0)
+        if (c[(BD_TIME_FIXED_SLIDER + d) * s] > 0.0)
             D[4 * d] += k;
         else if (!(r > 0.0)) /* open: the slider goes along */
             continue;

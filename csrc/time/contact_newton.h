@@ -23,10 +23,10 @@
 /* ---- M = (I + T)^-1 of each sector ---- */
 
 /* M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on the transposed matrix. */
-static void renew(bd_time *t, const bd_time_step *step, size_t k) {
-    const size_t r = (size_t)step->rank, s = t->stride;
-    double *A = t->work, *M = t->M + k * r * r;
-    int pivot[BD_TIME_MOST];
+static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k) {
+    const size_t r = (size_t)patterns->rank, s = t->stride;
+    double *A = t->work, *M = t->preconditioner + k * r * r;
+    int pivot[BD_TIME_MAX_RANK];
     memset(A, 0, sizeof(double) * r * r);
     for (size_t i = 0; i < r; ++i) A[i * r + i] = 1.0;
     for (size_t p = 0; p < (size_t)t->n_point; ++p) {
@@ -34,7 +34,8 @@ static void renew(bd_time *t, const bd_time_step *step, size_t k) {
         for (size_t d = 0; d < 3; ++d) {
             const double a = D[3 * d * s], b = D[(3 * d + 1) * s], c = D[(3 * d + 2) * s];
             if (a == 0.0 && b == 0.0 && c == 0.0) continue;
-            const double *V0 = step->Vt + p * r, *V1 = V0 + s * r, *V2 = V1 + s * r, *own = step->Vt + (d * s + p) * r;
+            const double *V0 = patterns->pattern_transposed + p * r, *V1 = V0 + s * r, *V2 = V1 + s * r,
+                         *own = patterns->pattern_transposed + (d * s + p) * r;
             for (size_t j = 0; j < r; ++j) add(r, a * V0[j] + b * V1[j] + c * V2[j], own, A + j * r);
         }
     }
@@ -64,20 +65,20 @@ static void renew(bd_time *t, const bd_time_step *step, size_t k) {
         }
     for (size_t i = 0; i < r; i += 8)
         for (size_t j = 0; j < r; ++j, M += 8) memcpy(M, A + j * r + i, 8 * sizeof *M);
-    t->stale[k] = 0;
+    t->outdated[k] = 0;
 }
 
 /* M of a sector after one row of D, that of a point, has changed by `change` (3). */
-static void update_inverse(bd_time *t, const bd_time_step *step, size_t k, size_t row, const double *change) {
-    const size_t r = (size_t)step->rank, p = row % t->stride;
-    const double *v = step->Vt + row * r;
-    double *M = t->M + k * r * r, a[BD_TIME_MOST], b[BD_TIME_MOST], u[BD_TIME_MOST] = {0.0};
+static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t row, const double *change) {
+    const size_t r = (size_t)patterns->rank, p = row % t->stride;
+    const double *v = patterns->pattern_transposed + row * r;
+    double *M = t->preconditioner + k * r * r, a[BD_TIME_MAX_RANK], b[BD_TIME_MAX_RANK], u[BD_TIME_MAX_RANK] = {0.0};
     for (size_t d = 0; d < 3; ++d)
-        if (change[d] != 0.0) add(r, change[d], step->Vt + (d * t->stride + p) * r, u);
+        if (change[d] != 0.0) add(r, change[d], patterns->pattern_transposed + (d * t->stride + p) * r, u);
     multiply_blocks(r, M, v, a);
     const double below = 1.0 + dot(r, u, a);
     if (!(fabs(below) > BD_TIME_SINGULAR)) {
-        t->stale[k] = 1;
+        t->outdated[k] = 1;
         return;
     }
     for (size_t j = 0; j < r; ++j) {
@@ -92,14 +93,14 @@ static void update_inverse(bd_time *t, const bd_time_step *step, size_t k, size_
 }
 
 /* Brings the derivative of some points to that of their present state; changes of less than a twentieth are left. */
-BD_NOT_INLINE void update_points(bd_time *t, const bd_time_step *step, size_t k, size_t p, const bd_vec *x, const double *w,
-                                 bd_mask differs) {
+BD_NOT_INLINE void update_points(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t p, const bd_vec *x,
+                                 const double *w, bd_mask differs) {
     const size_t s = t->stride;
     for (size_t i = 0; i < BD_WIDTH && p + i < (size_t)t->n_point; ++i) {
         if (!bd_entry_int(differs, i)) continue;
         const double at[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)}, before[2] = {w[i], w[s + i]};
         double D[9], *known = t->tangent + 9 * s * k + p + i, change = 0.0, largest = 0.0;
-        differentiate(t, k, p + i, at, before, D);
+        contact_tangent(t, k, p + i, at, before, D);
         for (size_t j = 0; j < 9; ++j) {
             change = larger(fabs(D[j] - known[j * s]), change);
             largest = larger(fabs(known[j * s]), largest);
@@ -112,59 +113,60 @@ BD_NOT_INLINE void update_points(bd_time *t, const bd_time_step *step, size_t k,
                 by[e] = D[3 * d + e] - *of;
                 *of = D[3 * d + e];
             }
-            if ((by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0) && !t->stale[k])
-                update_inverse(t, step, k, d * s + p + i, by);
+            if ((by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0) && !t->outdated[k])
+                update_inverse(t, patterns, k, d * s + p + i, by);
         }
     }
 }
 
 /* Derivatives of the states at the motion x. */
-static void update_states(bd_time *t, const bd_time_step *step, const double *x) {
+static void update_states(bd_time *t, const bd_time_patterns *patterns, const double *x) {
     const size_t s = t->stride;
     for (size_t p = 0; p < (size_t)t->n_point; p += BD_WIDTH) {
-        const points at = load_points(t, p);
+        const points at = load_parameters(t, p);
         for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
-            const double *w = t->w + 2 * s * k + p;
-            double *known = t->state + s * k + p;
+            const double *w = t->slider + 2 * s * k + p;
+            double *known = t->contact_state + s * k + p;
             bd_vec now[3];
             for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
-            const bd_vec state = state_of(t, &at, now, w);
+            const bd_vec state = contact_state_of(t, &at, now, w);
             const bd_mask differs = bd_differ(state, bd_load(known)) | bd_at_least(state, bd_all(SLIDES_IN_PLANE));
             bd_store(known, state);
-            if (bd_any(differs)) update_points(t, step, k, p, now, w, differs);
+            if (bd_any(differs)) update_points(t, patterns, k, p, now, w, differs);
         }
     }
     for (size_t k = 0; k < (size_t)t->n_sector; ++k)
-        if (t->stale[k]) renew(t, step, k);
+        if (t->outdated[k]) invert_sector(t, patterns, k);
 }
 
-static void forget_inverse(bd_time *t) {
-    for (int k = 0; k < t->n_sector; ++k) t->stale[k] = 1;
+static void mark_outdated(bd_time *t) {
+    for (int k = 0; k < t->n_sector; ++k) t->outdated[k] = 1;
 }
 
 /* ---- Newton's method for the contact forces of all sectors ---- */
 
 /* out = M in, sector by sector. */
 BD_INLINE void precondition(const bd_time *t, size_t r, const double *in, double *out) {
-    for (size_t k = 0; k < (size_t)t->n_sector; ++k) multiply_blocks(r, t->M + k * r * r, in + k * r, out + k * r);
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k)
+        multiply_blocks(r, t->preconditioner + k * r * r, in + k * r, out + k * r);
 }
 
 /* change: a solution of (I + T C) change = residual to a tenth, by GMRES; given: C change. */
-static void correct(bd_time *t, const bd_time_step *step) {
+static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
     enum { M = BD_TIME_VECTORS };
-    const size_t r = (size_t)step->rank, n = r * (size_t)t->n_sector;
+    const size_t r = (size_t)patterns->rank, n = r * (size_t)t->n_sector;
     double H[M + 1][M], c[M], s[M], g[M + 1];
-    double *v = t->basis;
+    double *v = t->krylov;
     precondition(t, r, t->residual, v);
     const double size = sqrt(dot(n, v, v));
     for (size_t i = 0; size > 0.0 && i < n; ++i) v[i] /= size;
     g[0] = size;
     int m = 0;
-    while (m < M && fabs(g[m]) > BD_TIME_LINEAR * size) {
-        double *now = v + (size_t)m * n, *next = now + n, *eased = t->eased + (size_t)m * n;
-        comply(t, step, now, eased);
-        for (size_t i = 0; i < n; ++i) t->change[i] = eased[i] - now[i];
-        precondition(t, r, t->change, next);
+    while (m < M && fabs(g[m]) > BD_TIME_LINEAR_TOLERANCE * size) {
+        double *now = v + (size_t)m * n, *next = now + n, *eased = t->krylov_motion + (size_t)m * n;
+        compliance_times(t, patterns, now, eased);
+        for (size_t i = 0; i < n; ++i) t->pattern_correction[i] = eased[i] - now[i];
+        precondition(t, r, t->pattern_correction, next);
         for (size_t i = 0; i < n; ++i) next[i] = eased[i] - next[i];
         for (int i = 0; i <= m; ++i) {
             H[i][m] = dot(n, v + (size_t)i * n, next);
@@ -186,91 +188,92 @@ static void correct(bd_time *t, const bd_time_step *step) {
         if (!(length > 1e-14 * whole)) break;
         for (size_t i = 0; i < n; ++i) next[i] /= length;
     }
-    memset(t->change, 0, sizeof(double) * n);
-    memset(t->given, 0, sizeof(double) * n);
+    memset(t->pattern_correction, 0, sizeof(double) * n);
+    memset(t->pattern_motion, 0, sizeof(double) * n);
     for (int i = m - 1; i >= 0; --i) {
         for (int j = i + 1; j < m; ++j) g[i] -= H[i][j] * g[j];
         g[i] /= H[i][i];
-        add(n, g[i], v + (size_t)i * n, t->change);
-        add(n, g[i], t->eased + (size_t)i * n, t->given);
+        add(n, g[i], v + (size_t)i * n, t->pattern_correction);
+        add(n, g[i], t->krylov_motion + (size_t)i * n, t->pattern_motion);
     }
 }
 
 /* Forces at the motion x, and the residual of the patterns; returns its size. */
-static double evaluate(bd_time *t, const bd_time_step *step) {
-    const size_t n = (size_t)step->rank * (size_t)t->n_sector;
-    press_all(t, t->x, t->F);
-    multiply((size_t)t->n_sector, (size_t)step->rank, t->rows, t->F, step->Vt, t->residual);
-    add(n, -1.0, t->p, t->residual);
-    ++t->effort.n_iteration;
+static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
+    const size_t n = (size_t)patterns->rank * (size_t)t->n_sector;
+    all_contact_forces(t, t->motion, t->point_force);
+    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force, patterns->pattern_transposed,
+             t->residual);
+    add(n, -1.0, t->pattern_force, t->residual);
+    ++t->effort.n_evaluation;
     return sqrt(dot(n, t->residual, t->residual));
 }
 
 /* Goes a share of the correction and back by what was gone before. */
-static double go(bd_time *t, const bd_time_step *step, double share) {
-    add(t->rows * (size_t)t->n_sector, -share, t->reach, t->x);
-    add((size_t)step->rank * (size_t)t->n_sector, share, t->change, t->p);
-    return evaluate(t, step);
+static double apply_correction(bd_time *t, const bd_time_patterns *patterns, double share) {
+    add(t->rows * (size_t)t->n_sector, -share, t->correction_motion, t->motion);
+    add((size_t)patterns->rank * (size_t)t->n_sector, share, t->pattern_correction, t->pattern_force);
+    return pattern_residual(t, patterns);
 }
 
 /* The correction, in the best of four lengths; returns the size of the residual there. */
-static double search(bd_time *t, const bd_time_step *step, double size) {
-    double best = 1.0, gone = 1.0, least = go(t, step, 1.0);
+static double search_length(bd_time *t, const bd_time_patterns *patterns, double size) {
+    double best = 1.0, gone = 1.0, least = apply_correction(t, patterns, 1.0);
     if (least < size) return least;
     for (double share = 0.5; share > 0.1; share *= 0.5) {
-        const double here = go(t, step, share - gone);
+        const double here = apply_correction(t, patterns, share - gone);
         gone = share;
         if (here < least) best = share, least = here;
         if (here < size) break;
     }
-    return best == gone ? least : go(t, step, best - gone);
+    return best == gone ? least : apply_correction(t, patterns, best - gone);
 }
 
 /* Contact forces at the end of a step, from the motion x* without them in `base`: their motion x, the forces F; 0 if they were
  * not found. */
-static int solve(bd_time *t, const bd_time_step *step, double tolerance, int predict) {
-    const size_t r = (size_t)step->rank, sectors = (size_t)t->n_sector, n = r * sectors, rows = t->rows, s = t->stride;
-    comply(t, step, t->p, t->given);
-    multiply(sectors, rows, r, t->given, step->V, t->reach);
-    for (size_t i = 0; i < rows * sectors; ++i) t->base[i] -= t->reach[i];
+static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
+    const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors, rows = t->rows, s = t->stride;
+    compliance_times(t, patterns, t->pattern_force, t->pattern_motion);
+    multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
+    for (size_t i = 0; i < rows * sectors; ++i) t->free_motion[i] -= t->correction_motion[i];
     if (predict) {
         for (size_t k = 0; k < sectors; ++k)
             for (size_t p = 0; p < s; p += BD_WIDTH) {
                 bd_vec by[3];
                 for (size_t d = 0; d < 3; ++d) {
                     const size_t at = k * rows + d * s + p;
-                    by[d] = bd_load(t->base + at) - bd_load(t->x + at);
+                    by[d] = bd_load(t->free_motion + at) - bd_load(t->motion + at);
                 }
                 for (size_t d = 0; d < 3; ++d) {
                     const double *D = t->tangent + (9 * k + 3 * d) * s + p;
-                    bd_store(t->tried + k * rows + d * s + p,
+                    bd_store(t->predicted_force + k * rows + d * s + p,
                              bd_load(D) * by[0] + bd_load(D + s) * by[1] + bd_load(D + 2 * s) * by[2]);
                 }
             }
-        multiply(sectors, r, rows, t->tried, step->Vt, t->residual);
-        correct(t, step);
-        multiply(sectors, rows, r, t->given, step->V, t->reach);
-        memcpy(t->x, t->base, sizeof(double) * rows * sectors);
+        multiply(sectors, r, rows, t->predicted_force, patterns->pattern_transposed, t->residual);
+        solve_correction(t, patterns);
+        multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
+        memcpy(t->motion, t->free_motion, sizeof(double) * rows * sectors);
     } else {
-        memcpy(t->x, t->base, sizeof(double) * rows * sectors);
-        memset(t->reach, 0, sizeof(double) * rows * sectors);
-        memset(t->change, 0, sizeof(double) * n);
+        memcpy(t->motion, t->free_motion, sizeof(double) * rows * sectors);
+        memset(t->correction_motion, 0, sizeof(double) * rows * sectors);
+        memset(t->pattern_correction, 0, sizeof(double) * n);
     }
-    const double before = t->largest;
-    double size = go(t, step, 1.0);
+    const double before = t->largest_force;
+    double size = apply_correction(t, patterns, 1.0);
     for (int i = 0;; ++i) {
-        update_states(t, step, t->x);
-        const double force = sqrt(dot(n, t->p, t->p));
-        t->largest = larger(force, t->largest);
-        const double scale = larger(force, 1e-6 * t->largest);
-        if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_NEWTON) {
-            const int found = force < HUGE_VAL && size <= BD_TIME_ENOUGH * scale;
-            if (!found) t->largest = before;
+        update_states(t, patterns, t->motion);
+        const double force = sqrt(dot(n, t->pattern_force, t->pattern_force));
+        t->largest_force = larger(force, t->largest_force);
+        const double scale = larger(force, 1e-6 * t->largest_force);
+        if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_MAX_ITERATIONS) {
+            const int found = force < HUGE_VAL && size <= BD_TIME_UNSOLVED * scale;
+            if (!found) t->largest_force = before;
             return found;
         }
-        correct(t, step);
-        multiply(sectors, rows, r, t->given, step->V, t->reach);
-        size = search(t, step, size);
+        solve_correction(t, patterns);
+        multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
+        size = search_length(t, patterns, size);
     }
 }
 

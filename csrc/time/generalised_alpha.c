@@ -16,67 +16,67 @@
 
 /* The sliders go along with what was pressed last. */
 static void move_sliders(bd_time *t) {
-    double *w = t->w;
-    t->w = t->moved, t->moved = w;
-    double *memory = t->memory_of[0];
-    t->memory_of[0] = t->memory_of[1], t->memory_of[1] = memory;
+    double *w = t->slider;
+    t->slider = t->next_slider, t->next_slider = w;
+    double *memory = t->law_memory[0];
+    t->law_memory[0] = t->law_memory[1], t->law_memory[1] = memory;
 }
 
 /* Contact forces and their modal forces at the end of a step; the sliders go along.  0, and modal forces and sliders of
  * before, if they were not found. */
-static int meet(bd_time *t, const bd_time_step *step, double tolerance, int predict) {
-    move_points(t, t->base);
-    if (step->rank) {
-        ++t->effort.n_solved;
-        if (!solve(t, step, tolerance, predict)) return 0;
+static int contact_at_end(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
+    find_motion(t, t->free_motion);
+    if (patterns->rank) {
+        ++t->effort.n_solution;
+        if (!solve_contact(t, patterns, tolerance, predict)) return 0;
     } else {
-        memcpy(t->x, t->base, sizeof(double) * t->rows * (size_t)t->n_sector);
-        press_all(t, t->x, t->F);
+        memcpy(t->motion, t->free_motion, sizeof(double) * t->rows * (size_t)t->n_sector);
+        all_contact_forces(t, t->motion, t->point_force);
     }
-    press_modes(t);
+    find_modal_forces(t);
     move_sliders(t);
     return 1;
 }
 
 /* Motion and contact forces of the coordinates as they are; the sliders go along. */
-static void press_now(bd_time *t) {
+static void contact_at_start(bd_time *t) {
     memcpy(t->q_next, t->q, sizeof(double) * t->n_coordinate);
-    move_points(t, t->x);
-    press_all(t, t->x, t->F);
+    find_motion(t, t->motion);
+    all_contact_forces(t, t->motion, t->point_force);
     move_sliders(t);
 }
 
 /* ---- march ---- */
 
 /* Excitation at an angle, added times a share. */
-BD_INLINE void excite(const bd_time *t, double angle, double *e) {
+BD_INLINE void find_load(const bd_time *t, double angle, double *e) {
     memset(e, 0, sizeof(double) * t->n_coordinate);
     for (int i = 0; i < t->n_force; ++i) {
-        const double c = cos(t->order[i] * angle), s = sin(t->order[i] * angle);
-        const double *restrict C = t->force + 2 * (size_t)i * t->n_coordinate, *restrict S = C + t->n_coordinate;
+        const double c = cos(t->force_order[i] * angle), s = sin(t->force_order[i] * angle);
+        const double *restrict C = t->excitation + 2 * (size_t)i * t->n_coordinate, *restrict S = C + t->n_coordinate;
         for (size_t j = 0; j < t->n_coordinate; ++j) e[j] += c * C[j] + s * S[j];
     }
 }
 
 /* Angle at step k and a part of the next. */
 BD_INLINE double angle_of(const bd_time_path *path, long k, double part) {
-    return BD_TWO_PI * ((double)(k % path->per_period) + part) / path->per_period;
+    return BD_TWO_PI * ((double)(k % path->steps_per_period) + part) / path->steps_per_period;
 }
 
 /* Coordinates at step k to the trace, and the response to the harmonics of its period. */
-BD_INLINE void observe(const bd_time *t, const bd_time_path *path, long k) {
-    if (path->trace) bd_time_unpad(t, t->q, path->trace + 2 * (size_t)t->n_total * (size_t)k);
-    const long period = k / path->per_period;
-    if (!path->harmonic || period >= path->n_step / path->per_period) return;
-    const double angle = angle_of(path, path->first + k, 0.0), c = cos(angle), s = sin(angle);
-    const double *restrict row = t->row;
-    double *X = path->harmonic + 2 * (size_t)period * (size_t)t->n_row * (size_t)(path->n_harm + 1);
+BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
+    if (path->coordinates) bd_time_unpad(t, t->q, path->coordinates + 2 * (size_t)t->n_total * (size_t)k);
+    const long period = k / path->steps_per_period;
+    if (!path->response_harmonics || period >= path->n_step / path->steps_per_period) return;
+    const double angle = angle_of(path, path->first_step + k, 0.0), c = cos(angle), s = sin(angle);
+    const double *restrict row = t->response_row;
+    double *X = path->response_harmonics + 2 * (size_t)period * (size_t)t->n_row * (size_t)(path->n_harm + 1);
     for (int i = 0; i < t->n_row; ++i, row += t->n_coordinate, X += 2 * (path->n_harm + 1)) {
         double sums[8] = {0.0}, re = 2.0, im = 0.0;
         for (size_t j = 0; j < t->n_coordinate; j += 8)
             for (size_t d = 0; d < 8; ++d) sums[d] += row[j + d] * t->q[j + d];
         const double x = sums[0] + sums[1] + sums[2] + sums[3] + sums[4] + sums[5] + sums[6] + sums[7];
-        const double part = x / path->per_period;
+        const double part = x / path->steps_per_period;
         X[0] += part;
         for (int l = 1; l <= path->n_harm; ++l) {
             const double turned = re * c - im * s;
@@ -90,50 +90,52 @@ BD_INLINE void observe(const bd_time *t, const bd_time_path *path, long k) {
 
 /* Contact forces at the first instant, and for a fresh start what follows from the coordinates with mass: the others, and the
  * accelerations; 0 if they were not found. */
-static int begin(bd_time *t, const bd_time_path *path, double angle) {
+static int start(bd_time *t, const bd_time_path *path, double angle) {
     const size_t n = t->n_coordinate;
-    if (path->fresh) bd_time_prepare(t, &t->steps[0], 0.0, 0.0);
-    excite(t, angle, t->excited);
-    if (!path->fresh) {
-        press_now(t);
-        press_modes(t);
+    if (path->find_acceleration) bd_time_make_patterns(t, &t->patterns[0], 0.0, 0.0);
+    find_load(t, angle, t->load);
+    if (!path->find_acceleration) {
+        contact_at_start(t);
+        find_modal_forces(t);
         return 1;
     }
     memcpy(t->q_next, t->q, sizeof(double) * n);
-    bd_time_ease(t, 0.0, 0.0, t->beta, t->ease);
+    bd_time_compliance(t, 0.0, 0.0, t->displacement_compliance, t->acceleration_compliance);
     for (size_t j = 0; j < n; ++j)
-        if (!(t->mass[j] > 0.0)) t->q_next[j] = t->excited[j] / t->stiffness[j];
-    forget_inverse(t);
-    if (!meet(t, &t->steps[0], larger(1e-3 * path->tolerance, 1e-13), 0)) return 0;
+        if (!(t->mass[j] > 0.0)) t->q_next[j] = t->load[j] / t->stiffness[j];
+    mark_outdated(t);
+    if (!contact_at_end(t, &t->patterns[0], larger(1e-3 * path->tolerance, 1e-13), 0)) return 0;
     for (size_t j = 0; j < n; ++j) {
-        const double g = t->part[j] * t->pressed[j];
-        t->q[j] = t->q_next[j] - t->beta[j] * g;
+        const double g = t->fourier_weight[j] * t->contact_force[j];
+        t->q[j] = t->q_next[j] - t->displacement_compliance[j] * g;
         t->a[j] =
-            t->mass[j] > 0.0 ? (t->excited[j] - t->damping[j] * t->v[j] - t->stiffness[j] * t->q[j] - g) / t->mass[j] : 0.0;
+            t->mass[j] > 0.0 ? (t->load[j] - t->damping[j] * t->v[j] - t->stiffness[j] * t->q[j] - g) / t->mass[j] : 0.0;
     }
     return 1;
 }
 
 /* Patterns for a step, and the forces of the last one on them. */
-static void use_step(bd_time *t, double h, double radius) {
-    bd_time_step *step = &t->steps[1];
-    bd_time_prepare(t, step, h, radius);
-    multiply((size_t)t->n_sector, (size_t)step->rank, t->rows, t->F, step->Vt, t->p);
-    forget_inverse(t);
-    update_states(t, step, t->x);
+static void use_patterns(bd_time *t, double h, double radius) {
+    bd_time_patterns *patterns = &t->patterns[1];
+    bd_time_make_patterns(t, patterns, h, radius);
+    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force, patterns->pattern_transposed,
+             t->pattern_force);
+    mark_outdated(t);
+    update_states(t, patterns, t->motion);
 }
 
 /* What a step comes to without contact forces at its end, and then with them; `next` is the excitation there.  0, and the
  * state of before, if the forces were not found. */
 static int take_step(bd_time *t, const bd_time_path *path, double h, const double *restrict next) {
-    const bd_time_alpha w = bd_time_weights(path->radius);
+    const bd_time_alpha w = bd_time_weights(path->spectral_radius);
     const size_t n = t->n_coordinate;
     double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a, *restrict Q = t->q_next, *restrict A = t->a_next;
-    const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness, *restrict beta = t->beta,
-                           *restrict ease = t->ease, *restrict part = t->part, *restrict pressed = t->pressed,
-                           *restrict now = t->excited;
+    const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness,
+                           *restrict beta = t->displacement_compliance, *restrict ease = t->acceleration_compliance,
+                           *restrict part = t->fourier_weight, *restrict pressed = t->contact_force,
+                           *restrict now = t->load;
     const double late = 1.0 - w.af;
-    memcpy(t->before, pressed, sizeof(double) * n);
+    memcpy(t->last_contact_force, pressed, sizeof(double) * n);
     for (size_t j = 0; j < n; ++j) {
         const double moved = q[j] + late * (h * v[j] + h * h * (0.5 - w.b) * a[j]);
         const double drag = c[j] * (v[j] + late * h * (1.0 - w.gamma) * a[j]);
@@ -142,14 +144,14 @@ static int take_step(bd_time *t, const bd_time_path *path, double h, const doubl
         A[j] = ease[j] / late * rest;
         Q[j] = m[j] > 0.0 ? q[j] + h * v[j] + h * h * ((0.5 - w.b) * a[j] + w.b * A[j]) : beta[j] * next[j];
     }
-    if (!meet(t, &t->steps[1], path->tolerance, 1)) return 0;
+    if (!contact_at_end(t, &t->patterns[1], path->tolerance, 1)) return 0;
     for (size_t j = 0; j < n; ++j) {
         const double g = part[j] * pressed[j], end = Q[j] - beta[j] * g, faster = A[j] - ease[j] * g, way = end - q[j];
         const double speed = m[j] > 0.0 ? v[j] + h * ((1.0 - w.gamma) * a[j] + w.gamma * faster) : way / h;
         const double whole = part[j] > 0.0 ? 0.5 / part[j] : 0.0;
         t->energy[0] += whole * (now[j] + next[j]) * way;
         t->energy[1] += whole * c[j] * (v[j] + speed) * way;
-        t->energy[2] += 0.5 * (t->before[j] + pressed[j]) * way;
+        t->energy[2] += 0.5 * (t->last_contact_force[j] + pressed[j]) * way;
         t->energy[3] += whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * way);
         v[j] = speed;
         q[j] = end;
@@ -159,9 +161,9 @@ static int take_step(bd_time *t, const bd_time_path *path, double h, const doubl
 }
 
 /* Motion, forces and states of the start of a step whose contact forces were not found. */
-static void go_back(bd_time *t) {
-    press_now(t);
-    bd_time_forget_states(t);
+static void restore(bd_time *t) {
+    contact_at_start(t);
+    bd_time_reset_states(t);
 }
 
 /* Step k of length h, *made the length of the one before or 0.  Where contact forces are not found the rest of the step is
@@ -170,18 +172,20 @@ static int advance(bd_time *t, const bd_time_path *path, long k, double h, doubl
     const int whole = 1 << BD_TIME_HALVINGS;
     for (int done = 0, size = whole; done < whole;) {
         const double part = h * size / whole;
-        if (*made == 0.0 || fabs(part - t->steps[1].h) > BD_TIME_APART * part) use_step(t, part, path->radius);
-        if (part != *made) bd_time_ease(t, part, path->radius, t->beta, t->ease);
+        if (*made == 0.0 || fabs(part - t->patterns[1].length) > BD_TIME_STEP_CHANGE * part)
+            use_patterns(t, part, path->spectral_radius);
+        if (part != *made)
+            bd_time_compliance(t, part, path->spectral_radius, t->displacement_compliance, t->acceleration_compliance);
         *made = part;
-        if (k % BD_TIME_ANEW == BD_TIME_ANEW - 1) forget_inverse(t);
+        if (k % BD_TIME_REFACTOR == BD_TIME_REFACTOR - 1) mark_outdated(t);
         const int end = done + size;
-        excite(t, angle_of(path, path->first + k + end / whole, (double)(end % whole) / whole), t->coming);
-        if (take_step(t, path, part, t->coming)) {
-            double *e = t->excited;
-            t->excited = t->coming, t->coming = e;
+        find_load(t, angle_of(path, path->first_step + k + end / whole, (double)(end % whole) / whole), t->next_load);
+        if (take_step(t, path, part, t->next_load)) {
+            double *e = t->load;
+            t->load = t->next_load, t->next_load = e;
             done = end;
         } else {
-            go_back(t);
+            restore(t);
             if (size == 1) return 0;
             size /= 2;
         }
@@ -189,27 +193,28 @@ static int advance(bd_time *t, const bd_time_path *path, long k, double h, doubl
     return 1;
 }
 
-bd_status BD_JOIN(bd_time_march_, BD_VARIANT)(bd_time *t, const bd_time_path *path);
-bd_status BD_JOIN(bd_time_march_, BD_VARIANT)(bd_time *t, const bd_time_path *path) {
+bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path);
+bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path) {
     const double square = path->omega * path->omega;
     const double slope = path->n_step > 0 ? (path->omega_end * path->omega_end - square) / (double)path->n_step : 0.0;
     double omega = path->omega, made = 0.0;
-    if (path->harmonic)
-        memset(path->harmonic, 0,
+    if (path->response_harmonics)
+        memset(path->response_harmonics, 0,
                sizeof(double) * 2 * (size_t)t->n_row * (size_t)(path->n_harm + 1) *
-                   (size_t)(path->n_step / path->per_period));
-    if (!begin(t, path, angle_of(path, path->first, 0.0))) return BD_NOT_CONVERGED;
+                   (size_t)(path->n_step / path->steps_per_period));
+    if (!start(t, path, angle_of(path, path->first_step, 0.0))) return BD_NOT_CONVERGED;
     for (long k = 0; k < path->n_step; ++k) {
-        const double end = sqrt(square + slope * (double)(k + 1)), h = 2.0 * BD_TWO_PI / path->per_period / (omega + end);
+        const double end = sqrt(square + slope * (double)(k + 1)),
+                     h = 2.0 * BD_TWO_PI / path->steps_per_period / (omega + end);
         omega = end;
-        if (path->trace || path->harmonic) observe(t, path, k);
-        if (k % path->per_period == 0) memset(t->energy, 0, sizeof t->energy);
+        if (path->coordinates || path->response_harmonics) record(t, path, k);
+        if (k % path->steps_per_period == 0) memset(t->energy, 0, sizeof t->energy);
         if (!advance(t, path, k, h, &made)) return BD_NOT_CONVERGED;
-        if (path->energy && (k + 1) % path->per_period == 0)
-            memcpy(path->energy + 4 * (k / path->per_period), t->energy, sizeof t->energy);
+        if (path->energy && (k + 1) % path->steps_per_period == 0)
+            memcpy(path->energy + 4 * (k / path->steps_per_period), t->energy, sizeof t->energy);
     }
     return BD_OK;
 }
 
-void BD_JOIN(bd_time_press_, BD_VARIANT)(bd_time *t);
-void BD_JOIN(bd_time_press_, BD_VARIANT)(bd_time *t) { press_now(t); }
+void BD_JOIN(bd_time_contact_, BD_VARIANT)(bd_time *t);
+void BD_JOIN(bd_time_contact_, BD_VARIANT)(bd_time *t) { contact_at_start(t); }

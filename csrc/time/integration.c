@@ -13,82 +13,82 @@ static void set_sizes(bd_time *t, const bd_time_input *in) {
     t->n_sector = in->n_sector, t->n_point = in->n_point, t->n_family = in->n_family, t->n_force = in->n_force;
     t->n_row = in->n_row;
     t->stride = padded((size_t)in->n_point), t->rows = 3 * t->stride;
-    t->most = t->rows < BD_TIME_MOST ? (int)t->rows : BD_TIME_MOST;
-    t->n_mode = t->numbers, t->first = t->n_mode + f, t->is_real = t->first + f;
-    t->order = t->is_real + f, t->stale = t->order + in->n_force, t->place = t->stale + in->n_sector;
+    t->max_rank = t->rows < BD_TIME_MAX_RANK ? (int)t->rows : BD_TIME_MAX_RANK;
+    t->n_mode = t->integers, t->first_coordinate = t->n_mode + f, t->is_real = t->first_coordinate + f;
+    t->force_order = t->is_real + f, t->outdated = t->force_order + in->n_force, t->real_index = t->outdated + in->n_sector;
     for (size_t i = 0; i < f; ++i) t->n_total += in->n_mode[i];
-    t->other = t->place + t->n_total;
+    t->imaginary_index = t->real_index + t->n_total;
     int total = 0;
     for (int i = 0; i < in->n_family; ++i) {
         t->n_mode[i] = in->n_mode[i];
         t->is_real[i] = 2 * in->diameter[i] % in->n_sector == 0;
-        t->first[i] = (int)t->n_coordinate;
+        t->first_coordinate[i] = (int)t->n_coordinate;
         for (int j = 0; j < in->n_mode[i]; ++j, ++total) {
-            t->place[total] = t->first[i] + j;
-            t->other[total] = t->place[total] + (int)padded((size_t)in->n_mode[i]);
+            t->real_index[total] = t->first_coordinate[i] + j;
+            t->imaginary_index[total] = t->real_index[total] + (int)padded((size_t)in->n_mode[i]);
         }
         t->n_coordinate += 2 * padded((size_t)in->n_mode[i]);
     }
-    if (in->n_force > 0) memcpy(t->order, in->order, sizeof(int) * (size_t)in->n_force);
+    if (in->n_force > 0) memcpy(t->force_order, in->force_order, sizeof(int) * (size_t)in->n_force);
 }
 
 /* Cuts the memory of all arrays of doubles, or counts it if there is none yet. */
-static size_t cut(bd_time *t) {
+static size_t assign_arrays(bd_time *t) {
     const size_t n = t->n_coordinate, s = t->stride, f = (size_t)t->n_family, k = (size_t)t->n_sector;
-    const size_t rows = t->rows, r = (size_t)t->most, making = rows * (rows + r + 4) + 2 * r;
+    const size_t rows = t->rows, r = (size_t)t->max_rank, making = rows * (rows + r + 4) + 2 * r;
     size_t used = 0, modes = 0;
     for (int i = 0; i < t->n_family; ++i) modes += padded((size_t)t->n_mode[i]);
     const struct {
         double **array;
         size_t size;
-    } part[] = {{&t->out, 2 * rows * modes},
-                {&t->back, 2 * rows * modes},
+    } part[] = {{&t->motion_modes, 2 * rows * modes},
+                {&t->force_modes, 2 * rows * modes},
                 {&t->phase, 2 * f * k},
                 {&t->stiffness, n},
                 {&t->mass, n},
                 {&t->damping, n},
-                {&t->part, n},
-                {&t->force, 2 * n * (size_t)t->n_force},
-                {&t->row, n * (size_t)t->n_row},
-                {&t->point, BD_TIME_FIELDS * s},
+                {&t->fourier_weight, n},
+                {&t->excitation, 2 * n * (size_t)t->n_force},
+                {&t->response_row, n * (size_t)t->n_row},
+                {&t->parameters, BD_TIME_FIELDS * s},
                 {&t->q, n},
                 {&t->v, n},
                 {&t->a, n},
-                {&t->pressed, n},
-                {&t->before, n},
-                {&t->excited, n},
-                {&t->coming, n},
+                {&t->contact_force, n},
+                {&t->last_contact_force, n},
+                {&t->load, n},
+                {&t->next_load, n},
                 {&t->q_next, n},
                 {&t->a_next, n},
-                {&t->beta, n},
-                {&t->ease, n},
-                {&t->w, 2 * s * k},
-                {&t->moved, 2 * s * k},
-                {&t->memory_of[0], k * (size_t)(t->n_point * t->n_memory)},
-                {&t->memory_of[1], k * (size_t)(t->n_point * t->n_memory)},
-                {&t->slopes, bd_own_room(t->n_memory)},
-                {&t->x, rows * k},
-                {&t->base, rows * k},
-                {&t->reach, rows * k},
-                {&t->F, rows * k},
-                {&t->tried, rows * k},
+                {&t->displacement_compliance, n},
+                {&t->acceleration_compliance, n},
+                {&t->slider, 2 * s * k},
+                {&t->next_slider, 2 * s * k},
+                {&t->law_memory[0], k * (size_t)(t->n_point * t->n_memory)},
+                {&t->law_memory[1], k * (size_t)(t->n_point * t->n_memory)},
+                {&t->derivatives, bd_point_law_work_size(t->n_memory)},
+                {&t->motion, rows * k},
+                {&t->free_motion, rows * k},
+                {&t->correction_motion, rows * k},
+                {&t->point_force, rows * k},
+                {&t->predicted_force, rows * k},
                 {&t->tangent, 9 * s * k},
-                {&t->state, s * k},
-                {&t->y, 2 * rows * f},
-                {&t->z, 2 * rows * f},
-                {&t->M, r * r * k},
-                {&t->p, r * k},
+                {&t->contact_state, s * k},
+                {&t->motion_amplitude, 2 * rows * f},
+                {&t->force_amplitude, 2 * rows * f},
+                {&t->preconditioner, r * r * k},
+                {&t->pattern_force, r * k},
                 {&t->residual, r * k},
-                {&t->change, r * k},
-                {&t->given, r * k},
-                {&t->basis, (BD_TIME_VECTORS + 1) * r * k},
-                {&t->eased, BD_TIME_VECTORS * r * k},
-                {&t->steps[0].V, r * rows},
-                {&t->steps[0].Vt, r * rows},
-                {&t->steps[0].C, 2 * r * r * f},
-                {&t->steps[1].V, r * rows},
-                {&t->steps[1].Vt, r * rows},
-                {&t->steps[1].C, 2 * r * r * f},
+                {&t->pattern_correction, r * k},
+                {&t->pattern_motion, r * k},
+                {&t->krylov, (BD_TIME_VECTORS + 1) * r * k},
+                {&t->krylov_motion, BD_TIME_VECTORS * r * k},
+                {&t->patterns[0].pattern, r * rows},
+                {&t->patterns[0].pattern_transposed, r * rows},
+                {&t->patterns[0].compliance, 2 * r * r * f},
+                {&t->patterns[1].pattern, r * rows},
+                {&t->patterns[1].pattern_transposed, r * rows},
+                {&t->patterns[1].compliance, 2 * r * r * f},
                 {&t->work, making > 3 * (size_t)t->n_total ? making : 3 * (size_t)t->n_total}};
     for (size_t i = 0; i < sizeof part / sizeof *part; ++i) {
         if (t->memory) *part[i].array = t->memory + used;
@@ -100,21 +100,21 @@ static size_t cut(bd_time *t) {
 /* (2, n_total) into padded coordinates. */
 static void pad(const bd_time *t, const double *x, double *padded_x) {
     for (int j = 0; j < t->n_total; ++j) {
-        padded_x[t->place[j]] = x[j];
-        padded_x[t->other[j]] = x[t->n_total + j];
+        padded_x[t->real_index[j]] = x[j];
+        padded_x[t->imaginary_index[j]] = x[t->n_total + j];
     }
 }
 
 void bd_time_unpad(const bd_time *t, const double *padded_x, double *x) {
     for (int j = 0; j < t->n_total; ++j) {
-        x[j] = padded_x[t->place[j]];
-        x[t->n_total + j] = padded_x[t->other[j]];
+        x[j] = padded_x[t->real_index[j]];
+        x[t->n_total + j] = padded_x[t->imaginary_index[j]];
     }
 }
 
 static void set_modes(bd_time *t, const bd_time_input *in) {
     const double *G = in->G;
-    double *out = t->out, *back = t->back;
+    double *out = t->motion_modes, *back = t->force_modes;
     for (int f = 0; f < t->n_family; ++f) {
         const size_t m = (size_t)t->n_mode[f], wide = padded(m);
         for (size_t p = 0; p < (size_t)t->n_point; ++p)
@@ -153,9 +153,11 @@ static void set_coordinates(bd_time *t, const bd_time_input *in) {
             both[j] = (t->is_real[f] ? 1.0 : 2.0) / t->n_sector;
             both[n + (size_t)j] = t->is_real[f] ? 0.0 : both[j];
         }
-    pad(t, both, t->part);
-    for (size_t i = 0; i < 2 * (size_t)t->n_force; ++i) pad(t, in->force + 2 * n * i, t->force + t->n_coordinate * i);
-    for (size_t i = 0; i < (size_t)in->n_row; ++i) pad(t, in->row + 2 * n * i, t->row + t->n_coordinate * i);
+    pad(t, both, t->fourier_weight);
+    for (size_t i = 0; i < 2 * (size_t)t->n_force; ++i)
+        pad(t, in->excitation + 2 * n * i, t->excitation + t->n_coordinate * i);
+    for (size_t i = 0; i < (size_t)in->n_row; ++i)
+        pad(t, in->response_row + 2 * n * i, t->response_row + t->n_coordinate * i);
 }
 
 /* ---- compliance of a step ---- */
@@ -167,7 +169,7 @@ bd_time_alpha bd_time_weights(double radius) {
     return out;
 }
 
-void bd_time_ease(const bd_time *t, double h, double radius, double *beta, double *ease) {
+void bd_time_compliance(const bd_time *t, double h, double radius, double *beta, double *ease) {
     const bd_time_alpha w = bd_time_weights(radius);
     for (size_t j = 0; j < t->n_coordinate; ++j) {
         const double m = t->mass[j], c = t->damping[j], K = t->stiffness[j];
@@ -187,13 +189,14 @@ static void mode_of(const bd_time *t, const double *out, size_t wide, size_t j, 
 }
 
 /* Compliance S (rows, rows) of a sector to forces of its own: the mean over the nodal diameters. */
-static void add_compliance(const bd_time *t, const double *beta, const double *factor, double *g, double *S) {
+static void add_sector_compliance(const bd_time *t, const double *beta, const double *factor, double *g, double *S) {
     const size_t rows = t->rows;
-    const double *out = t->out;
+    const double *out = t->motion_modes;
     for (int f = 0; f < t->n_family; ++f) {
         const size_t m = (size_t)t->n_mode[f], wide = padded(m);
         for (size_t j = 0; j < m; ++j) {
-            const double size = t->part[(size_t)t->first[f] + j] * beta[(size_t)t->first[f] + j];
+            const double size =
+                t->fourier_weight[(size_t)t->first_coordinate[f] + j] * beta[(size_t)t->first_coordinate[f] + j];
             if (size == 0.0) continue;
             mode_of(t, out, wide, j, factor, g);
             for (size_t i = 0; i < rows; ++i) {
@@ -216,7 +219,7 @@ static size_t low_rank(size_t rows, size_t most, double bound, double *S, double
         for (size_t i = 1; i < rows; ++i)
             if (S[i * rows + i] > S[top * rows + top]) top = i;
         const double left = S[top * rows + top];
-        if (!(left > (n < BD_TIME_FEWEST ? 1e-14 : bound))) break;
+        if (!(left > (n < BD_TIME_MIN_RANK ? 1e-14 : bound))) break;
         double *column = L + n * rows;
         const double root = sqrt(left);
         for (size_t i = 0; i < rows; ++i) column[i] = (i >= top ? S[i * rows + top] : S[top * rows + i]) / root;
@@ -270,62 +273,63 @@ static void add_mode(size_t r, double size, const double *W, double *C) {
 }
 
 /* How stiff each row of a point is: springs that grow with the motion count as their compliance, others by what they are. */
-static void set_factors(const bd_time *t, const double *S, double *factor) {
+static void set_row_scales(const bd_time *t, const double *S, double *factor) {
     const size_t s = t->stride;
     for (size_t row = 0; row < t->rows; ++row) {
         const size_t d = row / s, p = row % s;
-        const double k = d < 2 ? t->point[(BD_TIME_KT + d) * s + p] : t->point[BD_TIME_KN * s + p];
-        const double cubic = d < 2 ? t->point[(BD_TIME_CUBIC + d) * s + p] : 0.0, own = S[row * t->rows + row];
-        factor[row] = cubic != 0.0 ? (own > 0.0 ? 1.0 / sqrt(own) : 0.0) : sqrt(fabs(k));
+        const double k = d < 2 ? t->parameters[(BD_TIME_KT + d) * s + p] : t->parameters[BD_TIME_KN * s + p];
+        const double cubic = d < 2 ? t->parameters[(BD_TIME_CUBIC + d) * s + p] : 0.0, point_law = S[row * t->rows + row];
+        factor[row] = cubic != 0.0 ? (point_law > 0.0 ? 1.0 / sqrt(point_law) : 0.0) : sqrt(fabs(k));
     }
 }
 
-void bd_time_prepare(bd_time *t, bd_time_step *step, double h, double radius) {
-    const size_t rows = t->rows, most = (size_t)t->most;
-    if (step->radius == radius && step->h == h && step->rank >= 0) return;
-    step->h = h, step->radius = radius, step->rank = 0, step->dropped = 0.0;
+void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, double radius) {
+    const size_t rows = t->rows, most = (size_t)t->max_rank;
+    if (patterns->spectral_radius == radius && patterns->length == h && patterns->rank >= 0) return;
+    patterns->length = h, patterns->spectral_radius = radius, patterns->rank = 0, patterns->neglected = 0.0;
     if (!rows) return;
     double *S = t->work, *L = S + rows * rows, *g = L + rows * most, *factor = g + 2 * rows, *W = factor + rows;
     double *beta = t->q_next; /* nothing is in these yet */
-    bd_time_ease(t, h, radius, beta, t->a_next);
+    bd_time_compliance(t, h, radius, beta, t->a_next);
     for (int again = 0; again < 2; ++again) { /* first without factors, which cubic springs have need of */
         if (again)
-            set_factors(t, S, factor);
+            set_row_scales(t, S, factor);
         else
             for (size_t i = 0; i < rows; ++i) factor[i] = 1.0;
         memset(S, 0, sizeof(double) * rows * rows);
-        add_compliance(t, beta, factor, g, S);
+        add_sector_compliance(t, beta, factor, g, S);
     }
-    const size_t found = low_rank(rows, most, 1e-2 * BD_TIME_BOUND, S, L);
+    const size_t found = low_rank(rows, most, 1e-2 * BD_TIME_RANK_TOLERANCE, S, L);
     make_orthogonal(rows, found, L);
     size_t n = 0;
-    while (n < found && (n < BD_TIME_FEWEST || inner(rows, L + n * rows, L + n * rows) > BD_TIME_BOUND)) ++n;
-    if (n < found) step->dropped = inner(rows, L + n * rows, L + n * rows);
+    while (n < found && (n < BD_TIME_MIN_RANK || inner(rows, L + n * rows, L + n * rows) > BD_TIME_RANK_TOLERANCE)) ++n;
+    if (n < found) patterns->neglected = inner(rows, L + n * rows, L + n * rows);
     n = padded(n) < found ? padded(n) : n;
     const size_t r = padded(n);
-    step->rank = (int)r;
-    memset(step->V, 0, sizeof(double) * r * rows);
-    memset(step->Vt, 0, sizeof(double) * r * rows);
-    memset(step->C, 0, sizeof(double) * 2 * r * r * (size_t)t->n_family);
+    patterns->rank = (int)r;
+    memset(patterns->pattern, 0, sizeof(double) * r * rows);
+    memset(patterns->pattern_transposed, 0, sizeof(double) * r * rows);
+    memset(patterns->compliance, 0, sizeof(double) * 2 * r * r * (size_t)t->n_family);
     for (size_t j = 0; j < n; ++j)
         for (size_t i = 0; i < rows; ++i)
-            step->V[j * rows + i] = step->Vt[i * r + j] = factor[i] > 0.0 ? L[j * rows + i] / factor[i] : 0.0;
+            patterns->pattern[j * rows + i] = patterns->pattern_transposed[i * r + j] =
+                factor[i] > 0.0 ? L[j * rows + i] / factor[i] : 0.0;
     for (size_t j = 0; j < n; ++j) { /* the inverse that the amplitudes of the patterns are found by */
         const double size = inner(rows, L + j * rows, L + j * rows);
         for (size_t i = 0; i < rows; ++i) L[j * rows + i] /= size;
     }
-    const double *out = t->out;
+    const double *out = t->motion_modes;
     for (int f = 0; f < t->n_family; ++f) {
         const size_t m = (size_t)t->n_mode[f], wide = padded(m);
         for (size_t j = 0; j < m; ++j) {
-            const size_t at = (size_t)t->first[f] + j;
+            const size_t at = (size_t)t->first_coordinate[f] + j;
             mode_of(t, out, wide, j, factor, g);
             memset(W, 0, sizeof(double) * 2 * r);
             for (size_t i = 0; i < n; ++i) {
                 W[i] = inner(rows, L + i * rows, g);
                 W[r + i] = inner(rows, L + i * rows, g + rows);
             }
-            add_mode(r, t->part[at] * beta[at], W, step->C + 2 * r * r * (size_t)f);
+            add_mode(r, t->fourier_weight[at] * beta[at], W, patterns->compliance + 2 * r * r * (size_t)f);
         }
         out += 2 * rows * wide;
     }
@@ -335,23 +339,23 @@ static void set_points(bd_time *t, const bd_time_input *in) {
     const size_t s = t->stride;
     for (size_t p = 0; p < (size_t)t->n_point; ++p) {
         const bd_law law = (bd_law)in->law[p];
-        double *x = t->point + p;
+        double *x = t->parameters + p;
         for (size_t d = 0; d < 2; ++d) {
             const double kt = in->kt[2 * p + d];
             x[(BD_TIME_KT + d) * s] = law == BD_LAW_CUBIC ? 0.0 : kt;
             x[(BD_TIME_CUBIC + d) * s] = law == BD_LAW_CUBIC ? kt : 0.0;
-            x[(BD_TIME_EASE + d) * s] = law != BD_LAW_CUBIC && kt > 0.0 ? 1.0 / kt : 0.0;
-            x[(BD_TIME_HELD + d) * s] = law == BD_LAW_BONDED || in->held[2 * p + d];
+            x[(BD_TIME_INVERSE_KT + d) * s] = law != BD_LAW_CUBIC && kt > 0.0 ? 1.0 / kt : 0.0;
+            x[(BD_TIME_FIXED_SLIDER + d) * s] = law == BD_LAW_BONDED || in->fixed_slider[2 * p + d];
         }
         for (size_t d = 0; d < 3; ++d) x[(BD_TIME_SHIFT + d) * s] = in->shift[3 * p + d];
         x[BD_TIME_KN * s] = law == BD_LAW_CUBIC ? 0.0 : in->kn[p];
         x[BD_TIME_N0 * s] = law == BD_LAW_CUBIC ? 0.0 : in->n0[p];
-        x[BD_TIME_FLOOR * s] = bd_law_is_two_sided(law) ? -HUGE_VAL : 0.0;
+        x[BD_TIME_LEAST_N * s] = bd_law_is_two_sided(law) ? -HUGE_VAL : 0.0;
         const double mu = law == BD_LAW_NORMAL ? 0.0 : in->mu[p];
-        x[BD_TIME_R0 * s] = bd_law_is_constant(law) ? mu * fmax(in->load[p], 0.0) : 0.0;
-        x[BD_TIME_R1 * s] = bd_law_is_constant(law) ? 0.0 : mu;
+        x[BD_TIME_LIMIT * s] = bd_law_is_constant(law) ? mu * fmax(in->load[p], 0.0) : 0.0;
+        x[BD_TIME_MU * s] = bd_law_is_constant(law) ? 0.0 : mu;
         x[BD_TIME_COUPLED * s] = bd_law_is_coupled(law);
-        x[BD_TIME_OWN * s] = law == BD_LAW_USER;
+        x[BD_TIME_USER_LAW * s] = law == BD_LAW_USER;
         t->has_coupled |= bd_law_is_coupled(law);
         t->has_cubic |= law == BD_LAW_CUBIC;
     }
@@ -359,9 +363,9 @@ static void set_points(bd_time *t, const bd_time_input *in) {
 
 static void set_laws(bd_time *t) {
     for (int p = 0; p < t->n_point; ++p) {
-        if (!t->own[p].function) continue;
+        if (!t->point_law[p].function) continue;
         ++t->n_own;
-        if (3 + t->own[p].n_state > t->n_memory) t->n_memory = 3 + t->own[p].n_state;
+        if (3 + t->point_law[p].n_state > t->n_memory) t->n_memory = 3 + t->point_law[p].n_state;
     }
 }
 
@@ -370,40 +374,40 @@ bd_status bd_time_create(bd_time *t, const bd_time_input *in) {
     if (!(t->kernel = bd_kernel_get())) return BD_BAD_ARGUMENT;
     size_t n = 3 * (size_t)in->n_family + (size_t)in->n_force + (size_t)in->n_sector + 1;
     for (int f = 0; f < in->n_family; ++f) n += 2 * (size_t)in->n_mode[f];
-    if (!(t->numbers = calloc(n, sizeof(int)))) return BD_NO_MEMORY;
+    if (!(t->integers = calloc(n, sizeof(int)))) return BD_NO_MEMORY;
     set_sizes(t, in);
-    if (!(t->own = bd_own_create(in->n_point, in->own))) {
+    if (!(t->point_law = bd_point_laws_create(in->n_point, in->point_law))) {
         bd_time_destroy(t);
         return BD_NO_MEMORY;
     }
     set_laws(t);
-    if (!(t->memory = calloc(cut(t), sizeof(double)))) {
+    if (!(t->memory = calloc(assign_arrays(t), sizeof(double)))) {
         bd_time_destroy(t);
         return BD_NO_MEMORY;
     }
-    cut(t);
+    assign_arrays(t);
     set_modes(t, in);
     set_points(t, in);
     set_coordinates(t, in);
-    t->steps[0].rank = t->steps[1].rank = -1;
+    t->patterns[0].rank = t->patterns[1].rank = -1;
     return BD_OK;
 }
 
 void bd_time_destroy(bd_time *t) {
     free(t->memory);
-    free(t->numbers);
-    free(t->own);
+    free(t->integers);
+    free(t->point_law);
     memset(t, 0, sizeof *t);
 }
 
 /* Sliders and memories (n_sector, n_point, 2 + n_memory) into the layout of the loop, or out of it. */
-static void turn_sliders(bd_time *t, double *w, int out) {
+static void copy_sliders(bd_time *t, double *w, int out) {
     const size_t m = (size_t)t->n_memory;
     for (size_t k = 0; k < (size_t)t->n_sector; ++k)
         for (size_t p = 0; p < (size_t)t->n_point; ++p)
             for (size_t d = 0; d < 2 + m; ++d) {
                 const size_t at = k * (size_t)t->n_point + p;
-                double *inside = d < 2 ? t->w + (2 * k + d) * t->stride + p : t->memory_of[0] + at * m + d - 2;
+                double *inside = d < 2 ? t->slider + (2 * k + d) * t->stride + p : t->law_memory[0] + at * m + d - 2;
                 double *outside = w + (2 + m) * at + d;
                 if (out)
                     *outside = *inside;
@@ -412,49 +416,49 @@ static void turn_sliders(bd_time *t, double *w, int out) {
             }
 }
 
-void bd_time_forget_states(bd_time *t) {
+void bd_time_reset_states(bd_time *t) {
     const size_t n = (size_t)t->n_sector * t->stride;
-    for (size_t i = 0; i < n; ++i) t->state[i] = -1.0; /* of which the derivative is to be found */
+    for (size_t i = 0; i < n; ++i) t->contact_state[i] = -1.0; /* of which the derivative is to be found */
     memset(t->tangent, 0, sizeof(double) * 9 * n);
 }
 
 /* Forgets what was marched before: all that one instant leaves to the next, entries of the padding, too. */
-static void forget(bd_time *t) {
+static void reset(bd_time *t) {
     const size_t k = (size_t)t->n_sector, s = t->stride, size = sizeof(double);
-    double *coordinates[] = {t->q, t->v, t->a, t->pressed, t->q_next, t->a_next, t->excited};
+    double *coordinates[] = {t->q, t->v, t->a, t->contact_force, t->q_next, t->a_next, t->load};
     for (size_t i = 0; i < sizeof coordinates / sizeof *coordinates; ++i) memset(coordinates[i], 0, size * t->n_coordinate);
-    memset(t->w, 0, size * 2 * s * k);
-    memset(t->moved, 0, size * 2 * s * k);
-    bd_time_forget_states(t);
-    memset(t->p, 0, size * (size_t)t->most * k);
-    t->largest = 0.0;
+    memset(t->slider, 0, size * 2 * s * k);
+    memset(t->next_slider, 0, size * 2 * s * k);
+    bd_time_reset_states(t);
+    memset(t->pattern_force, 0, size * (size_t)t->max_rank * k);
+    t->largest_force = 0.0;
 }
 
-bd_status bd_time_march(bd_time *t, const bd_time_path *path, double *q, double *v, double *a, double *w,
-                        bd_time_effort *effort) {
-    forget(t);
+bd_status bd_time_integrate(bd_time *t, const bd_time_path *path, double *q, double *v, double *a, double *w,
+                            bd_time_effort *effort) {
+    reset(t);
     pad(t, q, t->q);
     pad(t, v, t->v);
     pad(t, a, t->a);
-    turn_sliders(t, w, 0);
+    copy_sliders(t, w, 0);
     t->effort = *effort;
-    bd_status status = t->kernel->time_march(t, path);
+    bd_status status = t->kernel->integrate(t, path);
     for (size_t j = 0; j < t->n_coordinate; ++j)
         if (!isfinite(t->q[j]) || !isfinite(t->v[j])) status = BD_NOT_FINITE;
     *effort = t->effort;
     bd_time_unpad(t, t->q, q);
     bd_time_unpad(t, t->v, v);
     bd_time_unpad(t, t->a, a);
-    turn_sliders(t, w, 1);
+    copy_sliders(t, w, 1);
     return status;
 }
 
-void bd_time_follow(bd_time *t, long n_step, const double *q, double *w) {
-    forget(t);
-    turn_sliders(t, w, 0);
+void bd_time_update_sliders(bd_time *t, long n_step, const double *q, double *w) {
+    reset(t);
+    copy_sliders(t, w, 0);
     for (long k = 0; k < n_step; ++k) {
         pad(t, q + 2 * (size_t)t->n_total * (size_t)k, t->q);
-        t->kernel->time_press(t);
+        t->kernel->contact_at_instant(t);
     }
-    turn_sliders(t, w, 1);
+    copy_sliders(t, w, 1);
 }

@@ -12,9 +12,9 @@
 enum { PART = 8 / BD_WIDTH, SUMS = BD_WIDTH == 8 ? 2 : PART };
 
 /* y (2, rows) = G q of one family. */
-BD_INLINE void move_family(const bd_time *t, int f, const double *G, double *y) {
+BD_INLINE void family_motion(const bd_time *t, int f, const double *G, double *y) {
     const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows;
-    const double *re = t->q_next + t->first[f], *im = re + wide;
+    const double *re = t->q_next + t->first_coordinate[f], *im = re + wide;
     for (size_t row = 0; row < rows; row += 8, G += 16 * wide) {
         bd_vec rr[PART], ri[PART], ir[PART], ii[PART];
         for (int v = 0; v < PART; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
@@ -34,8 +34,8 @@ BD_INLINE void move_family(const bd_time *t, int f, const double *G, double *y) 
 }
 
 /* Modal force of one family, N of it, from the amplitudes z (2, rows) of the forces. */
-BD_INLINE void press_family(const bd_time *t, int f, const double *G, const double *z) {
-    const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows, first = (size_t)t->first[f];
+BD_INLINE void family_force(const bd_time *t, int f, const double *G, const double *z) {
+    const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows, first = (size_t)t->first_coordinate[f];
     for (size_t j = 0; j < m; j += 8, G += 16 * rows) {
         bd_vec rr[SUMS], ri[SUMS], ir[SUMS], ii[SUMS];
         for (int v = 0; v < SUMS; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
@@ -52,8 +52,8 @@ BD_INLINE void press_family(const bd_time *t, int f, const double *G, const doub
             rr[v - PART] += rr[v], ri[v - PART] += ri[v], ir[v - PART] += ir[v], ii[v - PART] += ii[v];
         for (int v = 0; v < PART; ++v) {
             const size_t at = first + j + (size_t)(v * BD_WIDTH);
-            bd_store(t->pressed + at, rr[v] + ii[v]);
-            bd_store(t->pressed + at + wide, ri[v] - ir[v]);
+            bd_store(t->contact_force + at, rr[v] + ii[v]);
+            bd_store(t->contact_force + at + wide, ri[v] - ir[v]);
         }
     }
 }
@@ -62,7 +62,7 @@ BD_INLINE void press_family(const bd_time *t, int f, const double *G, const doub
 
 /* out (n_sector, n) = sum over families of Re[y exp(i k d phi)], y (n_family, 2, n); two sectors k and N - k at a time: their
  * cosines are equal and their sines opposite. */
-BD_INLINE void spread(const bd_time *t, size_t n, const double *y, double *out) {
+BD_INLINE void to_sectors(const bd_time *t, size_t n, const double *y, double *out) {
     const size_t sectors = (size_t)t->n_sector;
     for (size_t k = 0; 2 * k <= sectors; ++k) {
         const size_t other = (sectors - k) % sectors;
@@ -85,7 +85,7 @@ BD_INLINE void spread(const bd_time *t, size_t n, const double *y, double *out) 
 }
 
 /* z (n_family, 2, n) = sum over sectors of x exp(-i k d phi), x (n_sector, n). */
-BD_INLINE void gather(const bd_time *t, size_t n, const double *x, double *z) {
+BD_INLINE void to_diameters(const bd_time *t, size_t n, const double *x, double *z) {
     const size_t sectors = (size_t)t->n_sector;
     const bd_vec none = bd_all(0.0);
     for (size_t k = 0; 2 * k <= sectors; ++k) {
@@ -149,13 +149,13 @@ BD_INLINE void multiply_blocks(size_t n, const double *A, const double *x, doubl
 }
 
 /* u (n_sector, rank) = C p. */
-static void comply(bd_time *t, const bd_time_step *step, const double *p, double *u) {
-    const size_t r = (size_t)step->rank;
-    const double *C = step->C;
-    gather(t, r, p, t->z);
+static void compliance_times(bd_time *t, const bd_time_patterns *patterns, const double *p, double *u) {
+    const size_t r = (size_t)patterns->rank;
+    const double *C = patterns->compliance;
+    to_diameters(t, r, p, t->force_amplitude);
     for (int f = 0; f < t->n_family; ++f) {
-        const double *zr = t->z + 2 * r * (size_t)f, *zi = zr + r;
-        double *y = t->y + 2 * r * (size_t)f;
+        const double *zr = t->force_amplitude + 2 * r * (size_t)f, *zi = zr + r;
+        double *y = t->motion_amplitude + 2 * r * (size_t)f;
         for (size_t i = 0; i < r; i += 8) {
             bd_vec rr[PART], ri[PART], ir[PART], ii[PART];
             for (int v = 0; v < PART; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
@@ -173,7 +173,7 @@ static void comply(bd_time *t, const bd_time_step *step, const double *p, double
             }
         }
     }
-    spread(t, r, t->y, u);
+    to_sectors(t, r, t->motion_amplitude, u);
 }
 
 /* Sum of the entries, in pairs. */
@@ -204,24 +204,24 @@ BD_INLINE void add(size_t n, double c, const double *x, double *y) {
 BD_INLINE double larger(double a, double b) { return a > b ? a : b; }
 
 /* Motion x (n_sector, rows) of all points by the coordinates q_next. */
-static void move_points(bd_time *t, double *x) {
+static void find_motion(bd_time *t, double *x) {
     const size_t size = 2 * t->rows, s = t->stride;
-    const double *G = t->out;
+    const double *G = t->motion_modes;
     for (int f = 0; f < t->n_family; ++f) {
-        move_family(t, f, G, t->y + (size_t)f * size);
+        family_motion(t, f, G, t->motion_amplitude + (size_t)f * size);
         G += size * (((size_t)t->n_mode[f] + 7) / 8 * 8);
     }
-    spread(t, t->rows, t->y, x);
-    for (size_t k = 0; k < (size_t)t->n_sector; ++k) add(3 * s, 1.0, t->point + BD_TIME_SHIFT * s, x + k * t->rows);
+    to_sectors(t, t->rows, t->motion_amplitude, x);
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k) add(3 * s, 1.0, t->parameters + BD_TIME_SHIFT * s, x + k * t->rows);
 }
 
 /* Modal forces of the contact forces F. */
-static void press_modes(bd_time *t) {
+static void find_modal_forces(bd_time *t) {
     const size_t size = 2 * t->rows;
-    const double *G = t->back;
-    gather(t, t->rows, t->F, t->z);
+    const double *G = t->force_modes;
+    to_diameters(t, t->rows, t->point_force, t->force_amplitude);
     for (int f = 0; f < t->n_family; ++f) {
-        press_family(t, f, G, t->z + (size_t)f * size);
+        family_force(t, f, G, t->force_amplitude + (size_t)f * size);
         G += size * (((size_t)t->n_mode[f] + 7) / 8 * 8);
     }
 }

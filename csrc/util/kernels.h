@@ -20,18 +20,18 @@ typedef struct {
 /* One tangential direction of BD_LANES contact points, sampled: see bd_lanes.c. */
 typedef struct {
     int n_harm, n_time, interpolate;
-    const double *power;     /* (n_time, n_power) powers of exp(i theta_k) */
-    const double *u, *g;     /* (n_time, BD_LANES) displacement; n0 + kn v, or the constant load */
-    double slope[BD_LANES];  /* mu/kt: half width of the sticking range for each newton */
-    double w[BD_LANES];      /* slider at the start, and at the end */
-    int origin[BD_LANES];    /* sample that set the slider, -1 if none did */
-    double *stick, *slip;    /* (n_power, BD_LANES) sums of powers over samples that stick, slip plus minus minus */
-    double *held;            /* (BD_LANES, n_coef) sum of w times the basis over samples that stick */
-    double *held_u, *held_g; /* (BD_LANES, n_coef, n_coef) its derivatives, or NULL */
-    double *saved;           /* (n_power, BD_LANES) work */
-    double *lo, *hi;         /* (n_time, BD_LANES) work: the clip of each sample */
-    double *path;            /* (n_time, BD_LANES) work: the slider after each sample */
-    unsigned char *state;    /* (n_time, BD_LANES) bd_state of each sample, or NULL */
+    const double *power;    /* (n_time, n_power) powers of exp(i theta_k) */
+    const double *u, *g;    /* (n_time, BD_LANES) displacement; n0 + kn v, or the constant load */
+    double slope[BD_LANES]; /* mu/kt: half width of the sticking range for each newton */
+    double w[BD_LANES];     /* slider at the start, and at the end */
+    int origin[BD_LANES];   /* sample that set the slider, -1 if none did */
+    double *stick, *slip;   /* (n_power, BD_LANES) sums of powers over samples that stick, slip plus minus minus */
+    double *stick_slider;   /* (BD_LANES, n_coef) sum of w times the basis over samples that stick */
+    double *stick_slider_u, *stick_slider_g; /* (BD_LANES, n_coef, n_coef) its derivatives, or NULL */
+    double *saved;                           /* (n_power, BD_LANES) work */
+    double *lo, *hi;                         /* (n_time, BD_LANES) work: the clip of each sample */
+    double *path;                            /* (n_time, BD_LANES) work: the slider after each sample */
+    unsigned char *state;                    /* (n_time, BD_LANES) bd_state of each sample, or NULL */
 } bd_lanes;
 
 /* What a step of coupled friction was. */
@@ -41,15 +41,15 @@ enum { BD_STEP_STICK, BD_STEP_SLIP, BD_STEP_OPEN, BD_STEP_CLOSE };
 typedef struct {
     int n_time, interpolate;
     double *x, *y, *R, *g; /* (n_time, BD_LANES) kt u; mu times the load; n0 + kn v, or the constant load */
-    double *way;           /* (7, n_time, BD_LANES) of the whole step to a sample what does not depend on the slider */
+    double *chord;         /* (7, n_time, BD_LANES) of the whole step to a sample what does not depend on the slider */
     double mu[BD_LANES];
-    double s[2 * BD_LANES];     /* (2, BD_LANES) slider at the start of the period */
-    double end[2 * BD_LANES];   /* at its end */
-    double moved[2 * BD_LANES]; /* sum of its movements: more exact than the difference where these are small */
-    double slope[4 * BD_LANES]; /* (2, 2, BD_LANES) derivative of the end with respect to the start */
-    double *step;               /* (18, n_time, BD_LANES) s, A, B0, B1 (2, 2), C0, C1 (2) of each step */
-    unsigned char *kind;        /* (n_time, BD_LANES) */
-} bd_slide;
+    double s[2 * BD_LANES];                 /* (2, BD_LANES) slider at the start of the period */
+    double end[2 * BD_LANES];               /* at its end */
+    double net_motion[2 * BD_LANES];        /* sum of its movements: more exact than the difference where these are small */
+    double period_derivative[4 * BD_LANES]; /* (2, 2, BD_LANES) derivative of the end with respect to the start */
+    double *step;                           /* (18, n_time, BD_LANES) s, A, B0, B1 (2, 2), C0, C1 (2) of each step */
+    unsigned char *step_kind;               /* (n_time, BD_LANES) */
+} bd_coupled_lanes;
 
 struct bd_time;
 struct bd_time_path;
@@ -81,19 +81,19 @@ typedef struct {
     void (*bounds)(int n, double r, const double *a, const double *b, double *largest, double *smallest);
     /* Two periods: the first (settle) finds the slider and what set it, the second sums. */
     void (*settle)(bd_lanes *lanes);
-    void (*march)(bd_lanes *lanes);
+    void (*sum_cycle)(bd_lanes *lanes);
     /* values (n_time, BD_LANES) of polynomials (n_coef, BD_LANES). */
     void (*lane_values)(int n_coef, int n_time, const double *power, int n_power, const double *x, double *value);
     /* E (n_power, BD_LANES) = sum of powers over the samples at which g > 0. */
     void (*lane_contact)(int n_power, int n_time, const double *power, const double *g, double *E);
     /* One period of coupled friction; `kept` stores the steps, with their derivatives if `tangent`. */
-    void (*slide)(bd_slide *lanes, int kept, int tangent);
-    void (*slide_ways)(bd_slide *lanes, int tangent); /* before it: way */
+    void (*coupled_period)(bd_coupled_lanes *lanes, int kept, int tangent);
+    void (*coupled_chords)(bd_coupled_lanes *lanes, int tangent); /* before it: way */
     /* March in time, and the contacts at one instant: see bd_time_loop.c. */
-    bd_status (*time_march)(struct bd_time *time, const struct bd_time_path *path);
-    void (*time_press)(struct bd_time *time);
+    bd_status (*integrate)(struct bd_time *time, const struct bd_time_path *path);
+    void (*contact_at_instant)(struct bd_time *time);
     /* Largest of |c - s| - R over n disks, n a multiple of 8, and which of them has it. */
-    double (*worst)(int n, const double *x, const double *y, const double *R, const double *s, int *which);
+    double (*disk_violation)(int n, const double *x, const double *y, const double *R, const double *s, int *which);
 } bd_kernel;
 
 /* Row stride of the matrices that fill_rows writes and product reads: whole vectors can run over the end of a row. */

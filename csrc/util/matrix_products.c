@@ -299,16 +299,16 @@ static void bounds(int n, double r, const double *a, const double *b, double *la
 }
 
 void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *lanes);
-void BD_JOIN(bd_lanes_march_, BD_VARIANT)(bd_lanes *lanes);
+void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *lanes);
 void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
                                            double *value);
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
-void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *lanes, int kept, int tangent);
-void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *lanes, int tangent);
-double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
-                                      int *which);
-bd_status BD_JOIN(bd_time_march_, BD_VARIANT)(struct bd_time *time, const struct bd_time_path *path);
-void BD_JOIN(bd_time_press_, BD_VARIANT)(struct bd_time *time);
+void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *lanes, int kept, int tangent);
+void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *lanes, int tangent);
+double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
+                                               int *which);
+bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(struct bd_time *time, const struct bd_time_path *path);
+void BD_JOIN(bd_time_contact_, BD_VARIANT)(struct bd_time *time);
 
 extern const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT);
 const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
@@ -323,12 +323,12 @@ const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
     .grid_values = grid_values,
     .bounds = bounds,
     .settle = BD_JOIN(bd_lanes_settle_, BD_VARIANT),
-    .march = BD_JOIN(bd_lanes_march_, BD_VARIANT),
+    .sum_cycle = BD_JOIN(bd_lanes_sum_, BD_VARIANT),
     .lane_values = BD_JOIN(bd_lanes_values_, BD_VARIANT),
     .lane_contact = BD_JOIN(bd_lanes_contact_, BD_VARIANT),
-    .slide = BD_JOIN(bd_slide_, BD_VARIANT),
-    .slide_ways = BD_JOIN(bd_slide_ways_, BD_VARIANT),
-    .time_march = BD_JOIN(bd_time_march_, BD_VARIANT),
-    .time_press = BD_JOIN(bd_time_press_, BD_VARIANT),
-    .worst = BD_JOIN(bd_worst_, BD_VARIANT),
+    .coupled_period = BD_JOIN(bd_coupled_period_, BD_VARIANT),
+    .coupled_chords = BD_JOIN(bd_coupled_chords_, BD_VARIANT),
+    .integrate = BD_JOIN(bd_time_integrate_, BD_VARIANT),
+    .contact_at_instant = BD_JOIN(bd_time_contact_, BD_VARIANT),
+    .disk_violation = BD_JOIN(bd_disk_violation_, BD_VARIANT),
 };

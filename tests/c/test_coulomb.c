@@ -191,15 +191,16 @@ static void test_slide(void) {
     enum { N = 64, SIZE = N * BD_LANES };
     static double memory[BD_MOST_KERNELS][(4 + 7 + 18) * SIZE];
     static unsigned char kind[BD_MOST_KERNELS][SIZE];
-    bd_slide l[BD_MOST_KERNELS];
+    bd_coupled_lanes l[BD_MOST_KERNELS];
     const bd_kernel *kernel[BD_MOST_KERNELS];
     const int n = bd_kernel_all(kernel);
     int slips = 0, opens = 0, closes = 0, sticks = 0;
     for (int v = 0; v < n; ++v) {
         unsigned long long seed = 8;
         double *m = memory[v];
-        l[v] = (bd_slide){.n_time = N, .interpolate = 1, .x = m, .y = m + SIZE, .R = m + 2 * SIZE, .g = m + 3 * SIZE};
-        l[v].way = m + 4 * SIZE, l[v].step = m + 11 * SIZE, l[v].kind = kind[v];
+        l[v] =
+            (bd_coupled_lanes){.n_time = N, .interpolate = 1, .x = m, .y = m + SIZE, .R = m + 2 * SIZE, .g = m + 3 * SIZE};
+        l[v].chord = m + 4 * SIZE, l[v].step = m + 11 * SIZE, l[v].step_kind = kind[v];
         for (int lane = 0; lane < BD_LANES; ++lane) {
             const double a = uniform(&seed), b = uniform(&seed), c = 2.0 * uniform(&seed), swing = lane < 2 ? 1e-6 : lane;
             l[v].mu[lane] = 0.4;
@@ -212,15 +213,15 @@ static void test_slide(void) {
                 l[v].R[at] = 0.4 * fmax(g, 0.0);
             }
         }
-        kernel[v]->slide_ways(l + v, 1);
-        kernel[v]->slide(l + v, 0, 0); /* from zero to where the limits allow */
+        kernel[v]->coupled_chords(l + v, 1);
+        kernel[v]->coupled_period(l + v, 0, 0); /* from zero to where the limits allow */
         memcpy(l[v].s, l[v].end, sizeof l[v].s);
-        kernel[v]->slide(l + v, 1, 1);
+        kernel[v]->coupled_period(l + v, 1, 1);
         for (int i = 0; i < 4 * BD_LANES; ++i) {
-            CHECK_NEAR(l[v].slope[i], l[0].slope[i], 1e-12);
+            CHECK_NEAR(l[v].period_derivative[i], l[0].period_derivative[i], 1e-12);
             if (i >= 2 * BD_LANES) continue;
             CHECK_NEAR(l[v].end[i], l[0].end[i], 1e-13);
-            CHECK_NEAR(l[v].moved[i], l[v].end[i] - l[v].s[i], 1e-11);
+            CHECK_NEAR(l[v].net_motion[i], l[v].end[i] - l[v].s[i], 1e-11);
         }
         for (int i = 0; i < SIZE; ++i) CHECK(kind[v][i] == kind[0][i]);
         for (int part = 0; part < 18; ++part)
@@ -249,8 +250,8 @@ static void test_slide(void) {
 }
 
 static void test_refusal(void) {
-    CHECK(!bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED) && !bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
-    CHECK(bd_evaluation_serves(BD_EXACT, BD_LAW_BONDED) && bd_evaluation_serves(BD_SAMPLED, BD_LAW_COUPLED));
+    CHECK(!bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED) && !bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
+    CHECK(bd_evaluation_supports(BD_EXACT, BD_LAW_BONDED) && bd_evaluation_supports(BD_SAMPLED, BD_LAW_COUPLED));
     bd_coulomb_destroy(NULL);
 }
 

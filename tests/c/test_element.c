@@ -68,8 +68,8 @@ static void test_hold(void) {
     bd_cycle cycle = {HARM, stick, slip, held, held_u, held_v};
     bd_cycle_clear(&cycle);
     for (int i = 0; i < COEF; ++i) g[i] = 1.0 + i, du[i] = 0.1 * i, dv[i] = -0.2 * i;
-    bd_cycle_hold(&cycle, g, 2.0, du, dv);
-    bd_cycle_hold(&cycle, g, 3.0, NULL, NULL); /* a slider without derivative */
+    bd_cycle_add_stick(&cycle, g, 2.0, du, dv);
+    bd_cycle_add_stick(&cycle, g, 3.0, NULL, NULL); /* a slider without derivative */
     for (int i = 0; i < COEF; ++i) {
         CHECK_NEAR(held[i], 5.0 * g[i], 1e-14);
         for (int j = 0; j < COEF; ++j) {
@@ -79,7 +79,7 @@ static void test_hold(void) {
     }
     bd_cycle without = {HARM, stick, slip, held, NULL, NULL};
     bd_cycle_clear(&without);
-    bd_cycle_hold(&without, g, 2.0, du, dv);
+    bd_cycle_add_stick(&without, g, 2.0, du, dv);
     CHECK_NEAR(held[1], 4.0, 1e-15);
 }
 

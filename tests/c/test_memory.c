@@ -41,7 +41,7 @@ typedef struct {
 } workspaces;
 
 static const double own_numbers[6] = {1.0, 1.0, 0.5, 1.0, 0.5, 1.0};
-static const bd_own own_law = {
+static const bd_point_law own_law = {
     .function = bd_law_bouc_wen, .n_parameter = 6, .n_state = 2, .parameter = own_numbers, .memory = own_numbers};
 
 static bd_status create_evaluator(workspaces *w) {
@@ -74,7 +74,7 @@ static bd_status create_sector(workspaces *w) {
                                 .force = none,
                                 .evaluation = w->evaluation,
                                 .n_time = 64,
-                                .own = w->evaluation == BD_EXACT ? NULL : &own_law};
+                                .point_law = w->evaluation == BD_EXACT ? NULL : &own_law};
     const bd_lapack lapack = bd_lapack_system();
     return bd_sector_create(&w->sector, &input, NULL, &lapack);
 }
@@ -126,9 +126,9 @@ static bd_status create_time(workspaces *w) {
                                  .load = unit,
                                  .shift = unit,
                                  .law = &user,
-                                 .own = &own_law,
-                                 .held = none,
-                                 .row = unit};
+                                 .point_law = &own_law,
+                                 .fixed_slider = none,
+                                 .response_row = unit};
     return bd_time_create(&w->time, &input);
 }
 

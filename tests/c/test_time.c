@@ -33,29 +33,29 @@ static void test_oscillator(int with_spring) {
                               .load = &n0,
                               .shift = none,
                               .law = &law,
-                              .held = held,
+                              .fixed_slider = held,
                               .n_force = 1,
-                              .order = &order,
-                              .force = force,
+                              .force_order = &order,
+                              .excitation = force,
                               .n_row = 1,
-                              .row = row};
+                              .response_row = row};
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK);
     double q[4] = {0.3}, v[4] = {-0.2}, a[4] = {0.0}, w[2] = {0.0, 0.0}, X[2 * 2 * 3], trace[4 * 150];
     const bd_time_path path = {.n_step = 150,
-                               .first = 10,
-                               .per_period = 70,
+                               .first_step = 10,
+                               .steps_per_period = 70,
                                .n_harm = 2,
                                .omega = 1.7,
                                .omega_end = 1.7,
-                               .radius = 0.6,
+                               .spectral_radius = 0.6,
                                .tolerance = 1e-12,
-                               .fresh = 1,
-                               .harmonic = X,
-                               .trace = trace};
+                               .find_acceleration = 1,
+                               .response_harmonics = X,
+                               .coordinates = trace};
     bd_time_effort effort = {0};
-    CHECK(bd_time_march(&t, &path, q, v, a, w, &effort) == BD_OK);
-    CHECK(effort.n_solved == 150 + with_spring && effort.n_iteration <= 15 * effort.n_solved);
+    CHECK(bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK);
+    CHECK(effort.n_solution == 150 + with_spring && effort.n_evaluation <= 15 * effort.n_solution);
     const double h = BD_TWO_PI / 1.7 / 70, give = with_spring ? 1.0 + kn / ks : 1.0, am = 0.2 / 1.6, af = 0.6 / 1.6,
                  late = 1.0 - af, gamma = 0.5 - am + af, b = 0.25 * (1.0 - am + af) * (1.0 - am + af),
                  inertia = m[0] * (1.0 - am) + late * (c[0] * gamma * h + k[0] * b * h * h);
@@ -112,22 +112,22 @@ static void test_sliders(void) {
                               .load = load,
                               .shift = none,
                               .law = law,
-                              .held = held,
+                              .fixed_slider = held,
                               .n_force = 0,
-                              .order = &order,
-                              .force = none,
+                              .force_order = &order,
+                              .excitation = none,
                               .n_row = 1,
-                              .row = row};
+                              .response_row = row};
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK);
     const double q[3 * 2] = {0.2, 0.0, 3.0, 0.0, -0.1, 0.0};
     double w[2 * POINTS] = {0.0};
-    bd_time_follow(&t, 1, q, w);
+    bd_time_update_sliders(&t, 1, q, w);
     CHECK_NEAR(w[0], 0.0, 1e-15); /* half width mu N/kt = 1/4 */
-    bd_time_follow(&t, 2, q, w);
+    bd_time_update_sliders(&t, 2, q, w);
     CHECK_NEAR(w[0], 2.75, 1e-15);
     CHECK_NEAR(w[6], 2.0, 1e-15); /* mu load/kt = 1 */
-    bd_time_follow(&t, 3, q, w);
+    bd_time_update_sliders(&t, 3, q, w);
     CHECK_NEAR(w[0], 0.15, 1e-15);
     CHECK_NEAR(w[2 * POINTS - 2], 0.15, 1e-15);
     CHECK_NEAR(w[6], 0.9, 1e-15);
@@ -169,12 +169,12 @@ static void create_all(bd_time *t, unsigned long long *seed) {
                               .load = load,
                               .shift = shift,
                               .law = law,
-                              .held = held,
+                              .fixed_slider = held,
                               .n_force = FORCES,
-                              .order = order,
-                              .force = force,
+                              .force_order = order,
+                              .excitation = force,
                               .n_row = 1,
-                              .row = row};
+                              .response_row = row};
     CHECK(bd_time_create(t, &in) == BD_OK);
 }
 
@@ -183,13 +183,18 @@ static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) 
     bd_time t;
     create_all(&t, &seed);
     t.kernel = kernel;
-    const bd_time_path path = {
-        .n_step = 300, .per_period = 200, .omega = 1.1, .omega_end = 1.3, .radius = 0.5, .tolerance = 1e-12, .fresh = 1};
+    const bd_time_path path = {.n_step = 300,
+                               .steps_per_period = 200,
+                               .omega = 1.1,
+                               .omega_end = 1.3,
+                               .spectral_radius = 0.5,
+                               .tolerance = 1e-12,
+                               .find_acceleration = 1};
     double a[2 * MODES] = {0.0};
     for (int j = 0; j < 2 * MODES; ++j) q[j] = v[j] = j >= MODES && j < MODES + 3 ? 0.0 : uniform(&seed);
     for (int i = 0; i < 2 * SECTORS * POINTS; ++i) w[i] = 0.1 * uniform(&seed);
     bd_time_effort effort = {0};
-    CHECK(bd_time_march(&t, &path, q, v, a, w, &effort) == BD_OK);
+    CHECK(bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK);
     bd_time_destroy(&t);
 }
 
@@ -198,14 +203,19 @@ static void test_failure(void) {
     unsigned long long seed = 13;
     bd_time t;
     create_all(&t, &seed);
-    const bd_time_path path = {
-        .n_step = 20, .per_period = 20, .omega = 1.1, .omega_end = 1.1, .radius = 0.5, .tolerance = 1e-6, .fresh = 1};
+    const bd_time_path path = {.n_step = 20,
+                               .steps_per_period = 20,
+                               .omega = 1.1,
+                               .omega_end = 1.1,
+                               .spectral_radius = 0.5,
+                               .tolerance = 1e-6,
+                               .find_acceleration = 1};
     double end[2][2 * MODES];
     for (int i = 0; i < 4; ++i) {
         double q[2 * MODES] = {0.3}, v[2 * MODES] = {i % 2 ? 1e307 : 0.1}, a[2 * MODES] = {0.0},
                      w[2 * SECTORS * POINTS] = {0.0};
         bd_time_effort effort = {0};
-        CHECK((bd_time_march(&t, &path, q, v, a, w, &effort) == BD_OK) == (i % 2 == 0));
+        CHECK((bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK) == (i % 2 == 0));
         if (i % 2 == 0) memcpy(end[i / 2], q, sizeof q);
     }
     CHECK(memcmp(end[0], end[1], sizeof *end) == 0);
@@ -221,19 +231,19 @@ static void test_derivatives(void) {
     const size_t s = t.stride;
     int smooth = 0, pressed = 0;
     for (int draw = 0; draw < 200; ++draw) {
-        for (size_t i = 0; i < (size_t)SECTORS * t.rows; ++i) t.x[i] = uniform(&seed);
-        for (size_t i = 0; i < (size_t)SECTORS * 2 * s; ++i) t.w[i] = uniform(&seed);
+        for (size_t i = 0; i < (size_t)SECTORS * t.rows; ++i) t.motion[i] = uniform(&seed);
+        for (size_t i = 0; i < (size_t)SECTORS * 2 * s; ++i) t.slider[i] = uniform(&seed);
         for (size_t p = 0; p < POINTS; ++p) {
             double D[9], F[3][3];
-            const double x[3] = {t.x[p], t.x[s + p], t.x[2 * s + p]}, w[2] = {t.w[p], t.w[s + p]};
-            differentiate(&t, 0, p, x, w, D);
+            const double x[3] = {t.motion[p], t.motion[s + p], t.motion[2 * s + p]}, w[2] = {t.slider[p], t.slider[s + p]};
+            contact_tangent(&t, 0, p, x, w, D);
             for (size_t e = 0; e < 3; ++e) {
                 for (int side = 0; side < 3; ++side) {
-                    t.x[e * s + p] = x[e] + (side - 1) * h;
-                    press_all(&t, t.x, t.F);
-                    for (size_t d = 0; d < 3; ++d) F[side][d] = t.F[d * s + p];
+                    t.motion[e * s + p] = x[e] + (side - 1) * h;
+                    all_contact_forces(&t, t.motion, t.point_force);
+                    for (size_t d = 0; d < 3; ++d) F[side][d] = t.point_force[d * s + p];
                 }
-                t.x[e * s + p] = x[e];
+                t.motion[e * s + p] = x[e];
                 for (size_t d = 0; d < 3; ++d) {
                     if (fabs(F[2][d] - 2.0 * F[1][d] + F[0][d]) > 1e-3 * h) continue;
                     CHECK_NEAR((F[2][d] - F[0][d]) / (2.0 * h), D[3 * d + e], 1e-6);
