@@ -1,20 +1,20 @@
 /* Sampled evaluation of 1-D friction with variable or constant normal load, in two independent directions.
  *
- * The law is the clip of bd_event.c, applied at n_time equidistant instants,
+ * The law is the clip of event_driven.c at n_time equidistant instants,
  *
- *     w_k = clip(w_{k-1}, u_k - mu N_k/kt, u_k + mu N_k/kt),   N_k = max(n0 + kn v_k, 0),   T_k = kt (u_k - w_k),
+ *     w_k = clip(w_{k-1}, u_k - mu N_k/kt, u_k + mu N_k/kt),   N_k = max(n0 + kn v_k, 0),   T_k = kt (u_k - w_k).
  *
- * marched over two periods, of which the second is settled (the period map is a clip).  Fourier coefficients are sums
- * over the samples, so the formulas of bd_element.c hold with E_n = (2 pi/n_time) sum_k exp(i n theta_k).
+ * Two periods suffice: the period map is a clip, so the second period is steady. Fourier coefficients are sums over the
+ * samples, and the formulas of element.c hold with E_n = (2 pi/n_time) sum_k exp(i n theta_k).
  *
- * The plain law takes the slider of a closing contact from the last open sample, an error of order h whose derivative
- * does not converge.  With interpolation the slider is the displacement where n0 + kn v vanishes,
+ * The plain law takes the slider of a closing contact from the last open sample. This is an error of order h, and its
+ * derivative does not converge. With interpolation the slider is the displacement at zero n0 + kn v,
  *
- *     w = (1 - s) u_{k-1} + s u_k,   s = -g_{k-1}/(g_k - g_{k-1}),   g = n0 + kn v,
+ *     w = (1 - s) u_{k-1} + s u_k,   s = -g_{k-1}/(g_k - g_{k-1}),   g = n0 + kn v.
  *
- * and its derivative with respect to g, through s, is (u_k - u_{k-1}) (-g_k dg_{k-1} + g_{k-1} dg_k)/(g_k - g_{k-1})^2.
+ * Its derivative with respect to g, through s, is (u_k - u_{k-1}) (-g_k dg_{k-1} + g_{k-1} dg_k)/(g_k - g_{k-1})^2.
  *
- * The march itself, over several points at a time, is bd_lanes.c. */
+ * The loops over samples, for several points at a time, are in aft_kernel.c. */
 #include "contact/aft.h"
 
 #include <math.h>
@@ -64,8 +64,9 @@ bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int i
     work->lanes.power = work->power;
     work->lanes.u = work->u;
     work->segment[1] = work->segment[0] + k;
+    /* an integer reduction of the argument makes it exact for every harmonic */
     for (int i = 0; i < n_time; ++i)
-        for (int l = 0; l <= 2 * n_harm; ++l) { /* the argument is reduced with integers: exact for every harmonic */
+        for (int l = 0; l <= 2 * n_harm; ++l) {
             const double angle = BD_TWO_PI * (double)(((long)l * i) % n_time) / n_time;
             double *power = work->power + (size_t)i * n_power + 2 * l;
             power[0] = l == 0 ? 1.0 : cos(angle);
@@ -121,7 +122,7 @@ static void one_lane(const bd_sampled_work *work, const double *sums, int lane, 
     for (int n = 0; n < n_power; ++n) E[n] = weight * sums[n * BD_LANES + lane];
 }
 
-/* Normal forces; returns how many points are in contact at some time. */
+/* Normal forces; return the number of points that touch during the cycle. */
 static int normal_direction(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                             bd_sampled_work *work) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
@@ -146,7 +147,7 @@ static int normal_direction(int n, const bd_element *element, const double *x, b
     return touching;
 }
 
-/* The load that limits friction, at every sample. */
+/* Load in the friction limit at every sample. */
 static const double *find_limit(int n, const bd_element *element, bd_sampled_work *work) {
     int constant = 0;
     for (int lane = 0; lane < n; ++lane) constant |= bd_law_is_constant(element[lane].law);

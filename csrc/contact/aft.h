@@ -12,7 +12,7 @@ typedef struct {
     double *power;              /* (n_time, n_power) powers of exp(i theta_k) */
     double *x;                  /* (3, n_coef, BD_LANES) u1, u2, n0 + kn v */
     double *u, *g;              /* (n_time, BD_LANES) */
-    double *limit;              /* (n_time, BD_LANES) g, or the constant load in the lanes of such laws */
+    double *limit;              /* (n_time, BD_LANES) g, or the constant load of the constant-load laws */
     double *contact;            /* (n_power, BD_LANES) */
     double *stick, *slip, *one; /* (n_power) of one lane */
     double *scratch;            /* (n_coef, n_coef) */
@@ -27,7 +27,7 @@ typedef struct {
 bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int interpolate);
 void bd_sampled_destroy(bd_sampled_work *work);
 
-/* As bd_event_evaluate, for n <= BD_LANES points: element (n), x (n, 3, n_coef), out (n), share (n) or NULL. */
+/* Like bd_event_evaluate, for n <= BD_LANES points: element (n), x (n, 3, n_coef), out (n), share (n) or NULL. */
 void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                          bd_sampled_work *work);
 

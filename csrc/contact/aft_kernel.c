@@ -1,17 +1,17 @@
-/* Sampled friction of BD_LANES contact points at a time, one tangential direction; compiled once for each instruction set.
+/* Sampled friction of BD_LANES contact points, one tangential direction; compiled once for each instruction set.
  *
- * At every sample k, with g = n0 + kn v (or the constant load) and the half width c = slope max(g, 0) of the sticking range,
+ * At sample k, let g = n0 + kn v (or the constant load) and c = slope max(g, 0) be the half width of the sticking range.
+ * Then
  *
  *     open      g_k <= 0                          w = u_k
  *     closing   g_{k-1} <= 0 < g_k                w = (1 - t) u_{k-1} + t u_k,  t = -g_{k-1}/(g_k - g_{k-1})  (plain: t = 0)
  *     clip      w < u_k - c: slip+, w = u_k - c;  w > u_k + c: slip-, w = u_k + c
  *
- * All three are clips, w <- min(hi, max(lo, w)), those of the first two with lo = hi.  So the march is one maximum and one
- * minimum for each sample, the only operations that wait for each other; lo and hi come before, sums after.
+ * All three are clips, w <- min(hi, max(lo, w)), with lo = hi for the first two. Only one maximum and one minimum per
+ * sample depend on the previous sample; lo and hi are computed before them, the sums after them.
  *
- * A slider keeps the sample that set it, which tells its whole derivative.  Sums over samples that stick are running sums;
- * what a stretch of sticking added is the difference to their value at its beginning, and goes to the derivative when the
- * stretch ends. */
+ * The derivative of a slider depends on the sample that set it only. Sums over sticking samples are running sums: a
+ * sticking part adds the difference to their value at its beginning, and enters the derivative when it ends. */
 #include "contact/element.h"
 #include "util/kernels.h"
 #include "util/vector_types.h"
@@ -19,7 +19,7 @@
 enum { N_VEC = BD_LANES / BD_WIDTH, MOST_KEPT = 14 };
 
 typedef struct {
-    bd_vec lo, hi, inside; /* inside: the slider before the clip, if the contact closes here */
+    bd_vec lo, hi, inside; /* inside: slider before the clip if the contact closes here */
     bd_mask contact, closing;
 } range;
 
@@ -39,7 +39,7 @@ BD_INLINE range range_at(const bd_lanes *l, int k, int v) {
     return r;
 }
 
-/* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg for the slider w that sample k set. */
+/* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg for the slider w set at sample k. */
 static void derivative_of_slider(const bd_lanes *l, int lane, int k, double w, double *part) {
     const int at = k * BD_LANES + lane, at_before = before(l, k) * BD_LANES + lane;
     const double u = l->u[at], g = l->g[at], u_before = l->u[at_before], g_before = l->g[at_before], slope = l->slope[lane];
@@ -66,7 +66,7 @@ static void save_stick_sums(bd_lanes *l, int lane) {
     for (int n = 0; n < n_power; ++n) l->saved[n * BD_LANES + lane] = l->stick[n * BD_LANES + lane];
 }
 
-/* The stretch of sticking of one lane ends. */
+/* End the sticking part of one lane. */
 BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
     const int n_coef = bd_n_coef(l->n_harm), n_power = bd_n_power(l->n_harm);
     const size_t nc = (size_t)n_coef;
@@ -133,7 +133,7 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
     }
 }
 
-/* The slider after each sample. */
+/* Slider after each sample. */
 static void slider_path(const bd_lanes *l) {
     bd_vec w[N_VEC];
     for (int v = 0; v < N_VEC; ++v) w[v] = bd_load(l->w + v * BD_WIDTH);
@@ -153,7 +153,7 @@ BD_INLINE bd_mask load_int(const int *p) {
     return x;
 }
 
-/* Sums over the samples that stick and slip.  kept > 0 is the constant n_power, whose sums stay in registers. */
+/* Sums over the samples that stick and slip. kept > 0 is a compile-time n_power, whose sums stay in registers. */
 BD_INLINE void sum_samples(bd_lanes *l, const int kept) {
     const int n_power = kept ? kept : bd_n_power(l->n_harm);
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);

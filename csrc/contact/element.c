@@ -1,30 +1,30 @@
-/* From the sums over a cycle to force coefficients (paper, Eq. (15)) and tangent.
+/* Force coefficients (paper, Eq. (15)) and tangent from the sums over a cycle.
  *
- * One tangential direction carries, at every instant, one of
+ * At every instant, one tangential direction is in one of the states
  *
- *     stick   T = kt (u - w)                w fixed since it was set at theta*
+ *     stick   T = kt (u - w)                w constant since it was set at theta*
  *     slip+-  T = +- mu N,   N = n0 + kn v
  *     open    T = 0
  *
- * Projection on the basis b needs the integrals of b b^T over the parts in each state.  Products of sines and cosines
- * are sums of exponentials, so with E_n = int exp(i n theta) over the parts in question
+ * Projection on the basis b needs the integrals of b b^T over the parts in each state. Products of sines and cosines are
+ * sums of exponentials. With E_n = int exp(i n theta) over such parts,
  *
  *     int cos_l cos_m = Re(E_{l-m} + E_{l+m})/2
  *     int sin_l sin_m = Re(E_{l-m} - E_{l+m})/2
  *     int cos_l sin_m = Im(E_{l+m} + E_{m-l})/2,      E_{-n} = conj E_n.
  *
- * With Gs and Gp - Gm these matrices over the parts that stick and that slip, gs, gp - gm the integrals of b itself,
+ * Let Gs and Gp - Gm be these matrices over the sticking and slipping parts, and gs, gp - gm the integrals of b. Then
  *
  *     T  = kt (Gs u - sum_parts g w) + mu n0 (gp - gm) + mu kn (Gp - Gm) v
- *     dT = kt (Gs - sum_parts g dw/du^T) du + (mu kn (Gp - Gm) - kt sum_parts g dw/dv^T) dv
+ *     dT = kt (Gs - sum_parts g dw/du^T) du + (mu kn (Gp - Gm) - kt sum_parts g dw/dv^T) dv.
  *
- * because the force is continuous where the state changes, so that moving those instants has no effect of first order.
- * Rows are scaled by 1/(2 pi) for the mean and 1/pi for the harmonics.  A quadrature in place of the integrals gives the
- * sampled evaluation with the same formulas.
+ * The force is continuous at a change of state, so moving such an instant has no first-order effect. Rows are scaled by
+ * 1/(2 pi) for the mean and 1/pi for the harmonics. A quadrature instead of the integrals yields the sampled evaluation
+ * with the same formulas.
  *
- * A cubic spring T = k u^3 has dT = 3 k u^2 du, so its tangent is three times the matrix of products with the weight
- * k u^2, E_n = int k u^2 exp(i n theta).  With u = sum_n a_n exp(i n theta) the weight has the coefficients
- * k sum_m a_m a_{n-m}, none beyond 2 n_harm. */
+ * A cubic spring T = k u^3 has dT = 3 k u^2 du. Its tangent is three times the matrix of products with the weight k u^2,
+ * E_n = int k u^2 exp(i n theta). With u = sum_n a_n exp(i n theta), the weight has the coefficients k sum_m a_m
+ * a_{n-m}; those beyond 2 n_harm are zero. */
 #include "contact/element.h"
 
 #include <math.h>
@@ -176,7 +176,7 @@ static double imaginary_part(const double *u, int n_harm, int n) {
     return l > n_harm || l == 0 ? 0.0 : (n > 0 ? -0.5 : 0.5) * u[2 * l];
 }
 
-/* E_n of the weight k u^2, which is 2 pi times the conjugate of its coefficient n. */
+/* E_n of the weight k u^2: 2 pi times the conjugate of its coefficient n. */
 static void weight_of_cubic(double k, int n_harm, const double *u, double *E) {
     for (int n = 0; n <= 2 * n_harm; ++n) {
         double re = 0.0, im = 0.0;

@@ -1,4 +1,4 @@
-/* Dispatch over evaluators; laws are told apart inside them, so that physics is written once. */
+/* Choice of the evaluation. The evaluations themselves distinguish the laws, so the physics is written once. */
 #include "contact/evaluator.h"
 
 #include <string.h>
@@ -29,7 +29,7 @@ void bd_evaluator_destroy(bd_evaluator *evaluator) {
     bd_user_destroy(&evaluator->user);
 }
 
-/* Springs instead of what the evaluators, which know contacts alone, made of them. */
+/* Replace the result of the contact evaluations by cubic springs. */
 static void cubic_springs(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                           const bd_evaluator *evaluator) {
     const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);

@@ -1,4 +1,4 @@
-/* Contact points, whatever their law and however they are evaluated: the switch that the layers above call. */
+/* Evaluation of contact points for all laws and methods. */
 #ifndef BD_CONTACT_EVALUATOR_H
 #define BD_CONTACT_EVALUATOR_H
 
@@ -13,21 +13,21 @@ typedef struct {
     bd_evaluation evaluation;
     int n_harm;
     bd_event_work event;     /* of BD_EXACT */
-    bd_sampled_work sampled; /* of the others */
-    bd_coulomb_work coulomb; /* of the others */
-    bd_user_work user;       /* of laws of users, where there are any */
+    bd_sampled_work sampled; /* of the sampled evaluations */
+    bd_coulomb_work coulomb; /* of the sampled evaluations */
+    bd_user_work user;       /* of user laws, if there are any */
     int latest_is_coupled;
 } bd_evaluator;
 
 /* n_time is not read for BD_EXACT. */
 bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm, int n_time);
 
-/* Room for the laws of users among n points (NULL: none). */
+/* Allocate the work arrays for the user laws among n points (NULL: none). */
 bd_status bd_evaluator_add_laws(bd_evaluator *evaluator, int n, const bd_point_law *point_law);
 
 void bd_evaluator_destroy(bd_evaluator *evaluator);
 
-/* The coupled laws and those of users have no exact evaluation. */
+/* Coupled laws and user laws have no exact evaluation. */
 static inline int bd_evaluation_supports(bd_evaluation evaluation, bd_law law) {
     return evaluation != BD_EXACT || !(bd_law_is_coupled(law) || law == BD_LAW_USER);
 }
@@ -39,8 +39,8 @@ void bd_contact_evaluate(const bd_element *element, const double *x, bd_response
 void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                               bd_evaluator *evaluator);
 
-/* Parts of the cycle of direction d in the latest evaluation of a single point; returns their number, which is 0 for a
- * direction without friction in a contact that is not open all the time, and under laws of users. */
+/* Parts of the cycle of direction d in the latest evaluation of a single point; return their number. It is 0 for user
+ * laws, and for a direction without friction unless the contact is always open. */
 int bd_contact_segments(const bd_evaluator *evaluator, int d, const bd_segment **segment);
 
 #endif

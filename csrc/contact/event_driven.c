@@ -1,20 +1,19 @@
-/* Event-exact evaluation of 1-D friction with variable normal load, in two independent directions: the friction model of the
- * paper.
+/* Event-driven evaluation of 1-D friction with variable normal load, in two independent directions (the friction model
+ * of the paper).
  *
- * N = max(n0 + kn v, 0), T = kt (u - w).  Stick, slip and separation are one statement about the slider:
+ * N = max(n0 + kn v, 0), T = kt (u - w). Stick, slip and separation follow from one rule for the slider:
  *
  *     w <- clip(w, lo, hi),   lo = u - (mu/kt)(n0 + kn v),   hi = u + (mu/kt)(n0 + kn v)      in contact
  *     w = u                                                                                open
  *
- * lo and hi are trigonometric polynomials.  The roots of n0 + kn v, of lo' and of hi', the events, cut the period into pieces
- * through which the slider marches (bd_march.c).  A point that neither slips nor opens keeps the slider that it was given, or,
- * where that one is outside of [max lo, min hi], is carried to the nearer end of this interval.
+ * lo and hi are trigonometric polynomials. The roots of n0 + kn v, lo' and hi' are the events; they divide the period
+ * into pieces (event_slider.c). A point that neither slips nor opens has its initial slider, or, if this lies outside
+ * [max lo, min hi], the nearer end of the interval.
  *
  * With a constant normal load the bounds are u -+ mu load/kt, and the contact stays closed.
  *
- * What costs nothing is found first: a swing bounded by the sum of the amplitudes, then by samples, of which a function
- * exceeds the largest by h^2/8 max|f''| at most, shows most of the points that never slip, or never open, without any root.
- */
+ * Cheap bounds come first. The sum of the amplitudes limits a function; so do its samples, which it exceeds by at most
+ * h^2/8 max|f''|. These bounds identify most points that never slip or never open, without any root. */
 #include "contact/event_driven.h"
 
 #include <math.h>
@@ -77,7 +76,7 @@ void bd_event_destroy(bd_event_work *work) {
     memset(work, 0, sizeof *work);
 }
 
-/* Bound of h^2/8 max|x''| between samples of x. */
+/* Bound h^2/8 max|x''| between samples of x. */
 static double between_samples(const bd_event_work *work, const double *x) {
     const double h = BD_TWO_PI / work->grid.n_time;
     double sum = 0.0;
@@ -85,7 +84,7 @@ static double between_samples(const bd_event_work *work, const double *x) {
     return 0.125 * h * h * sum;
 }
 
-/* v' and v'' on the grid, then those of u1 and u2, only if roots are to be found at all. */
+/* Compute the derivatives of u1, u2 and v, and their samples, when roots are first needed. */
 static void find_derivatives(bd_event_work *work, const double *x) {
     if (work->derivatives_known) return;
     const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm), n_time = work->grid.n_time;
@@ -101,13 +100,13 @@ static void find_derivatives(bd_event_work *work, const double *x) {
 
 /* ---- normal direction ---- */
 
-/* Whether n0 + kn v changes sign in the cycle. */
+/* Sign of n0 + kn v over the cycle. */
 enum { CLOSED_ALWAYS, OPEN_ALWAYS, CHANGES };
 
-/* What bounds on the swing and samples tell of it; where they leave it open, CHANGES, and the roots will tell. */
+/* State of contact from bounds on the amplitude and from samples; CHANGES if these are inconclusive. */
 static int bound_contact(const bd_element *element, const double *v, bd_event_work *work) {
     const double level = element->n0 + element->kn * v[0], swing = element->kn * bd_trig_amplitude(work->n_harm, v);
-    if (level <= -swing) return OPEN_ALWAYS; /* n0 = 0 without motion counts as open too: force and tangent are zero */
+    if (level <= -swing) return OPEN_ALWAYS; /* n0 = 0 without motion also counts as open: force and tangent are zero */
     if (level >= swing) return CLOSED_ALWAYS;
     if (work->n_harm == 1) return CHANGES;
     double most, least;
@@ -118,7 +117,7 @@ static int bound_contact(const bd_element *element, const double *v, bd_event_wo
     return CHANGES;
 }
 
-/* Roots of n0 + kn v (left in work->poly) as events 0 .. n_lift-1; returns their number. */
+/* Roots of n0 + kn v (stored in work->polynomial) as events 0 .. n_lift-1; return their number. */
 static int find_lifts(const bd_element *element, const double *x, bd_event_work *work) {
     const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm), n_time = work->grid.n_time;
     const double *v = x + 2 * n_coef;
@@ -138,8 +137,8 @@ static double lift_length(const bd_event_work *work, int n_lift, int e) {
                           : work->event_theta[0] + BD_TWO_PI - work->event_theta[e];
 }
 
-/* Whether the part that follows the first lift is in contact: told in the middle of the longest part, where the sign is
- * clearest (two lifts may coincide where the contact only touches), since the parts alternate. */
+/* Return whether the part after the first lift-off or closing is in contact. The parts alternate, so the sign in the
+ * middle of the longest part decides: two events may coincide if the contact only touches. */
 static int contact_follows_first(const bd_event_work *work, int n_lift) {
     int longest = 0;
     for (int e = 1; e < n_lift; ++e)
@@ -149,7 +148,7 @@ static int contact_follows_first(const bd_event_work *work, int n_lift) {
     return longest % 2 == 0 ? value > 0.0 : !(value > 0.0);
 }
 
-/* Sums over the parts in contact, between consecutive lifts; contact_first tells whether part 0 (from event 0) is one. */
+/* Sums over the parts in contact, between consecutive events; contact_first: part 0 (from event 0) is in contact. */
 static void integrate_contact(bd_event_work *work, int n_lift, int contact_first, bd_status_share *share) {
     memset(work->contact, 0, sizeof(double) * (size_t)bd_n_power(work->n_harm));
     for (int e = contact_first ? 0 : 1; e < n_lift; e += 2) {
@@ -163,7 +162,7 @@ static void integrate_contact(bd_event_work *work, int n_lift, int contact_first
 
 /* ---- events of one tangential direction ---- */
 
-/* lo, hi and their derivatives; returns whether bounds on their swing already prove that w stays inside. */
+/* Compute lo, hi and their derivatives; return whether bounds prove that w stays inside. */
 static int find_bounds(const bd_element *element, int d, const double *u, const double *v, bd_direction *dir) {
     const int n_coef = dir->n_coef, constant = bd_law_is_constant(element->law);
     bd_event_work *work = dir->work;
@@ -187,7 +186,7 @@ static int find_bounds(const bd_element *element, int d, const double *u, const 
     return most - shift + between_samples(work, lo) <= w && least + shift - between_samples(work, hi) >= w;
 }
 
-/* Extrema of lo and hi become events behind the lifts. */
+/* Extrema of lo and hi become events after the lift-offs and closings. */
 static void find_extrema(bd_direction *dir, int d) {
     bd_event_work *work = dir->work;
     const int n_time = work->grid.n_time, n_coef = dir->n_coef;
@@ -219,7 +218,7 @@ static void find_extrema(bd_direction *dir, int d) {
 
 /* ---- one tangential direction ---- */
 
-/* lo and hi are constant: the slider is the given one clipped to [lo, hi]. */
+/* lo and hi are constant: the slider is the initial one clipped to [lo, hi]. */
 static void add_constant_bounds(const bd_direction *dir, int d, const bd_element *element, bd_status_share *share) {
     bd_event_work *work = dir->work;
     const double lo = dir->lo[0], hi = dir->hi[0], given = element->w[d];
@@ -267,7 +266,7 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
     bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
 }
 
-/* Normal force; returns the number of lifts, which are events 0, 1, ... */
+/* Normal force; return the number of lift-offs and closings, which are events 0, 1, ... */
 static int evaluate_normal(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                            bd_event_work *work) {
     const double *v = x + 2 * bd_n_coef(work->n_harm);

@@ -1,22 +1,21 @@
-/* The march of a slider through the pieces of a cycle; see bd_event.c for the law.
+/* Slider between the events of a cycle; see event_driven.c for the law.
  *
- * The roots of n0 + kn v, of lo' and of hi', the events, cut the period into pieces over which contact does not change and lo
- * and hi are monotone, so that in a piece w can only be pushed by one of them, from a single onset on:
+ * The events are the roots of n0 + kn v, lo' and hi'. They divide the period into pieces in which contact does not
+ * change and lo and hi are monotone. In a piece only one of the bounds can move w, from a single onset on:
  *
  *     lo rises above w       slip+ from the onset to the end of the piece (T = +mu N)
  *     hi falls below w       slip-                                        (T = -mu N)
  *     otherwise              stick
  *
- * The map of w over one period is a composition of clips, hence itself a clip and idempotent: one period of marching
- * over the ends of the pieces gives the settled slider, a second one adds up the integrals over the pieces.
+ * The map of w over one period is a composition of clips, hence a clip and idempotent. One period over the ends of the
+ * pieces yields the steady slider; a second one adds up the integrals over the pieces.
  *
- * The slider remembers the instant theta* that set it, and so does its derivative (b the basis at theta*):
+ * The derivative of the slider depends on the instant theta* that set it (b: basis at theta*):
  *
- *     set by lo (end of slip+)    dw = b.du - (mu kn/kt) b.dv        lo' = 0 there, so theta* may move freely
+ *     set by lo (end of slip+)    dw = b.du - (mu kn/kt) b.dv        lo' = 0, so a shift of theta* has no effect
  *     set by hi (end of slip-)    dw = b.du + (mu kn/kt) b.dv
  *     set by closing              dw = b.du - (u'/v') b.dv           theta* moves by -b.dv/v'
- *     never set                   dw = 0
- */
+ *     never set                   dw = 0 */
 #include "contact/event_slider.h"
 
 #include <math.h>
@@ -24,16 +23,16 @@
 
 enum { INITIAL, SET_BY_LO, SET_BY_HI, SET_BY_CLOSING };
 enum { CONTACT = 1, LO_RISES = 2, HI_FALLS = 4 };
-enum { NO_STATE = -1 }; /* besides bd_state */
+enum { NO_STATE = -1 }; /* before the first part; otherwise a bd_state */
 
-/* Where the slider stands, and what set it there. */
+/* Position of the slider and its cause. */
 typedef struct {
     int kind;
-    int event; /* index of the instant that set it */
+    int event; /* index of the event that set it */
     double w;
 } slider;
 
-/* The part of the cycle that is being marched through. */
+/* Current part of the cycle. */
 typedef struct {
     int state;
     double start;
@@ -94,17 +93,17 @@ static void reverse(bd_segment *s, int n) {
     }
 }
 
-/* Brings starts into [0, 2 pi), ascending: a march may begin anywhere. */
+/* Shift starts into [0, 2 pi), ascending: the cycle may begin at any event. */
 static void arrange_segments(bd_event_work *work, int d) {
     bd_segment *segment = work->segment[d];
     int n = work->n_segment[d];
-    if (n > 1 && segment[n - 1].state == segment[0].state) { /* the march began inside a part */
+    if (n > 1 && segment[n - 1].state == segment[0].state) { /* the cycle began inside a part */
         segment[n - 1].end = segment[0].end + BD_TWO_PI;
         --n;
         memmove(segment, segment + 1, sizeof *segment * (size_t)n);
         work->n_segment[d] = n;
     }
-    int turned = 0; /* how many at the end lie in the next period */
+    int turned = 0; /* parts at the end that lie in the next period */
     for (int i = 0; i < n; ++i)
         if (segment[i].start >= BD_TWO_PI) {
             segment[i].start -= BD_TWO_PI;
@@ -114,7 +113,8 @@ static void arrange_segments(bd_event_work *work, int d) {
     reverse(segment, n - turned);
     reverse(segment + n - turned, turned);
     reverse(segment, n);
-    if (turned > 0 && turned < n) segment[turned - 1].end = segment[turned].start; /* the same instant but for rounding */
+    /* the same instant except for rounding */
+    if (turned > 0 && turned < n) segment[turned - 1].end = segment[turned].start;
 }
 
 /* ---- pieces between events ---- */
@@ -135,8 +135,8 @@ static double piece_end(const bd_direction *dir, int i) {
     return i + 1 < n ? work->event_theta[work->order[i + 1]] : work->event_theta[work->order[0]] + BD_TWO_PI;
 }
 
-/* Signs on every piece: evaluated inside the longest one, where they are clearest, and toggled from there at
- * each event, since every event is a change of sign of its own polynomial. */
+/* Signs in every piece. They are evaluated inside the longest piece, where the values are farthest from zero. Every
+ * event is a sign change of one polynomial, so the signs of the other pieces follow by toggling. */
 static void flag_pieces(bd_direction *dir, const bd_element *element, const double *v) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;
@@ -170,7 +170,7 @@ static void flag_pieces(bd_direction *dir, const bd_element *element, const doub
     }
 }
 
-/* ---- marching ---- */
+/* ---- cycle ---- */
 
 static slider clip_at_end(const bd_direction *dir, slider s, int flags, int event) {
     const bd_event_work *work = dir->work;
@@ -181,7 +181,7 @@ static slider clip_at_end(const bd_direction *dir, slider s, int flags, int even
     return s;
 }
 
-/* The slider at the first event once the cycle has settled. */
+/* Slider at the first event of the steady cycle. */
 static slider settle(const bd_direction *dir, double w) {
     const bd_event_work *work = dir->work;
     const int n = dir->n_event;
@@ -190,7 +190,7 @@ static slider settle(const bd_direction *dir, double w) {
     return s;
 }
 
-/* dw of a slider that was set at the beginning of the present part of the cycle. */
+/* Add the current sticking part, whose slider was set at its beginning, with the slider's derivative dw. */
 static void add_stick(const bd_direction *dir, const cycle_part *part) {
     bd_event_work *work = dir->work;
     const double *b = work->power[part->at] + 1;
@@ -200,7 +200,7 @@ static void add_stick(const bd_direction *dir, const cycle_part *part) {
     }
     double factor = part->slider.kind == SET_BY_LO ? -dir->r : dir->r;
     if (part->slider.kind == SET_BY_CLOSING) {
-        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); sticking after it, |u'/v'| <= r */
+        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); the point sticks afterwards, so |u'/v'| <= r */
         double dlo, dhi;
         values_at(dir->n_harm, dir->dlo, dir->dhi, work->event_z + 2 * part->slider.event, &dlo, &dhi);
         factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
@@ -209,7 +209,7 @@ static void add_stick(const bd_direction *dir, const cycle_part *part) {
     bd_cycle_add_stick(&work->cycle, work->part_sum + 1, part->slider.w, b, work->slider_v);
 }
 
-/* The state changes at theta (exp(i theta) = z): sums of the part that ends, beginning of the next. */
+/* Change the state at theta (exp(i theta) = z): add up the part that ends and begin the next one. */
 static void change_state(const bd_direction *dir, int d, cycle_part *part, int state, double theta, const double *z,
                          slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
@@ -235,7 +235,7 @@ static void change_state(const bd_direction *dir, int d, cycle_part *part, int s
     part->slider = s;
 }
 
-/* Where lo (hi) first meets w in a piece over which it rises (falls). */
+/* Angle at which lo (hi) first reaches w in a piece over which it rises (falls). */
 static double find_onset(const bd_direction *dir, int plus, double w, double start, double end, double *z) {
     double *bound = dir->work->polynomial; /* lo - w or hi - w */
     memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
@@ -255,14 +255,14 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
     while (onset < start - 1e-9) onset += BD_TWO_PI;
     while (onset > end + 1e-9) onset -= BD_TWO_PI;
     const double within = fmax(start, fmin(end, onset));
-    if (within != onset) { /* rounding: z is of the same instant */
+    if (within != onset) { /* rounding: recompute z for the same angle */
         z[0] = cos(within);
         z[1] = sin(within);
     }
     return within;
 }
 
-/* Marches through one piece and returns the slider at its end. */
+/* Advance through one piece and return the slider at its end. */
 static slider slider_through_piece(const bd_direction *dir, int d, int i, double turn, slider s, cycle_part *part,
                                    bd_status_share *share) {
     bd_event_work *work = dir->work;
@@ -282,9 +282,9 @@ static slider slider_through_piece(const bd_direction *dir, int d, int i, double
     }
     const slider after = clip_at_end(dir, s, flags, end);
     change_state(dir, d, part, BD_STICK, theta, z, s, share);
-    if (after.kind == s.kind && after.event == s.event) return s; /* nothing pushed it */
+    if (after.kind == s.kind && after.event == s.event) return s; /* the slider did not move */
     const int plus = after.kind == SET_BY_LO;
-    if (plus ? work->event_lo[start] >= s.w : work->event_hi[start] <= s.w) { /* at once: the slip had only paused */
+    if (plus ? work->event_lo[start] >= s.w : work->event_hi[start] <= s.w) { /* slip resumes at the start of the piece */
         change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
         return after;
     }
@@ -294,7 +294,7 @@ static slider slider_through_piece(const bd_direction *dir, int d, int i, double
     return after;
 }
 
-/* The settled cycle from the event on that set its slider, so that every part begins where its slider was set. */
+/* Add up the steady cycle. It starts at the event that set the slider, so every part begins where its slider was set. */
 static void sum_cycle(const bd_direction *dir, int d, slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;

@@ -1,14 +1,14 @@
-/* How the force of a contact point changes where motion and parameters change together.
+/* Derivative of the force of a contact point if motion and parameters change together.
  *
- * The laws depend on kt (u - w), n0 + kn v and mu N alone, hence all follows from their tangent B = dF/dX:
+ * The laws depend on kt (u - w), n0 + kn v and mu N only, so the tangent B = dF/dX determines all derivatives:
  *
- *     kt dF/dkt = B_u (u - w),   dF/dw = -B_u,   kn dF/dkn = B_v v,   dF/dn0 = B_v/kn,
+ *     kt dF/dkt = B_u (u - w),   dF/dw = -B_u,   kn dF/dkn = B_v v,   dF/dn0 = B_v/kn.
  *
- * and since friction is homogeneous of degree one in kt (u - w) and its limit mu N,
+ * Friction is homogeneous of degree one in kt (u - w) and its limit mu N, hence
  *
- *     mu dT/dmu = T - B_u (u - w),
+ *     mu dT/dmu = T - B_u (u - w).
  *
- * which holds for the constant load of the laws that have one as well.  Cubic springs are proportional to kt. */
+ * The same holds for the load of the constant-load laws. Cubic springs are proportional to kt. */
 #include "contact/force_derivative.h"
 
 #include <string.h>
@@ -25,7 +25,7 @@ static void add_block(int n, bd_block kind, double spring, const double *block, 
         }
 }
 
-/* The share of tangential motions (2, BD_MAX_COEF) in the change of the friction force of direction d. */
+/* Contribution of the tangential motions (2, BD_MAX_COEF) to the change of the friction force in direction d. */
 static void add_friction(const bd_element *e, int n, int d, const bd_response *response, double factor,
                          double (*x)[BD_MAX_COEF], double *to) {
     const bd_block kind = response->tangential[d];

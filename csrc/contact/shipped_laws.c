@@ -1,20 +1,20 @@
-/* Contact laws that come with bdamper, with the signature that laws of users have; and copies of what users bring.
+/* Contact laws that bdamper ships as user laws, and copies of the users' laws.
  *
- * Jenkins elements.  Along each tangential direction n springs k with sliders s in series act side by side,
+ * Jenkins elements. Along each tangential direction, n springs k with sliders s in series act in parallel,
  *
  *     s1 = clip(s0, u - r, u + r),   r = (f + mu N)/k,     T = sum k (u - s1),     N = kn max(v, 0).
  *
- * Elements with limits f spread over a range are the model of Iwan (1966).  Where kn is not zero and v is not positive the
- * surfaces are apart: the sliders go along with u.  A contact that closes between two instants starts where v vanishes,
- * u0 + t (u - u0) with t = -v0/(v - v0), as in bd_sampled.c.
+ * Elements with limits f spread over a range form the model of Iwan (1966). If kn is not zero and v is not positive, the
+ * surfaces are apart and the sliders follow u. A contact that closes between two instants starts at the displacement of
+ * zero v, u0 + t (u - u0) with t = -v0/(v - v0), as in aft.c.
  *
- * Bouc (1967) and Wen (1976).  The state z of each tangential direction obeys
+ * Bouc (1967) and Wen (1976). The state z of each tangential direction obeys
  *
  *     dz = du - beta |du| |z|^(n-1) z - gamma du |z|^n,     T = alpha k u + (1 - alpha) k z,     N = kn max(v, 0).
  *
- * A step of u is taken in STEPS equal parts h by the trapezoidal rule, y - h f(y)/2 = z + h f(z)/2, where f = dz/du depends
- * on the sense of the step.  For |gamma| <= beta the left side grows with y by at least 1, so that Newton's method finds its
- * one solution. */
+ * A step of u is divided into STEPS equal parts h of the trapezoidal rule, y - h f(y)/2 = z + h f(z)/2. Here f = dz/du
+ * depends on the sign of the step. For |gamma| <= beta the left side has a slope of at least 1, so Newton's method finds
+ * the unique solution. */
 #include "contact/user_law.h"
 
 #include <math.h>
@@ -69,7 +69,7 @@ typedef struct {
     double beta, gamma, n;
 } bouc_wen;
 
-/* f = dz/du for steps of that sense, and its derivative. */
+/* f = dz/du for steps of the given sign, and its derivative. */
 static double rate(const bouc_wen *law, double sense, double z, double *by_z) {
     const double size = fabs(z), power = law->n == 1.0 ? 1.0 : pow(size, law->n - 1.0);
     const double c = law->gamma + (sense * z < 0.0 ? -law->beta : law->beta);
@@ -77,7 +77,7 @@ static double rate(const bouc_wen *law, double sense, double z, double *by_z) {
     return 1.0 - c * power * size;
 }
 
-/* z after a step du; its derivatives by du and by the z before. */
+/* z after a step du, and its derivatives with respect to du and to z before the step. */
 static double evolve(const bouc_wen *law, double du, double z, double *by_u, double *by_z) {
     const double h = du / STEPS;
     *by_u = 0.0, *by_z = 1.0;
@@ -96,7 +96,7 @@ static double evolve(const bouc_wen *law, double du, double z, double *by_u, dou
         *by_z *= by;
         z = y;
     }
-    if (du == 0.0) *by_u = 1.0; /* an elastic step, whatever its sense; sides differ unless z is 0 */
+    if (du == 0.0) *by_u = 1.0; /* an elastic step in either direction; the one-sided derivatives differ unless z is 0 */
     return z;
 }
 

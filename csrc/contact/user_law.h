@@ -1,13 +1,13 @@
-/* Contact laws that are brought along as a function of C: the signature, one step of such a law, and the laws that bdamper
- * ships in this form.
+/* Contact laws as C functions: their signature, one step of a law, and the laws of this form that bdamper ships.
  *
- * A law goes from one instant to the next.  Its state s follows from the motion x = (u1, u2, v), from the motion `before` one
- * instant earlier and from the state s0 there, and the forces (T1, T2, N) from the motion and the new state,
+ * A law advances from one instant to the next. Its state s follows from the motion x = (u1, u2, v), the motion `before`
+ * and the state s0 at the previous instant. The forces (T1, T2, N) follow from the motion and the new state:
  *
- *     s1 = g(x, before, s0),     F = f(x, s1),
+ *     s1 = g(x, before, s0),     F = f(x, s1).
  *
- * so that rates do not count, only the path.  The closing v counts from where the surfaces touch.  A step to where the point
- * is already (x = before) must leave the state as it is.  Derivatives arrive as zeros: only the others are to be written. */
+ * Thus the law depends on the path but not on rates. The closing v is zero when the surfaces touch. A step without
+ * motion (x = before) must leave the state unchanged. Derivative arrays are zero on entry, so a law writes its nonzero
+ * entries only. */
 #ifndef BD_CONTACT_USER_LAW_H
 #define BD_CONTACT_USER_LAW_H
 
@@ -15,13 +15,13 @@
 
 #include <string.h>
 
-/* p: the parameters.  Fx = df/dx (3, 3), Fs = df/ds1 (3, n_state), sx = dg/d(x, before) (n_state, 6), ss = dg/ds0 (n_state,
- * n_state); Fx is NULL, and so are the others, where no derivative is asked for. */
+/* Signature of a law. p: parameters. Fx = df/dx (3, 3), Fs = df/ds1 (3, n_state), sx = dg/d(x, before) (n_state, 6), ss
+ * = dg/ds0 (n_state, n_state). Fx, Fs, sx and ss are NULL if no derivatives are needed. */
 typedef void (*bd_user_law)(const double x[3], const double before[3], const double *p, const double *s0, double *s1,
                             double F[3], double Fx[9], double *Fs, double *sx, double *ss, void *data);
 
-/* The law of one point.  What a point remembers is its latest motion, of which the closing counts from touching, and the
- * state there: 3 + n_state numbers, zeros before any load. */
+/* Law of one point. The memory of a point has 3 + n_state numbers: its latest motion (closing relative to touching) and
+ * the state. All are zero before any load. */
 typedef struct {
     bd_user_law function; /* NULL: the point has no law of this kind */
     void *data;
@@ -34,7 +34,7 @@ typedef struct {
     double Fx[9], *Fs, *sx, *ss;
 } bd_point_law_derivatives;
 
-/* Forces F (3) of a point that comes to the motion x (3); `to` is what it remembers then.  With slopes, also derivatives. */
+/* Compute the forces F (3) of a point at the motion x (3) and its new memory `to`; optionally the derivatives. */
 static inline void bd_point_law_step(const bd_point_law *point_law, const double *x, const double *from, double *to,
                                      double *F, bd_point_law_derivatives *derivatives) {
     const size_t n = (size_t)point_law->n_state;
@@ -50,7 +50,7 @@ static inline void bd_point_law_step(const bd_point_law *point_law, const double
     for (int i = 0; i < 3; ++i) to[i] = x[i];
 }
 
-/* D (3, 3): derivative of the forces after a step with respect to where it ends. */
+/* D (3, 3): derivative of the forces at the end of a step with respect to the motion there. */
 static inline void bd_point_law_tangent(const bd_point_law *point_law, const bd_point_law_derivatives *derivatives,
                                         double *D) {
     const size_t n = (size_t)point_law->n_state;
@@ -62,7 +62,7 @@ static inline void bd_point_law_tangent(const bd_point_law *point_law, const bd_
         }
 }
 
-/* Numbers that the slopes of a law with n_state need room for, and slopes in that room. */
+/* Size of the work array for the derivatives of a law with n_state states, and derivatives that point into it. */
 static inline size_t bd_point_law_work_size(int n_state) { return (size_t)n_state * (size_t)(n_state + 9) + 1; }
 
 static inline bd_point_law_derivatives bd_point_law_derivatives_in(double *work, int n_state) {
@@ -70,13 +70,13 @@ static inline bd_point_law_derivatives bd_point_law_derivatives_in(double *work,
     return (bd_point_law_derivatives){.Fs = work, .sx = work + 3 * n, .ss = work + 9 * n};
 }
 
-/* ---- bd_laws.c ---- */
+/* ---- shipped_laws.c ---- */
 
-/* The laws of n points with numbers of their own, in one piece of memory to be freed; NULL without memory. */
+/* Copies of the laws of n points in one block of memory, which the caller frees; NULL if out of memory. */
 bd_point_law *bd_point_laws_create(int n, const bd_point_law *from);
 
-/* NULL if a law has the counts that its function reads and writes, and parameters for which its formulas hold; otherwise the
- * law's name and the counts and ranges that it expects.  Laws that bdamper does not ship always pass. */
+/* Return NULL if a law has the counts that its function reads and writes, and valid parameters. Otherwise return the
+ * name of the law with the expected counts and ranges. Laws that bdamper does not ship always pass. */
 const char *bd_law_parameter_error(const bd_point_law *point_law);
 
 /* p = (n, kn, then k, f, mu of each of n elements). */

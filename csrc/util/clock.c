@@ -1,4 +1,4 @@
-/* Clocks of POSIX where there are any, those of C otherwise. */
+/* Clocks of POSIX if available, otherwise clocks of C. */
 #define _POSIX_C_SOURCE 199309L
 #include "util/clock.h"
 

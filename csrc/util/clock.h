@@ -2,10 +2,10 @@
 #ifndef BD_UTIL_CLOCK_H
 #define BD_UTIL_CLOCK_H
 
-/* Seconds since some instant. */
+/* Seconds since a fixed instant. */
 double bd_seconds(void);
 
-/* Seconds that a processor has spent on this thread (on this process, where the system counts no threads). */
+/* Processor seconds of this thread, or of the process if the system does not count threads. */
 double bd_processor_seconds(void);
 
 #endif

@@ -1,4 +1,4 @@
-/* Which build of the inner loops this machine runs. */
+/* Choice of the build of the inner loops at run time. */
 #include "util/kernels.h"
 #include "util/vector_types.h"
 

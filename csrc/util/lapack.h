@@ -1,6 +1,6 @@
-/* The LAPACK and BLAS functions in use, as a table of pointers (Fortran calling convention, int integers).
+/* Table of the LAPACK functions in use (Fortran calling convention, int integers).
  *
- * The extension fills it from SciPy's capsules; built with -Dlapack=system it is filled with the linked functions. */
+ * The extension module fills the table from SciPy's capsules. A build with -Dlapack=system links the functions instead. */
 #ifndef BD_UTIL_LAPACK_H
 #define BD_UTIL_LAPACK_H
 

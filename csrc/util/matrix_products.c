@@ -1,16 +1,16 @@
-/* Dense inner loops; this file is compiled once for each instruction set, BD_VARIANT naming the build.
+/* Small dense products and inverses, compiled once for each instruction set; BD_VARIANT names the build.
  *
- * Why not BLAS: a threaded BLAS hands products of this size to its pool, and waking the pool costs many times the product
- * (measured: 20 times, with two threads).  Curves are computed in parallel instead, so one thread is what is wanted, and
- * a process-wide setting of somebody else's library is not ours to change.
+ * BLAS is not used for these sizes: a threaded BLAS passes such a product to its thread pool, and waking the pool takes
+ * many times longer than the product (measured: 20 times with two threads). Curves run in parallel processes, so one
+ * thread suffices, and the number of BLAS threads is a process-wide setting of another library.
  *
- * The product keeps a tile of C in registers while k runs; both operands are read along their rows. */
+ * The product holds a tile of C in registers while k runs. Both operands are read along their rows. */
 #include "util/kernels.h"
 #include "util/vector_types.h"
 
 enum { MOST_ROWS = BD_WIDTH == 8 ? 8 : 4, MOST_VECTORS = 3 };
 
-/* A (i, p) at A[i of_row + p of_column]. */
+/* Element A (i, p) is A[i of_row + p of_column]. */
 typedef struct {
     const double *A;
     size_t of_row, of_column;
@@ -38,7 +38,7 @@ BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const
             if (from + BD_WIDTH <= n_columns)
                 bd_store(c + from, bd_load(c + from) + f.alpha * sum[r][v]);
             else
-                for (size_t j = 0; j + 1 < BD_WIDTH; ++j) /* entries by constants stay in registers */
+                for (size_t j = 0; j + 1 < BD_WIDTH; ++j) /* constant indices leave the vector in registers */
                     if (from + j < n_columns) c[from + j] += f.alpha * bd_entry(sum[r][v], j);
         }
     }
@@ -88,8 +88,8 @@ static void add_product(size_t m, size_t n, size_t k, double alpha, const double
     all_strips(m, n, k, (left_factor){A, stride_a, 1, alpha}, B, stride_b, C, stride_c);
 }
 
-/* Gauss and Jordan's elimination in place of the b columns of A from the first, in P (b, stride) one after another, whole rows
- * of A exchanged. */
+/* Eliminate b columns of A from `first` by Gauss and Jordan. P (b, stride) holds these columns; pivoting exchanges whole
+ * rows of A. Return the sign of the determinant, 0 if a pivot is zero or infinite. */
 static int eliminate_columns(int n, int first, int b, double *P, int stride, double *A, int *pivot) {
     int sign = 1;
     for (int k = first; k < first + b; ++k) {
@@ -118,7 +118,7 @@ static int eliminate_columns(int n, int first, int b, double *P, int stride, dou
     return sign;
 }
 
-/* The columns of a block make one product with the rows that they were eliminated by, for all other columns at once. */
+/* Invert by blocks of columns: one product per block updates all other columns. */
 static int invert(int n, double *restrict A, int *restrict pivot, double *restrict work) {
     const int stride = (n + 7) / 8 * 8;
     int sign = 1;
@@ -152,7 +152,7 @@ static int invert(int n, double *restrict A, int *restrict pivot, double *restri
 
 /* ---- tangent times modes ---- */
 
-/* Columns j .. j + n_vec*BD_WIDTH of harmonic m for all rows. */
+/* Columns j .. j + n_vec*BD_WIDTH of harmonic m, all rows. */
 BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int n_source, const int n_vec, size_t columns,
                             size_t j) {
     const size_t n_coef = (size_t)bd_n_coef(f->n_harm), first = (size_t)f->first[m] + j;
@@ -208,7 +208,8 @@ BD_INLINE double dot(size_t n, const double *a, const double *x) {
     return sum;
 }
 
-/* As `dot` for rows that share x; `last` are the last BD_WIDTH of x with zeros for those that were taken before. */
+/* Like `dot` for several rows with the same x. `last` holds the last BD_WIDTH entries of x; entries that a full vector
+ * has covered are zero. */
 BD_INLINE void dots(const int n_rows, size_t n, const double *A, const double *x, bd_vec last, double *y) {
     bd_vec sum[4][2];
     for (int r = 0; r < n_rows; ++r) sum[r][0] = sum[r][1] = bd_all(0.0);

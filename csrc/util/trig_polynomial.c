@@ -1,20 +1,20 @@
 /* Trigonometric polynomials.
  *
- * x(theta) = x0 + sum_l c_l cos(l theta) + s_l sin(l theta) has the derivative with coefficients
- * c'_l = l s_l, s'_l = -l c_l.  Values come from the powers of z = exp(i theta), which one sine and one cosine and a
- * complex recurrence give for all harmonics.
+ * The polynomial x(theta) = x0 + sum_l c_l cos(l theta) + s_l sin(l theta) has the derivative coefficients c'_l = l s_l,
+ * s'_l = -l c_l. Values follow from the powers of z = exp(i theta): one sine, one cosine and a complex recurrence yield
+ * all harmonics.
  *
- * Roots.  A polynomial of degree H has at most 2 H roots in a period.  For H = 1,
+ * Roots. A polynomial of degree H has at most 2 H roots in a period. For H = 1,
  *     x0 + A cos(theta - phi) = 0  <=>  theta = phi +- acos(-x0/A).
- * For H > 1 the period is cut into cells.  A sign change over a cell brackets a root.  Without one the cell may still
- * hide a pair: the polynomial then has an extremum inside that reaches across zero.  It is recognised by a slope that
- * leads toward zero at the left end and away from it at the right end; the extremum is the bracketed root of the
- * derivative, and the sign of the polynomial there decides.
+ * For H > 1 the period is divided into cells. A sign change over a cell brackets a root. A cell without a sign change
+ * may hide a pair of roots if the polynomial has an extremum inside that crosses zero. Such a cell has a slope towards
+ * zero at its left end and away from zero at its right end. The extremum is the bracketed root of the derivative; the
+ * sign of the polynomial there decides.
  *
- * A sample that is a root itself, but for rounding, has no sign of its own: it is taken as a root, and the cells on both
- * sides have the signs that the slope gives.
+ * A sample that is a root except for rounding has no reliable sign. It counts as a root, and the slope determines the
+ * signs in the adjacent cells.
  *
- * A bracketed root is refined by Newton's method, kept inside a shrinking bracket by bisection. */
+ * Newton's method refines a bracketed root; bisection confines it to a shrinking bracket. */
 #include "util/trig_polynomial.h"
 
 #include <math.h>
@@ -29,7 +29,7 @@ bd_status bd_trig_grid_create(bd_trig_grid *grid, int n_harm, int n_time) {
     for (int k = 0; k < n_time; ++k) {
         for (int i = 0; i < n_coef; ++i) {
             const int l = (i + 1) / 2;
-            /* the argument is reduced with integers, so that the grid is exact for every harmonic */
+            /* an integer reduction of the argument makes the grid exact for every harmonic */
             const double angle = BD_TWO_PI * (double)(((long)l * k) % n_time) / n_time;
             grid->basis[(size_t)i * (size_t)n_time + (size_t)k] = i == 0 ? 1.0 : (i % 2 ? cos(angle) : sin(angle));
         }
@@ -73,7 +73,7 @@ void bd_trig_powers_of(int n_max, const double *z, double *power) {
     }
 }
 
-/* Value and derivative at once, at exp(i theta) = z. */
+/* Value and derivative at exp(i theta) = z. */
 static double value_and_slope_at(int n_harm, const double *x, const double *z, double *slope) {
     const double c = z[0], s = z[1];
     double re = c, im = s, value = x[0], d = 0.0;
@@ -119,7 +119,7 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
     const double fb = value_and_slope(n_harm, f, b, &slope);
     if (fa == 0.0) return a;
     if (fb == 0.0) return b;
-    if ((fa < 0.0) == (fb < 0.0)) return fabs(fa) <= fabs(fb) ? a : b; /* an end is the root, but for rounding */
+    if ((fa < 0.0) == (fb < 0.0)) return fabs(fa) <= fabs(fb) ? a : b; /* one end is the root except for rounding */
     double x = a + (b - a) * (fa / (fa - fb));                         /* the secant is a good start on a small cell */
     if (!(x > a && x < b)) x = 0.5 * (a + b);
     for (int i = 0; i < 100; ++i) {
@@ -132,7 +132,8 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
             b = x;
         }
         double next = x - fx / slope;
-        /* a step below rounding ends the search: next may then be an end of the bracket, which is no reason to bisect */
+        /* A step below rounding ends the search: next may then be an end of the bracket, which must not cause a
+         * bisection. */
         if (fabs(next - x) <= 2e-16 * (1.0 + fabs(x))) return x;
         if (!(next > a && next < b)) next = 0.5 * (a + b);
         const double step = fabs(next - x);
@@ -144,7 +145,7 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
 
 /* ---- roots over a period ---- */
 
-/* exp(i (theta_k + delta)) for a node of the grid and a small delta. */
+/* exp(i (theta_k + delta)) for a grid node and a small delta. */
 static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
     const double c = grid->basis[(size_t)grid->n_time + (size_t)k], s = grid->basis[2 * (size_t)grid->n_time + (size_t)k];
     const double d = delta * delta;
@@ -160,8 +161,9 @@ static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
     z[1] = s * dc + c * ds;
 }
 
-/* The root that a cell brackets, as the distance from its left node.  It starts from the cubic through values f0, f1 and
- * slopes d0, d1 at the ends; Newton's method squares the error, so the size of the step after the next is known. */
+/* Return the bracketed root of a cell as distance from its left node. The start is the root of the cubic through the
+ * values f0, f1 and slopes d0, d1 at the ends. Newton's method squares the error, so the size of the step after the next
+ * is predictable. */
 static double refine(const bd_trig_grid *grid, const double *f, int k, double f0, double f1, double d0, double d1) {
     const double h = BD_TWO_PI / grid->n_time;
     const double m0 = h * d0, m1 = h * d1, a3 = 2.0 * (f0 - f1) + m0 + m1, a2 = 3.0 * (f1 - f0) - 2.0 * m0 - m1;
@@ -199,10 +201,10 @@ static double into_period(double theta) {
     return theta >= BD_TWO_PI ? theta - BD_TWO_PI : theta;
 }
 
-/* Both roots share phi = arg(c + i s) and the half opening: cos(theta - phi) = -x0/A. */
+/* Both roots share phi = arg(c + i s) and the half angle: cos(theta - phi) = -x0/A. */
 static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     const double square = f[1] * f[1] + f[2] * f[2];
-    if (!(square > f[0] * f[0])) return 0; /* a grazing root is no crossing */
+    if (!(square > f[0] * f[0])) return 0; /* a double root is not a crossing */
     const double amplitude = sqrt(square), c = f[1] / amplitude, s = f[2] / amplitude, k = -f[0] / amplitude;
     const double m = sqrt(fmax((1.0 - k) * (1.0 + k), 0.0));
     /* exp(i theta) = (c + i s)(k -+ i m) */
@@ -226,7 +228,7 @@ static void push(const bd_trig_grid *grid, int k, double delta, double *root, do
     rotate(grid, k, delta, z + 2 * n);
 }
 
-/* A pair of roots inside cell k, where the polynomial has the same sign at both ends but may dip across zero. */
+/* Add a pair of roots inside cell k, if the polynomial has equal signs at both ends but crosses zero between them. */
 static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double sign, double *root, double *z, int n) {
     const double h = BD_TWO_PI / grid->n_time, a = k * h, b = (k + 1) * h;
     double df[BD_MAX_COEF];
@@ -238,7 +240,7 @@ static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double 
     return n + 2;
 }
 
-/* Whether a sample is a root but for rounding, and a simple one: its own sign means nothing then. */
+/* Return whether a sample is a simple root except for rounding; its sign is then meaningless. */
 static int crosses_here(double value, double slope, double size) {
     return fabs(value) <= 1e-14 * size && fabs(slope) > 1e-6 * size;
 }
@@ -275,12 +277,11 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
             continue;
         }
         if (!(sign * slope[k] < 0.0 && sign * slope[next] > 0.0)) continue;
-        /* with a slope that falls to zero on the way the extremum is no deeper than h |slope|; twice that for safety */
+        /* With a slope that falls to zero in the cell, the extremum is at most h |slope| deep; the factor 2 is a margin. */
         if (fabs(f0) > 2.0 * h * fabs(slope[k]) || fabs(f1) > 2.0 * h * fabs(slope[next])) continue;
         if (n + 2 <= most) n = hidden_pair(grid, f, k, sign, root, z, n);
     }
-    if (n > 0 &&
-        root[n - 1] >= BD_TWO_PI - 1e-14) { /* a root found at the very end of the period is one at its beginning */
+    if (n > 0 && root[n - 1] >= BD_TWO_PI - 1e-14) { /* a root at the very end of the period is moved to its beginning */
         const double z_last[2] = {z[2 * n - 2], z[2 * n - 1]};
         for (int i = n - 1; i > 0; --i) {
             root[i] = root[i - 1];

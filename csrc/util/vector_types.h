@@ -1,7 +1,7 @@
-/* Vectors of doubles of the width that the present build has in registers, and whatever else is not C17.
+/* Vectors of doubles as wide as the registers of this build, and all other extensions of C17.
  *
- * With BD_PLAIN a vector is one number and everything here is C17; the files that include this header are the same.  A
- * mask has all bits of an entry set or none. */
+ * With BD_PLAIN a vector is a single number and the header is plain C17; files that include it do not change. In a mask,
+ * all bits of an entry are equal. */
 #ifndef BD_UTIL_VECTOR_TYPES_H
 #define BD_UTIL_VECTOR_TYPES_H
 
@@ -129,7 +129,7 @@ BD_INLINE bd_vec bd_root(bd_vec x) {
     return (bd_vec){sqrt(x[0]), sqrt(x[1])};
 #endif
 }
-/* Whether any entry of a mask is set. */
+/* Return whether any entry of a mask is set. */
 BD_INLINE int bd_any(bd_mask m) {
 #if BD_WIDTH == 8
     return _mm512_test_epi64_mask((__m512i)m, (__m512i)m) != 0;
@@ -140,7 +140,7 @@ BD_INLINE int bd_any(bd_mask m) {
 #endif
 }
 
-/* What the processor runs. */
+/* Instruction sets of the processor. */
 #if defined(__x86_64__)
 static inline int bd_runs_avx2(void) { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
 static inline int bd_runs_avx512(void) {
