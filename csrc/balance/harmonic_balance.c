@@ -1,24 +1,24 @@
 /* Residual and Jacobian of the harmonic balance equations in modal coordinates (paper, Eq. (16)).
  *
- * With q_l = c_l - i s_l the modal amplitudes of harmonic l, the relative motion at the contact points and the residual
+ * With the modal amplitudes q_l = c_l - i s_l of harmonic l, the relative motion at the contact points and the residual
  * are
  *
  *     (u1, u2, v)_l = G_l q_l
  *     r_l = (K - (l omega)^2 M + i l omega C) q_l + G_l^H F_l - E_l,
  *
- * K, M, C diagonal.  In real numbers, one row for the cosine and one for the sine part of each component,
+ * with diagonal K, M, C. In real numbers, with one row for the cosine and one for the sine part of each component,
  *
  *     Gr_l = [  Re G   Im G ]        acts on [c; s] and gives (cosine, sine);
- *            [ -Im G   Re G ]        its transpose takes forces back, since G^H F = (Re G^T Fc - Im G^T Fs, ...).
+ *            [ -Im G   Re G ]        its transpose gives modal forces, since G^H F = (Re G^T Fc - Im G^T Fs, ...).
  *
- * The contact law couples harmonics at a point by a tangent B = dF/dX, hence J_lm = Gr_l^T B_lm Gr_m + linear part: first
- * Z = B Gr for a chunk of components that fits the cache, then one matrix product for each harmonic.
+ * The contact law couples the harmonics at a point by a tangent B = dF/dX, hence J_lm = Gr_l^T B_lm Gr_m + linear part.
+ * First Z = B Gr is computed for a chunk of components that fits the cache, then one matrix product for each harmonic.
  *
- * Only components of which B is full take that way.  One that sticks (or stays in contact) through the cycle has
- * B = k I, which couples no harmonics; the sum K = Gr^T k Gr over all points is made once, for each of the three components
- * of motion.  An evaluation starts from K and takes off those components that are not linear, or starts from zero and adds
- * those that are, whichever are fewer.  Components that stay open cost nothing then, and where nothing sticks no rounding
- * error of K - K is left in J. */
+ * Only components with a full B need these products. A component that sticks (or stays in contact) through the cycle has
+ * B = k I and couples no harmonics. The sum K = Gr^T k Gr over all points is computed once for each of the three
+ * components of motion. An evaluation either starts from K and subtracts the components that are not linear, or starts
+ * from zero and adds the linear ones, depending on which are fewer. Thus open components cost nothing, and without
+ * sticking points J contains no rounding error of K - K. */
 #include "balance/harmonic_balance.h"
 
 #include "util/clock.h"
@@ -34,7 +34,7 @@ static void copy(double *to, const double *from, size_t n) {
     if (n > 0) memcpy(to, from, sizeof(double) * n);
 }
 
-/* Gr_l from the complex G_l (n_rows, n_mode), interleaved. */
+/* Gr_l from the complex interleaved G_l (n_rows, n_mode). */
 static void expand_modes(double *real, const double *complex_G, size_t n_component, int n_mode, int l) {
     const size_t n = (size_t)n_mode;
     for (size_t i = 0; i < n_component; ++i)
@@ -66,7 +66,7 @@ static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
 
 /* Stiffness of the spring of component a of a point, 0 if it has none. */
 static double spring(const bd_element *element, int a) {
-    if (element->law == BD_LAW_USER) return 0.0; /* not known by itself */
+    if (element->law == BD_LAW_USER) return 0.0; /* unknown without a call of the law */
     if (a == 2) return element->kn;
     return element->law == BD_LAW_BONDED || bd_element_has_friction(element, a) ? element->kt[a] : 0.0;
 }
@@ -289,7 +289,7 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
 
 /* ---- Jacobian ---- */
 
-/* Z and A hold, harmonic after harmonic, the rows (component of the chunk, cosine/sine). */
+/* Z and its rows of G hold, harmonic after harmonic, the rows (component of the chunk, cosine/sine). */
 static double *z_row(const bd_hbm *hbm, int l, size_t place, int part) {
     const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1); /* rows for each component in lower harmonics */
     const size_t index = before * (size_t)hbm->chunk + place * (size_t)n_row(l) + (size_t)part;
@@ -302,7 +302,7 @@ static double *a_rows(const bd_hbm *hbm, int l) {
     return hbm->chunk_modes + before * (size_t)hbm->chunk;
 }
 
-/* J += Gr^T Z for the components of the chunk, which is empty then. */
+/* J += Gr^T Z for the components of the chunk, then empty the chunk. */
 static void flush_chunk(bd_hbm *hbm, double *J) {
     const size_t n = (size_t)hbm->n_unknown, stride = bd_kernel_stride(n);
     if (hbm->n_chunk == 0) return;
@@ -312,7 +312,7 @@ static void flush_chunk(bd_hbm *hbm, double *J) {
     hbm->n_chunk = 0;
 }
 
-/* One more component (a of point p) whose tangent is full. */
+/* Add component a of point p, whose tangent is full, to the chunk. */
 static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *response, double *J) {
     const double *g[(BD_MAX_HARM + 1) * 3];
     double *z[BD_MAX_COEF];
@@ -338,7 +338,7 @@ static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *respo
     if (hbm->n_chunk == hbm->chunk) flush_chunk(hbm, J);
 }
 
-/* J += sign * k g g^T for the components a whose tangent is linear (or, with sign -1, is not), harmonic by harmonic. */
+/* J += sign * k g g^T, harmonic by harmonic, for the components a whose tangent is linear (or, with sign -1, is not). */
 static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) {
     const size_t n = (size_t)hbm->n_unknown;
     for (int l = 0; l <= hbm->n_harm; ++l) {
@@ -363,8 +363,8 @@ static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) 
     }
 }
 
-/* Share of the components that are linear through the cycle.  In a family the sums of all points change with the
- * parameter and are not made. */
+/* Add the components that are linear through the cycle. In a speed family the sums over all points change with the
+ * parameter and are not computed. */
 static void add_linear_components(bd_hbm *hbm, double *J) {
     const size_t n = (size_t)hbm->n_unknown;
     for (int a = 0; a < 3; ++a) {
@@ -412,7 +412,7 @@ static void find_derivatives(bd_hbm *hbm, size_t first, size_t n, const bd_respo
                             hbm->derivative->X + p * size, response + (p - first), hbm->derivative->F + p * size);
 }
 
-/* Contact forces of all points and, as they come, their share of J. */
+/* Contact forces of all points and their contribution to J. */
 static void contact_part(bd_hbm *hbm, double *J) {
     bd_response response[BD_LANES];
     const int tangent = J || hbm->derivative;
@@ -445,11 +445,11 @@ static void contact_part(bd_hbm *hbm, double *J) {
 
 static int all_finite(const double *x, size_t n) {
     double sum = 0.0;
-    for (size_t i = 0; i < n; ++i) sum += x[i] * 0.0; /* NaN and infinity survive this */
+    for (size_t i = 0; i < n; ++i) sum += x[i] * 0.0; /* preserves NaN and infinity */
     return sum == 0.0;
 }
 
-/* What the latest evaluation left is not that of a point which cannot be evaluated. */
+/* Invalidate motion, forces and shares at a point without evaluation. */
 static void set_not_finite(bd_hbm *hbm) {
     const size_t n = 3 * (size_t)hbm->n_point * (size_t)hbm->n_coef;
     for (size_t i = 0; i < n; ++i) hbm->X[i] = hbm->F[i] = NAN;

@@ -1,23 +1,24 @@
-/* Extended periodic motion: a nonlinear mode is a periodic motion of the autonomous system whose losses are balanced by a
- * force in proportion to mass times velocity,
+/* Nonlinear modes by extended periodic motion: a force proportional to mass times velocity balances the losses of the
+ * autonomous system,
  *
  *     M q'' + (C - xi M) q' + K q + f_c(q) = f_static,      xi = 2 omega zeta,
  *
- * with zeta the modal damping (Krack 2015).  With Q_l = a P_l for the harmonics l > 0 and Q_0 as it is, divided by a where
- * l > 0 so that small motions beside a large static force lose no digits,
+ * with the modal damping zeta (Krack 2015). Let Q_l = a P_l for the harmonics l > 0. Q_0 is not scaled. The equations of
+ * l > 0 are divided by a, so small vibration under a large static force loses no digits:
  *
  *     R_0 = K Q_0 + F_0(Q) - f_static,
  *     R_l/a = [K - (l omega)^2 M + i l omega (C - xi M)] P_l + F_l(Q)/a,
  *     weight (re . P - 1) = 0,  weight im . P = 0.
  *
- * The last two say that a is the amplitude of a chosen motion and fix its phase.  With S + J the Jacobian of the sector at Q,
+ * The last two equations make a the amplitude of a selected motion and fix its phase. With the Jacobian S + J of the
+ * sector at Q,
  *
  *     d(R_l/a)/dP_k = (S + J)_lk             d(R_l/a)/dQ_0 = J_l0/a
  *     dR_0/dP_k = a J_0k                     dR_0/d ln a = a sum_k J_0k P_k
- *     d(R_l/a)/dxi = -i l omega M P_l        d(R_l/a)/d ln a = sum_k (S + J)_lk P_k - R_l/a,      k > 0,
+ *     d(R_l/a)/dxi = -i l omega M P_l        d(R_l/a)/d ln a = sum_k (S + J)_lk P_k - R_l/a,      k > 0.
  *
- * and d(R_l/a)/domega is that of the sector with C - xi M for C, and 2 zeta of what xi does.  The unknown is zeta.
- * Coordinates without mass have no share in this force. */
+ * d(R_l/a)/domega is the derivative of the sector with C - xi M instead of C, plus 2 zeta d(R_l/a)/dxi. The unknown is
+ * zeta. Coordinates without mass carry none of this force. */
 #include "balance/nonlinear_mode.h"
 
 #include <math.h>
@@ -34,7 +35,7 @@ typedef struct {
     double *J;       /* (n, n) */
     double *force;   /* (n) its static forces */
     double *by_xi;   /* (n) */
-    double *damping; /* for each mode C - xi M */
+    double *damping; /* C - xi M for each mode */
     double *memory;
 } modes_equations;
 
@@ -44,7 +45,7 @@ static double dot(const double *x, const double *y, size_t n) {
     return sum;
 }
 
-/* The sector at Q, with the damping C - xi M and without excitation. */
+/* Evaluate the sector at Q with the damping C - xi M and without excitation. */
 static bd_status evaluate_sector(modes_equations *modes, double omega, double xi, int derivative) {
     bd_hbm *hbm = &modes->sector->hbm;
     double *damping = hbm->damping, *force = hbm->force;
@@ -111,7 +112,7 @@ static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
         fill_jacobian(modes, y, omega, zeta, a);
     }
     double sum = 0.0;
-    for (size_t i = 0; i < n + 2; ++i) sum += e->r[i] * 0.0; /* NaN and infinity survive this */
+    for (size_t i = 0; i < n + 2; ++i) sum += e->r[i] * 0.0; /* preserves NaN and infinity */
     return sum == 0.0 ? BD_OK : BD_NOT_FINITE;
 }
 
@@ -130,7 +131,7 @@ bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *r
     const bd_hbm *hbm = &sector->hbm;
     const size_t n = (size_t)hbm->n_unknown, mean = (size_t)hbm->n_mode[0];
     *out = NULL;
-    if (hbm->variation) return BD_BAD_ARGUMENT; /* its arrays are not those of the equations until they are mixed */
+    if (hbm->variation) return BD_BAD_ARGUMENT; /* the arrays of a family are undefined before an evaluation */
     modes_equations *modes = calloc(1, sizeof *modes);
     if (!modes) return BD_NO_MEMORY;
     bd_status status =

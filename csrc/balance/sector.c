@@ -1,4 +1,11 @@
-/* SECTORHEAD */
+/* Equations of one sector, with omega or a factor on the excitation as parameter.
+ *
+ * The factor s multiplies the vibratory excitation at fixed omega. It starts a response from the static state, or fades
+ * out a linear support S of a free body:
+ *
+ *     r(u, omega) + (1 - s) ramp + (1/s - 1) S u = 0,      0 < s <= 1.
+ *
+ * The support is nearly rigid at small s and vanishes at s = 1. */
 #include "balance/sector.h"
 
 #include <math.h>
@@ -37,14 +44,14 @@ bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const 
     return status;
 }
 
-/* ---- eased ---- */
+/* ---- factor on the excitation ---- */
 
 typedef struct {
     bd_dense dense;
     bd_sector *sector;
     double omega;
     double *ramp;    /* (n) */
-    double *support; /* (n, n) behind it, or NULL */
+    double *support; /* (n, n) in the same memory, or NULL */
 } eased_equations;
 
 static void add_support(const eased_equations *eased, const double *y, int derivative) {
@@ -72,7 +79,7 @@ static bd_status evaluate_eased(bd_equations *e, const double *y, int derivative
     }
     if (eased->support) add_support(eased, y, derivative);
     double sum = 0.0;
-    for (size_t i = 0; i < n; ++i) sum += e->r[i] * 0.0; /* NaN and infinity survive this */
+    for (size_t i = 0; i < n; ++i) sum += e->r[i] * 0.0; /* preserves NaN and infinity */
     return status == BD_OK && sum != 0.0 ? BD_NOT_FINITE : status;
 }
 

@@ -1,27 +1,28 @@
-/* Harmonic balance equations along the line omega = EO Omega, where everything changes with the rotor speed Omega.
+/* Harmonic balance equations along the line omega = EO Omega, if all arrays change with the rotor speed Omega.
  *
- * Each array a of the equations (stiffness, mass, damping, modes at the contact points, contact parameters, sliders, static
- * displacement, forces) is a polynomial of the squared speed p = (omega/EO)^2 through nodes p_i, in the form of Lagrange,
+ * Each array a (stiffness, mass, damping, modes at the contact points, contact parameters, sliders, static displacement,
+ * forces) is a polynomial of the squared speed p = (omega/EO)^2 through nodes p_i in Lagrange form,
  *
- *     a(p) = sum_i l_i(p) a_i,    l_i(p) = w_i prod_{k != i} (p - p_k),    w_i = 1/prod_{k != i} (p_i - p_k),
+ *     a(p) = sum_i l_i(p) a_i,    l_i(p) = w_i prod_{k != i} (p - p_k),    w_i = 1/prod_{k != i} (p_i - p_k).
  *
- * and so the residual R(u, omega) = r(u, omega; a(p)) has the derivative along the line
+ * The residual R(u, omega) = r(u, omega; a(p)) has the derivative along the line
  *
  *     R_omega = r_omega + r_a a',     a' = dp/domega sum_i l_i'(p) a_i.
  *
- * What the arrays enter linearly is a residual of its own, with a' in the place of a: harmonic by harmonic
+ * The arrays that enter linearly form a residual with a' instead of a. Harmonic by harmonic,
  *
- *     r_a a' = (K' - (l omega)^2 M' + i l omega C') q - E' + G'^H F + G^H F',
+ *     r_a a' = (K' - (l omega)^2 M' + i l omega C') q - E' + G'^H F + G^H F'.
  *
- * with the force F' of motions that change by X' = G' q + shift' and of contact parameters that change, too (bd_rate.c).  With
- * the tangents of the laws at hand, as they are where J is asked for, R_omega costs little more than the polynomials. */
+ * F' is the change of the contact force due to the motion X' = G' q + shift' and to the changing contact parameters
+ * (contact/force_derivative.c). If J is computed, the tangents of the laws are available, and R_omega costs little more
+ * than the polynomials. */
 #include "balance/speed_family.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* ---- arrays in one row ---- */
+/* ---- all arrays in one row ---- */
 
 static double *append(double *flat, const double *from, size_t n) {
     if (n > 0) memcpy(flat, from, sizeof(double) * n);
@@ -39,7 +40,7 @@ static size_t count_modes(const bd_hbm *hbm) {
     return n;
 }
 
-/* Numbers of a row of G that are independent: real for the mean, real and imaginary for a harmonic. */
+/* Independent numbers of a row of G: real for the mean, real and imaginary for a harmonic. */
 static size_t n_independent(const bd_hbm *hbm, int l) { return (size_t)((l == 0 ? 1 : 2) * hbm->n_mode[l]); }
 
 enum { OF_POINT = 8 }; /* parameters of a contact point */
@@ -118,7 +119,7 @@ static void set_basis_derivatives(bd_family *family, double p, double by_omega) 
     }
 }
 
-/* The nodes, mixed by the basis, as arrays of some equations. */
+/* Arrays of equations as sums of the nodes times the basis. */
 static void interpolate(bd_family *family, bd_hbm *to) {
     memset(family->interpolated, 0, sizeof(double) * family->n_value);
     to->kernel->multiply_transposed((size_t)family->n_node, family->n_value, family->node_values, family->basis,
@@ -155,7 +156,7 @@ static bd_status family_evaluate(bd_hbm *hbm, const double *u, double omega, dou
     return sum == 0.0 ? BD_OK : BD_NOT_FINITE;
 }
 
-/* ---- life ---- */
+/* ---- creation ---- */
 
 static void family_destroy(bd_variation *variation) {
     bd_family *family = (bd_family *)variation;
@@ -190,7 +191,8 @@ static bd_status read_nodes(bd_family *family, const bd_hbm *const *node, const 
     }
     for (size_t i = 0; i < n * family->n_value; ++i)
         if (!isfinite(family->node_values[i])) return BD_BAD_ARGUMENT;
-    const double beyond = 0.05 * (high - low); /* nodes of Chebyshev lie within the interval, the outer two by less */
+    /* Chebyshev nodes lie inside the interval; its ends are closer to the outer nodes than this */
+    const double beyond = 0.05 * (high - low);
     family->lowest = low - beyond, family->highest = high + beyond;
     return BD_OK;
 }

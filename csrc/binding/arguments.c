@@ -1,4 +1,4 @@
-/* Checks of arguments.  Arrays must have the dtype, shape and layout asked for: Python converts, C refuses. */
+/* Argument checks. Arrays must have the required dtype, shape and layout: Python converts, C refuses. */
 #include "binding/binding.h"
 
 #include <math.h>
@@ -36,7 +36,7 @@ static int raise_shape(PyArrayObject *array, const char *name, int n_dim, const 
     return 0;
 }
 
-/* Adds a contiguous array to those of the call, unless it is written to, or another one is, and they share memory. */
+/* Register a contiguous array of the call. Refuse memory shared with another array if one of them is an output. */
 static int enter(core_arguments *arguments, PyArrayObject *array, const char *name, int output) {
     const char *start = PyArray_BYTES(array), *end = start + PyArray_NBYTES(array);
     for (int i = 0; i < arguments->n; ++i) {
@@ -161,7 +161,7 @@ int core_check_law(int law, int evaluation) {
     return 0;
 }
 
-/* An infinite slider asks for an end of the interval of residual tractions, which only the 1-D laws have. */
+/* An infinite slider denotes an end of the interval of residual tractions, which exists for the 1-D laws only. */
 int core_check_slider(const double *w, int law) {
     const int one_d = law == BD_LAW_SEPARABLE || law == BD_LAW_CONSTANT;
     for (int d = 0; d < 2; ++d) {

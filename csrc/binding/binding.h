@@ -1,4 +1,4 @@
-/* What the files of the extension module share: checks of arguments, named results, the module's state. */
+/* Declarations shared by the files of the extension module: argument checks, named results, module state. */
 #ifndef BD_BINDING_BINDING_H
 #define BD_BINDING_BINDING_H
 
@@ -27,33 +27,33 @@ typedef struct {
     PyTypeObject *sector;
 } core_state;
 
-/* ---- arguments (bd_core_arguments.c) ---- */
+/* ---- arguments (arguments.c) ---- */
 
-/* The arrays of one call so far. */
+/* Arrays of one call. */
 typedef struct {
     int n;
     struct {
         const char *name, *start, *end;
         int output;
-    } array[26]; /* as many as Wheel() has */
+    } array[26]; /* the most of any call: Wheel() */
 } core_arguments;
 
 typedef enum { BD_FINITE, BD_NON_NEGATIVE, BD_POSITIVE, BD_NEGATIVE } core_range;
 enum { BD_INPUT, BD_OUTPUT };
 
-/* Data of a C-contiguous, aligned array of that type and shape, or NULL with an exception that names the argument.  An
- * output that shares memory with another array of the call is refused. */
+/* Return the data of a C-contiguous, aligned array of the given type and shape, or NULL with an exception that names the
+ * argument. An output that shares memory with another array of the call is refused. */
 void *core_array(core_arguments *arguments, PyObject *object, const char *name, int type, const char *type_name, int n_dim,
                  const npy_intp *shape, int output);
 double *core_doubles(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,
                      int output);
 double *core_vector(core_arguments *arguments, PyObject *object, const char *name, npy_intp n, int output);
 
-/* An input whose n numbers are all in a range. */
+/* An input with n numbers in a range. */
 double *core_numbers(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,
                      core_range range);
 
-/* Whether n numbers are in a range; if not, with an exception that names them. */
+/* Return whether n numbers are in a range; otherwise raise an exception that names them. */
 int core_check_numbers(const double *x, npy_intp n, const char *name, core_range range);
 int core_check_number(double x, const char *name, core_range range);
 
@@ -61,33 +61,33 @@ int core_check_n_harm(npy_intp n_harm);
 int core_check_evaluation(int evaluation, int n_time, int n_harm);
 int core_check_law(int law, int evaluation);
 int core_check_slider(const double *w, int law);
-int core_check_kernel(void); /* whether the environment asks for one that this machine runs */
+int core_check_kernel(void); /* whether this processor runs the kernel in the environment variable */
 PyObject *core_kernel_names(void);
 
-/* Contact laws of users at n points, from None or a tuple with None or (function, parameters, memory, ...) for each point, where
- * function is a capsule or a tuple that begins with one; what the tuples hold must live as long as the laws are read.  0 with
- * an exception, also for a shipped law with other counts than its function has; *own is to be freed with PyMem_Free, NULL for None. */
+/* Read user laws at n points from None or a tuple. Its items are None or (function, parameters, memory, ...) for each
+ * point; function is a capsule or a tuple that begins with one. The items must outlive the laws. Return 0 with an
+ * exception, also for a shipped law with wrong counts. The caller frees *point_law with PyMem_Free; it is NULL for None. */
 int core_point_laws(PyObject *object, npy_intp n, bd_point_law **point_law);
 
-/* Whether a point has a function if, and only if, its law asks for one. */
+/* Return whether the points with a function are exactly those with BD_LAW_USER. */
 int core_check_point_laws(const int *law, const bd_point_law *point_law, npy_intp n);
 
-/* 0, with an exception, for a status that stands for wrong arguments or lack of memory. */
+/* Return 0 with an exception for wrong arguments or lack of memory. */
 int core_check_status(bd_status status);
 
-/* ---- equations (bd_core_equations.c) ---- */
+/* ---- equations (equations_type.c) ---- */
 
-/* What every type of equations is: they differ in their constructors alone, and share methods and destructor. */
+/* Common object of all types of equations. The types share methods and destructor and differ in their constructors. */
 typedef struct core_equations {
     PyObject_HEAD bd_equations *equations; /* owned */
-    bd_hbm *hbm;                           /* that evaluates the contact; NULL of a wheel */
+    bd_hbm *hbm;                           /* evaluates the contact; NULL for a wheel */
     bd_wheel *wheel;                       /* the same equations, or NULL */
-    struct core_equations *inner;          /* what they wrap, whose lock they take; NULL if none */
-    PyObject *point_law;                   /* what keeps the contact laws of users alive, or NULL */
+    struct core_equations *inner;          /* wrapped equations, whose lock is used; NULL if none */
+    PyObject *point_law;                   /* owner of the user laws' memory, or NULL */
     PyThread_type_lock lock;
 } core_equations;
 
-/* An object without equations yet; NULL with an exception. */
+/* Return an object without equations; NULL with an exception. */
 core_equations *core_equations_new(PyTypeObject *type, core_equations *inner);
 void core_equations_dealloc(PyObject *self);
 extern PyMethodDef core_equations_methods[];
@@ -95,11 +95,11 @@ extern PyGetSetDef core_equations_getset[];
 
 /* ---- parts of the module ---- */
 
-extern PyType_Spec core_sector_spec, core_eased_spec, core_modes_spec; /* bd_core_sector.c */
-extern PyType_Spec core_ring_spec;                                     /* bd_core_time.c */
-extern PyType_Spec core_wheel_spec;                                    /* bd_core_wheel.c */
+extern PyType_Spec core_sector_spec, core_eased_spec, core_modes_spec; /* sector_types.c */
+extern PyType_Spec core_ring_spec;                                     /* integration_type.c */
+extern PyType_Spec core_wheel_spec;                                    /* wheel_type.c */
 int core_add_results(PyObject *module, core_state *state);
-PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
+PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* contact_functions.c */
 PyObject *core_step_laws(PyObject *module, PyObject *args);
 PyObject *core_check_laws(PyObject *module, PyObject *laws);
 int core_add_laws(PyObject *module);

@@ -1,4 +1,4 @@
-/* bdamper._core: one contact point, for tests and teaching. */
+/* bdamper._core: one contact point, for tests and teaching; steps of user laws. */
 #include "binding/binding.h"
 
 #include <math.h>
@@ -18,13 +18,13 @@ static PyObject *segment_list(const bd_evaluator *evaluator, int d) {
     return list;
 }
 
-/* Spreads a block of the point into the dense (3, n_coef, 3, n_coef) tangent. */
+/* Copy a block of the point into the dense (3, n_coef, 3, n_coef) tangent. */
 static void spread(const double *block, int row, int column, npy_intp n_coef, double *J) {
     for (npy_intp i = 0; i < n_coef; ++i)
         for (npy_intp j = 0; j < n_coef; ++j) J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
 }
 
-/* One point and where its results go. */
+/* One point and the arrays of its results. */
 typedef struct {
     bd_element element;
     int evaluation, n_time, n_harm;
@@ -33,7 +33,7 @@ typedef struct {
     bd_point_law *point_law;
 } contact_call;
 
-/* Motion and parameters; F and J are to be written. */
+/* Read motion and parameters; F and J are outputs. */
 static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
     static char *names[] = {"x", "kt", "kn", "mu", "n0", "w", "F", "J", "law", "evaluation", "n_time", "load", "own", NULL};
     PyObject *x, *kt_object, *w_object, *F, *J, *point_law = Py_None;
@@ -76,7 +76,7 @@ static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
     return 1;
 }
 
-/* Force and dense tangent, with room (9, n_coef, n_coef) for the blocks that the contact laws write. */
+/* Force and dense tangent, with memory (9, n_coef, n_coef) for the blocks of the contact laws. */
 static void evaluate(const contact_call *c, double *block, bd_status_share *share, bd_evaluator *evaluator) {
     const size_t nn = (size_t)(c->n_coef * c->n_coef);
     bd_response out = {.F = c->F,
@@ -179,7 +179,7 @@ PyObject *core_step_laws(PyObject *module, PyObject *args) {
     return done ? Py_NewRef(Py_None) : NULL;
 }
 
-/* ---- laws that come with bdamper ---- */
+/* ---- shipped laws ---- */
 
 #define SIGNATURE                                                                                                          \
     "void (double *, double *, double *, double *, double *, double *, double *, double *, double *, double *, void *)"

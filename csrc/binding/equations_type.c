@@ -1,15 +1,15 @@
-/* What Python asks of equations of any kind: evaluate, solve, contact, cost.
+/* Python methods of all types of equations: evaluate, solve, contact, cost.
  *
- * Work is done without the GIL, under the lock of the object that owns the workspace; what a call finds is copied out
- * before the lock is given back, so that nothing depends on which call came last.  Failure to converge is a returned
- * status; only wrong arguments and lack of memory are exceptions. */
+ * Computation runs without the GIL, under the lock of the object that owns the workspace. Results are copied before the
+ * lock is released, so they do not depend on the order of calls. Lack of convergence is a returned status. Exceptions
+ * are raised for wrong arguments and lack of memory only. */
 #include "util/clock.h"
 #include "binding/binding.h"
 
 #include <math.h>
 #include <string.h>
 
-/* ---- life, lock and clock ---- */
+/* ---- object, lock and clock ---- */
 
 core_equations *core_equations_new(PyTypeObject *type, core_equations *inner) {
     core_equations *self = (core_equations *)type->tp_alloc(type, 0);
@@ -33,20 +33,20 @@ void core_equations_dealloc(PyObject *object) {
     Py_DECREF(type);
 }
 
-/* Both clocks and the cost when work begins. */
+/* Clocks and cost at the start of a computation. */
 typedef struct {
     double wall, processor;
     bd_cost cost;
 } clocks;
 
-/* Begins work, without the GIL. */
+/* Start a computation, without the GIL. */
 static clocks begin_work(core_equations *self) {
     PyThread_acquire_lock(self->lock, WAIT_LOCK);
     return (clocks){bd_seconds(), bd_processor_seconds(), *self->equations->cost};
 }
 
-/* Ends work.  The parts are timed by the wall clock, since reading the processor clock takes longer than many of them;
- * scaled to the processor time of the whole call they leave out the time in which the thread has waited. */
+/* End a computation. The wall clock measures the parts, since a reading of the processor clock takes longer than many of
+ * them. Scaling to the processor time of the call removes the time in which the thread has waited. */
 static void end_work(core_equations *self, clocks started) {
     bd_cost *now = self->equations->cost;
     const double processor = bd_processor_seconds() - started.processor, wall = bd_seconds() - started.wall;
@@ -58,18 +58,18 @@ static void end_work(core_equations *self, clocks started) {
     PyThread_release_lock(self->lock);
 }
 
-/* ---- results with names ---- */
+/* ---- named results ---- */
 
-static PyStructSequence_Field counts_fields[] = {{"contact", "Processor seconds in contact forces."},
-                                                 {"assembly", "Seconds in modal sums and products."},
-                                                 {"algebra", "Seconds in linear algebra."},
+static PyStructSequence_Field counts_fields[] = {{"contact", "Processor seconds for contact forces."},
+                                                 {"assembly", "Processor seconds for modal sums and products."},
+                                                 {"algebra", "Processor seconds for linear algebra."},
                                                  {"processor", "Processor seconds of all calls."},
-                                                 {"evaluations", "Residuals, with or without Jacobian."},
-                                                 {"jacobians", "Jacobians."},
-                                                 {"factorisations", "Factorisations of the bordered matrix."},
-                                                 {"least_norm", "Solutions by least norm."},
+                                                 {"evaluations", "Number of residuals, with or without Jacobian."},
+                                                 {"jacobians", "Number of Jacobians."},
+                                                 {"factorisations", "Number of factorisations of the bordered matrix."},
+                                                 {"least_norm", "Number of least-norm solutions."},
                                                  {NULL, NULL}};
-static PyStructSequence_Desc counts_description = {"bdamper._core.Counts", "What equations have cost since they were made.",
+static PyStructSequence_Desc counts_description = {"bdamper._core.Counts", "Cost of equations since their creation.",
                                                    counts_fields, 8};
 
 static PyStructSequence_Field solved_fields[] = {
@@ -77,14 +77,14 @@ static PyStructSequence_Field solved_fields[] = {
     {"iterations", NULL},
     {"residual", "Largest scaled residual at the returned point."},
     {"first_step", "Length of the first Newton step, in scaled unknowns."},
-    {"last_step", "Length of the last one."},
-    {"condition", "Reciprocal condition of the last bordered matrix."},
-    {"rank", "Its rank, n_unknown + 1 where it is regular."},
-    {"orientation", "Sign of its determinant, 0 if it is not known."},
-    {"slope", "What vanishes at a stationary point, there."},
-    {"curvature", "Its derivative along the curve, as the last secant gives it."},
-    {"shares", "Shares of the cycle that stick, slip and are open at the returned point, mean of the points with friction; "
-               "NaN where it could not be evaluated."},
+    {"last_step", "Length of the last Newton step, in scaled unknowns."},
+    {"condition", "Estimate of the reciprocal condition of the last bordered matrix."},
+    {"rank", "Rank of this matrix, n_unknown + 1 if it is regular."},
+    {"orientation", "Sign of its determinant, 0 if unknown."},
+    {"slope", "Quantity that vanishes at a stationary point, at the returned point."},
+    {"curvature", "Derivative of this quantity along the curve, from the last secant."},
+    {"shares", "Mean shares of the cycle in stick, slip and separation of the points with friction at the returned "
+               "point; NaN without an evaluation."},
     {NULL, NULL}};
 static PyStructSequence_Desc solved_description = {"bdamper._core.Solved", "Outcome of one run of Newton's method.",
                                                    solved_fields, 11};
@@ -102,7 +102,7 @@ int core_add_results(PyObject *module, core_state *state) {
     return state->counts && state->solved ? 0 : -1;
 }
 
-/* A struct sequence from a tuple (taken over) of its fields. */
+/* Make a struct sequence from a tuple of its fields; takes over the tuple. */
 static PyObject *named(PyTypeObject *type, PyObject *tuple) {
     PyObject *result = tuple ? PyStructSequence_New(type) : NULL;
     for (Py_ssize_t i = 0; result && i < PyTuple_GET_SIZE(tuple); ++i)
@@ -126,8 +126,7 @@ static points points_of(const core_equations *self) {
     return (points){w->input.n_sector * w->input.n_point, w->n_coef, w->element, w->share, w->X, w->F};
 }
 
-/* Stick, slip and open, averaged over the points with friction at the evaluation that the caller has just made; NaN where
- * that failed. */
+/* Mean stick, slip and open shares of the points with friction at the latest evaluation; NaN if it failed. */
 static void mean_shares(const core_equations *self, double *mean) {
     const points at = points_of(self);
     int n = 0;
@@ -146,7 +145,7 @@ static void mean_shares(const core_equations *self, double *mean) {
 
 /* ---- methods ---- */
 
-/* J of equations that do not form it, by products with unit vectors. */
+/* Compute J by products with unit vectors, for equations without a stored J. */
 static bd_status columns(bd_equations *e, double *J) {
     const size_t n = (size_t)e->n;
     double *unit = e->scratch, *column = unit + n + 1;
@@ -189,7 +188,7 @@ static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs
     return PyLong_FromLong(status);
 }
 
-/* The condition: a row makes it linear, re and im a peak, none of them a fold. */
+/* Read the condition: a row makes it linear, re and im a peak, none of them a fold. */
 static int read_condition(core_arguments *arguments, PyObject *row, PyObject *re, PyObject *im, const double *tangent,
                           npy_intp n, bd_condition *condition) {
     const npy_intp n1 = n + 1;
@@ -257,7 +256,7 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
                                               report.slope, report.curvature, mean[0], mean[1], mean[2]));
 }
 
-/* B x = b or B^T x = b at a point, b (m, n + 1) in place. */
+/* Solve B x = b or B^T x = b at a point, b (m, n + 1) in place. */
 static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "row", "scale", "b", "transposed", NULL};
     PyObject *object[4];
@@ -292,7 +291,7 @@ static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs
     return Py_BuildValue("idii", (int)status, factored.condition, factored.rank, factored.orientation);
 }
 
-/* Gradient of what vanishes at a peak (re and im given) or a fold. */
+/* Gradient of phi at a peak (with re and im) or a fold. */
 static PyObject *gradient(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "tangent", "scale", "row", "nu", "step", "re", "im", NULL};
     PyObject *object[5], *re = Py_None, *im = Py_None;
@@ -379,33 +378,39 @@ static PyObject *get_n_unknown(core_equations *self, void *closure) {
 
 PyMethodDef core_equations_methods[] = {
     {"evaluate", (PyCFunction)(void (*)(void))evaluate, METH_VARARGS | METH_KEYWORDS,
-     "evaluate(y, r, J=None, C=None) -> int\n\nFill residual, Jacobian and derivative by the parameter, the last entry of "
-     "y; "
-     "return the status."},
+     "contact(y, X, F, share) -> int\n\n"
+     "Compute the motion X and the contact force F (n_point, 3, n_coef) and the shares of the cycle (n_point, "
+     "5): stick and slip along t1, stick and slip along t2, open. All are NaN if the returned status is not 0."},
     {"solve", (PyCFunction)(void (*)(void))solve, METH_VARARGS | METH_KEYWORDS,
      "solve(y, tangent, scale, tolerance, max_iterations, line_search=0, reach=0.0, row=None, re=None, im=None, "
      "curvature=0.0, place_tolerance=0.0, max_step=0.0, loose=0.0, rough=0.0) -> Solved\n\n"
-     "Newton's method; y and tangent are changed in place.  With row (n_unknown + 1) to the curve in the plane through y "
-     "normal to it, in scaled unknowns; a Newton step longer than reach ends it, if that is not 0.  With re and im "
-     "(n_unknown) to a peak of the amplitude re.u + i im.u, with none of them to a fold of the curve: then tangent and "
-     "curvature are estimates of its direction and of the derivative of what vanishes there."},
+     "Run Newton's method; y and tangent are changed in place.\n\n"
+     "With row (n_unknown + 1), solve for a point of the curve in the plane through y normal to row, in scaled "
+     "unknowns. A Newton step longer than reach ends the run, unless reach is 0. A full step shorter than loose "
+     "is the last one; if rough is not 0, the residual must then be at most rough. line_search 1 halves steps "
+     "until the residual decreases, 2 until the next step is shorter.\n\n"
+     "With re and im (n_unknown), solve for a peak of the amplitude re.u + i im.u; without row, re and im for a "
+     "fold of the curve. tangent and curvature are then estimates of the direction of the curve and of the "
+     "derivative of the vanishing quantity along it. place_tolerance is the tolerance on the distance to the "
+     "point, max_step the largest step along the curve."},
     {"bordered", (PyCFunction)(void (*)(void))bordered, METH_VARARGS | METH_KEYWORDS,
      "bordered(y, row, scale, b, transposed=False) -> (status, condition, rank, orientation)\n\n"
-     "Solve with the Jacobian at y in scaled unknowns, bordered by the row, or with its transpose: right-hand sides "
-     "b (m, n_unknown + 1) become solutions."},
+     "Solve with the Jacobian at y in scaled unknowns, bordered by row, or with its transpose. The right-hand "
+     "sides b (m, n_unknown + 1) are replaced by the solutions."},
     {"gradient", (PyCFunction)(void (*)(void))gradient, METH_VARARGS | METH_KEYWORDS,
      "gradient(y, tangent, scale, row, nu, step, re=None, im=None) -> int\n\n"
-     "Fill the gradient row (n_unknown + 1), in scaled unknowns, of what vanishes at a peak of re.u + i im.u, or without "
-     "them "
-     "at a fold, at a point of the curve with its unit tangent, and the multipliers nu (n_unknown): a change of [J C] adds "
-     "-nu.d[J C](scale tangent).  Jacobians are differenced over the step along the tangent."},
+     "Compute the gradient of phi at a point of the curve with its unit tangent. phi is the slope of the "
+     "logarithm of the amplitude |re.u + i im.u| along the curve, which vanishes at a peak; without re and im, "
+     "it is the quantity that vanishes at a fold. row (n_unknown + 1) is the gradient in scaled unknowns. nu "
+     "(n_unknown) are multipliers: a change of [J C] changes phi by -nu.d[J C](scale tangent). Jacobians are "
+     "differenced over step along the tangent. Return the status."},
     {"contact", (PyCFunction)contact, METH_VARARGS,
      "contact(y, X, F, share) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares of the cycle "
      "(n_point, 5): stick and slip along t1, stick and slip along t2, open; NaN where the status is not 0."},
     {NULL, NULL, 0, NULL}};
 
 PyGetSetDef core_equations_getset[] = {{"cost", (getter)get_cost, NULL,
-                                        "Counts: seconds and counts of all calls since these equations were made.", NULL},
+                                        "Counts: processor seconds and numbers of operations since creation.", NULL},
                                        {"n_unknown", (getter)get_n_unknown, NULL,
                                         "Number of unknowns without the parameter.", NULL},
                                        {NULL, NULL, NULL, NULL, NULL}};

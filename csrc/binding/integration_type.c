@@ -1,6 +1,6 @@
-/* bdamper._core.Ring: all sectors of one structure, to be marched in time.
+/* bdamper._core.Ring: time integration of all sectors of one structure.
  *
- * As in bd_core_equations.c, work is done without the GIL, under the lock of the object that owns the workspace. */
+ * As in equations_type.c, computation runs without the GIL, under the lock of the object that owns the workspace. */
 #include "binding/binding.h"
 
 #include <math.h>
@@ -9,7 +9,7 @@
 typedef struct {
     PyObject_HEAD bd_time time;
     PyThread_type_lock lock;
-    PyObject *point_law; /* what keeps the contact laws of users alive */
+    PyObject *point_law; /* owner of the user laws' memory */
 } RingObject;
 
 static void Ring_dealloc(RingObject *self) {
@@ -21,7 +21,7 @@ static void Ring_dealloc(RingObject *self) {
     Py_DECREF(type);
 }
 
-/* The arguments of Ring(), in their order. */
+/* Arguments of Ring(), in order. */
 typedef struct {
     PyObject *n_mode, *diameter, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *load, *shift, *law, *held, *order,
         *force, *row, *point_law;
@@ -138,8 +138,8 @@ static int check_path(const bd_time_path *path) {
            core_check_number(path->omega_end, "omega_end", BD_POSITIVE);
 }
 
-/* Whole periods at a time, some thousand steps, between which an interruption (Ctrl-C) ends the march.  0 with an exception;
- * *status is that of the march. */
+/* Integrate whole periods, some thousand steps at a time; Ctrl-C stops the integration between them. Return 0 with an
+ * exception; *status is the result of the integration. */
 static int integrate_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v, double *a, double *w,
                               bd_time_effort *effort, bd_status *status) {
     enum { STEPS = 4096 };
@@ -171,7 +171,7 @@ static int integrate_in_parts(RingObject *self, const bd_time_path *path, double
     return 1;
 }
 
-/* Finite numbers that are read and then written to. */
+/* Finite numbers that are read and then overwritten. */
 static double *state(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape) {
     double *x = core_doubles(arguments, object, name, n_dim, shape, BD_OUTPUT);
     return x && core_check_numbers(x, PyArray_SIZE((PyArrayObject *)object), name, BD_FINITE) ? x : NULL;
@@ -249,29 +249,29 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
 
 static PyMethodDef Ring_methods[] = {
     {"integrate", (PyCFunction)(void (*)(void))Ring_integrate, METH_VARARGS | METH_KEYWORDS,
-     "integrate(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, harmonic=None, "
-     "trace=None, "
-     "first=0, energy=None) -> (int, int, int)\n\n"
-     "March m states q, v, a (m, 2 n), w (m, n_sector, n_point, 2, and what laws of users remember) in place over n_step "
-     "steps of equal angle from step "
-     "`first` of a period on, at a frequency that goes from omega to omega_end linearly in time; radius is the spectral "
-     "radius at infinite frequency, tolerance that of the contact forces.  With `fresh` the accelerations and the "
-     "coordinates without mass follow from the rest.  Fill the harmonics of the responses in each whole period (m, n_step "
-     "// per_period, n_row, n_harm + 1), the energies of each (m, n_step // per_period, 4), J: work of the excitation, "
-     "losses "
-     "in damping, work on the contacts, rise of kinetic and strain energy, and the coordinates at the start of each step "
-     "(m, "
-     "n_step, 2 n).  Return the status, "
-     "not 0 where a march ended since contact forces were not found, not even in parts of a step, and how often these were "
-     "solved for, with how many evaluations."},
+     "integrate(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, "
+     "harmonic=None, trace=None, first=0, energy=None) -> (int, int, int)\n\n"
+     "Integrate m states in place: q, v, a (m, 2 n) and w (m, n_sector, n_point, 2 + n_memory), sliders and "
+     "memories of user laws.\n\n"
+     "The n_step steps have equal angles, per_period in a period, and begin at step `first` of a period. The "
+     "frequency changes from omega to omega_end linearly in time. radius is the spectral radius at infinite "
+     "frequency, tolerance the relative tolerance of the contact forces. With fresh, accelerations and "
+     "coordinates without mass are computed from the remaining state.\n\n"
+     "Optional outputs: harmonic, the harmonics of the responses in each whole period (m, n_step // per_period, "
+     "n_row, n_harm + 1); energy (m, n_step // per_period, 4), J: work of the excitation, losses in damping, "
+     "work on the contacts, increase of kinetic and strain energy; trace, the coordinates at the start of each "
+     "step (m, n_step, 2 n).\n\n"
+     "Return the status, the number of solutions for contact forces and the number of their evaluations. The "
+     "status is not 0 if contact forces were not found even in shortened steps."},
     {"follow", (PyCFunction)Ring_follow, METH_VARARGS,
-     "follow(q, w)\n\nMove the sliders w, as in integrate, along a given motion q (n_step, 2 n)."},
+     "follow(q, w)\n\n"
+     "Update the sliders w, as in integrate, along a prescribed motion q (n_step, 2 n)."},
     {NULL, NULL, 0, NULL}};
 
 static PyType_Slot Ring_slots[] = {{Py_tp_new, Ring_new},
                                    {Py_tp_dealloc, Ring_dealloc},
                                    {Py_tp_methods, Ring_methods},
-                                   {Py_tp_doc, "All sectors of one structure, to be marched in time."},
+                                   {Py_tp_doc, "Time integration of all sectors of one structure."},
                                    {0, NULL}};
 
 PyType_Spec core_ring_spec = {.name = "bdamper._core.Ring",

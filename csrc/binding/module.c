@@ -1,4 +1,4 @@
-/* bdamper._core: the boundary between Python and C.  Here the module itself: its functions, its types, LAPACK. */
+/* bdamper._core: functions and types of the module, and LAPACK from SciPy. */
 #define BD_CORE_IMPORTS_NUMPY
 #include "binding/binding.h"
 
@@ -18,23 +18,26 @@ static PyObject *kernel(PyObject *module, PyObject *args) {
 
 static PyMethodDef core_methods[] = {
     {"evaluate_contact", (PyCFunction)(void (*)(void))core_evaluate_contact, METH_VARARGS | METH_KEYWORDS,
-     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0, own=None) -> (shares, "
-     "segments)\n\n"
-     "One contact point: fill force (3, n_coef) and tangent (3, n_coef, 3, n_coef); return the shares of the cycle and "
-     "for each direction a list of (start, end, state)."},
+     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0, own=None) -> "
+     "(shares, segments)\n\n"
+     "Compute the force F (3, n_coef) and tangent J (3, n_coef, 3, n_coef) of one contact point. Return the "
+     "shares of the cycle, and for each direction a list of (start, end, state)."},
     {"check_laws", core_check_laws, METH_O,
      "check_laws(own)\n\n"
-     "Refuse a tuple of (function, parameters, memory) or None that the functions of this module cannot take."},
+     "Check a tuple of user laws, (function, parameters, memory) or None; raise an exception if the shipped "
+     "laws cannot use their numbers."},
     {"step_laws", core_step_laws, METH_VARARGS,
      "step_laws(own, x, memory, after, F, D)\n\n"
-     "One step of contact laws of users at n points: own is a tuple of (function, parameters, memory) or None for each "
-     "point.  From what they remember (n, 3 + n_state) to the motion x (n, 3), of which the closing counts from touching; "
-     "fill what they remember after it, the forces F (n, 3) and their derivative D (n, 3, 3)."},
+     "Compute one step of the user laws at n points. own is a tuple of (function, parameters, memory) or None "
+     "for each point.\n\n"
+     "The step leads from the memory (n, 3 + n_state) to the motion x (n, 3), with the closing relative to "
+     "touching. Outputs are the memory `after` the step, the forces F (n, 3) and their derivative D (n, 3, 3)."},
     {"kernels", kernels, METH_NOARGS,
-     "kernels() -> tuple of str\n\nBuilds of the inner loops that this machine runs, fastest first."},
+     "kernels() -> tuple of str\n\n"
+     "Return the builds of the inner loops that this processor runs, fastest first."},
     {"kernel", kernel, METH_NOARGS,
-     "kernel() -> str\n\nThe build that is used from now on: the fastest, or the one that the environment variable "
-     "BDAMPER_KERNEL names."},
+     "kernel() -> str\n\n"
+     "Return the active build: the fastest one, or the build in the environment variable BDAMPER_KERNEL."},
     {NULL, NULL, 0, NULL}};
 
 /* ---- LAPACK ---- */
@@ -45,8 +48,8 @@ static int find_lapack(bd_lapack *lapack) {
     return 0;
 }
 #else
-/* One function of a SciPy Cython module.  The name of the capsule is the C signature: it must be the expected count of
- * pointers with int integers, else the call would corrupt memory. */
+/* Get one function of a SciPy Cython module. The name of the capsule is the C signature. It must have the expected
+ * arguments with int integers, otherwise the call would corrupt memory. */
 static int find_function(PyObject *capi, const char *name, const char *pattern, void *target) {
     PyObject *capsule = PyDict_GetItemString(capi, name);
     const char *signature = capsule ? PyCapsule_GetName(capsule) : NULL;
@@ -141,14 +144,15 @@ static PyModuleDef_Slot core_slots[] = {{Py_mod_exec, core_exec},
 #endif
                                         {0, NULL}};
 
-static struct PyModuleDef core_module = {PyModuleDef_HEAD_INIT,
-                                         .m_name = "bdamper._core",
-                                         .m_doc = "C core of bdamper: contact elements and harmonic balance.",
-                                         .m_size = sizeof(core_state),
-                                         .m_methods = core_methods,
-                                         .m_traverse = core_traverse,
-                                         .m_clear = core_clear,
-                                         .m_free = core_free,
-                                         .m_slots = core_slots};
+static struct PyModuleDef core_module = {
+    PyModuleDef_HEAD_INIT,
+    .m_name = "bdamper._core",
+    .m_doc = "C core of bdamper: contact laws, harmonic balance, Newton iteration and time integration.",
+    .m_size = sizeof(core_state),
+    .m_methods = core_methods,
+    .m_traverse = core_traverse,
+    .m_clear = core_clear,
+    .m_free = core_free,
+    .m_slots = core_slots};
 
 PyMODINIT_FUNC PyInit__core(void) { return PyModuleDef_Init(&core_module); }

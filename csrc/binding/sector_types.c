@@ -1,11 +1,12 @@
-/* bdamper._core.Sector: the equations of one structure, built once from arrays; Eased: the same with a level as parameter.
+/* bdamper._core.Sector: equations of one structure from arrays; Eased: a factor on the excitation as parameter; Modes:
+ * nonlinear modes.
  *
- * Bindings parse, check and copy; they hold no mathematics. */
+ * The binding parses, checks and copies; it contains no mathematics. */
 #include "binding/binding.h"
 
 /* ---- creation ---- */
 
-/* The arguments of Sector(), in their order. */
+/* Arguments of Sector(), in order. */
 typedef struct {
     PyObject *n_mode, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *w, *law, *shift, *force, *load, *row_scale,
         *point_law;
@@ -62,7 +63,7 @@ static int read_points(core_arguments *arguments, const sector_objects *o, bd_hb
     if (!(in->n0 = core_numbers(arguments, o->n0, "n0", 1, &n_point, BD_FINITE))) return 0;
     if (!(in->w = core_doubles(arguments, o->w, "w", 2, by2, BD_INPUT))) return 0;
     if (!(in->law = core_array(arguments, o->law, "law", NPY_INT, "intc", 1, &n_point, BD_INPUT))) return 0;
-    int softening = 0; /* cubic springs may soften */
+    int softening = 0; /* cubic springs may be softening */
     for (npy_intp p = 0; p < n_point; ++p) {
         const int user = in->law[p] == BD_LAW_USER && in->evaluation != BD_EXACT;
         if (!user && !core_check_law(in->law[p], in->evaluation)) return 0;
@@ -95,7 +96,7 @@ static int read_input(const sector_objects *o, int evaluation, bd_hbm_input *in,
            (*row_scale = core_numbers(&arguments, o->row_scale, "row_scale", 1, &n_unknown, BD_POSITIVE)) != NULL;
 }
 
-/* The equations as a family over speed: other Sectors, the squares of their speeds, and the engine order. */
+/* Nodes of a speed family: other Sectors, their squared speeds, and the engine order. */
 typedef struct {
     PyObject *nodes, *squares;
     double order;
@@ -173,11 +174,10 @@ static PyType_Slot Sector_slots[] = {
     {Py_tp_dealloc, core_equations_dealloc},
     {Py_tp_methods, core_equations_methods},
     {Py_tp_getset, core_equations_getset},
-    {Py_tp_doc,
-     "Harmonic balance equations of one structure, built once from arrays; the parameter is omega.\n\n"
-     "With nodes (a tuple of Sectors alike), squares (of their speeds) and order (an engine order) all arrays are "
-     "polynomials of the squared speed (omega/order)^2 through those of the nodes, and derivatives by omega are "
-     "along this line."},
+    {Py_tp_doc, "Harmonic balance equations of one structure from arrays; the parameter is omega.\n\n"
+                "With nodes, squares and order, all arrays are polynomials of the squared speed (omega/order)^2. nodes is "
+                "a tuple of Sectors of equal sizes, squares are their squared speeds, and order is an engine order. "
+                "Derivatives with respect to omega are then taken along the engine order line."},
     {0, NULL}};
 
 PyType_Spec core_sector_spec = {.name = "bdamper._core.Sector",
@@ -185,7 +185,7 @@ PyType_Spec core_sector_spec = {.name = "bdamper._core.Sector",
                                 .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
                                 .slots = Sector_slots};
 
-/* ---- eased ---- */
+/* ---- factor on the excitation ---- */
 
 static PyObject *Eased_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"sector", "omega", "ramp", "support", NULL};
@@ -217,10 +217,10 @@ static PyType_Slot Eased_slots[] = {
     {Py_tp_dealloc, core_equations_dealloc},
     {Py_tp_methods, core_equations_methods},
     {Py_tp_getset, core_equations_getset},
-    {Py_tp_doc,
-     "A Sector at fixed omega; the parameter is a factor on the part ramp (n_unknown) of the excitation, and fades "
-     "out the linear force support (n_unknown, n_unknown), if there is one.  It shares lock and cost with the "
-     "Sector."},
+    {Py_tp_doc, "Equations of a Sector at fixed omega; the parameter is a factor on the part ramp (n_unknown) of the "
+                "excitation.\n\n"
+                "The factor also fades out the linear force support (n_unknown, n_unknown), unless None. Lock and cost are "
+                "shared with the Sector."},
     {0, NULL}};
 
 PyType_Spec core_eased_spec = {.name = "bdamper._core.Eased",
@@ -266,11 +266,10 @@ static PyType_Slot Modes_slots[] = {
     {Py_tp_dealloc, core_equations_dealloc},
     {Py_tp_methods, core_equations_methods},
     {Py_tp_getset, core_equations_getset},
-    {Py_tp_doc,
-     "Nonlinear modes of a Sector without its excitation: unknowns are those of the Sector, with the vibration over its "
-     "amplitude a, then omega and zeta; the parameter is ln a.  re and im (n_unknown of the Sector) give the motion of "
-     "which "
-     "a is the amplitude, weight the size of the two equations that say so.  It shares lock and cost with the Sector."},
+    {Py_tp_doc, "Nonlinear modes of a Sector without its excitation; the parameter is ln a, with the amplitude a.\n\n"
+                "Unknowns are the unknowns of the Sector, with the vibration divided by a, then omega and zeta. re and im "
+                "(n_unknown of the Sector) define the motion with the amplitude a. weight scales the two equations of this "
+                "definition. Lock and cost are shared with the Sector."},
     {0, NULL}};
 
 PyType_Spec core_modes_spec = {.name = "bdamper._core.Modes",

@@ -1,7 +1,7 @@
-/* bdamper._core.Wheel: the equations of a whole wheel, built once from arrays. */
+/* bdamper._core.Wheel: equations of a mistuned bladed disk from arrays. */
 #include "binding/binding.h"
 
-/* The arguments of Wheel(), in their order. */
+/* Arguments of Wheel(), in order. */
 typedef struct {
     PyObject *next, *rows, *active, *pinned, *stiffness, *mass, *disk_stiffness, *disk_mass, *damping;
     PyObject *damper_stiffness, *damper_mass, *damper_damping, *springs, *neutral, *home;
@@ -19,7 +19,7 @@ static const double *waves(core_arguments *a, PyObject *object, const char *name
     return found && core_check_numbers(found, 2 * n_wave * n * n, name, BD_FINITE) ? found : NULL;
 }
 
-/* Numbers of an array of the core at most, so that its indices are of type int. */
+/* Largest number of entries of an array, so that indices fit into int. */
 static const double MOST = 1 << 28;
 
 static int check_sizes(const bd_wheel_input *in) {
@@ -158,8 +158,8 @@ static PyType_Slot Wheel_slots[] = {
     {Py_tp_dealloc, core_equations_dealloc},
     {Py_tp_methods, core_equations_methods},
     {Py_tp_getset, core_equations_getset},
-    {Py_tp_doc,
-     "Harmonic balance equations of a whole wheel, built once from arrays (csrc/bd_wheel.h); the parameter is omega."},
+    {Py_tp_doc, "Harmonic balance equations of a mistuned bladed disk from arrays (csrc/bladed_disk/wheel_equations.h); "
+                "the parameter is omega."},
     {0, NULL}};
 
 PyType_Spec core_wheel_spec = {.name = "bdamper._core.Wheel",

@@ -1,25 +1,27 @@
-/* Linear equations of a whole wheel.  The bordered matrix is B = M + R.  M has the couplings of the disk cut to next neighbours and those of
- * the damping to the own sector, P, and the border: with v = P^-1 C and s = N_omega - N_u v,
+/* Linear equations of a mistuned bladed disk.
+ *
+ * The bordered matrix is B = M + R. M contains the border and P: the disk couplings between neighbours and the damping
+ * within a sector. With v = P^-1 C and s = N_omega - N_u v,
  *
  *     M^-1 (f, g) = (P^-1 f - v mu, mu),    mu = (g - N_u P^-1 f)/s.
  *
- * R, the rest of disk and damping, meets the blades' part y = E x alone:
+ * The remainder R of disk and damping acts on the blade part y = E x only:
  *
- *     (1 + E M^-1 R E^T) y = E M^-1 b,    x = M^-1 (b - R y),
+ *     (1 + E M^-1 R E^T) y = E M^-1 b,    x = M^-1 (b - R y).
  *
- * solved for y by GMRES.  Where a tolerance is below what P^-1 is good for, again for what is left of b.
+ * GMRES solves for y. If the tolerance is below the accuracy of P^-1, the solution is repeated for the residual of b.
  *
- * The sign of the determinant of B is that of the pivots of P, of s, and of the matrix of GMRES, whose eigenvalues far from one
- * its Hessenberg matrix has. */
+ * The sign of det B is the product of the signs of the pivots of P, of s and of the GMRES matrix. The Hessenberg matrix
+ * of GMRES contains its eigenvalues far from one. */
 #include "bladed_disk/wheel_equations.h"
 
 #include <math.h>
 #include <string.h>
 
 enum { MOST = BD_WHEEL_KRYLOV };     /* iterations of GMRES */
-static const double ACCURATE = 1e-7; /* tolerance below which linear equations are solved again for what is left */
+static const double ACCURATE = 1e-7; /* tolerance below which the solution is repeated for the residual */
 static const double ROUNDING = 1e-12;
-static const size_t SMALL = 500; /* blades' coefficients up to which a loose solution would save nothing */
+static const size_t SMALL = 500; /* number of blade coefficients up to which a loose solution saves nothing */
 
 static size_t n_blade_number(const bd_wheel *w) { return (size_t)(w->input.n_sector * w->n_coef * w->input.n_blade); }
 
@@ -29,7 +31,7 @@ static double dot(const double *x, const double *y, size_t n) {
     return sum;
 }
 
-/* `column` and `pivot` of the matrix or its transposed. */
+/* Compute column and border_pivot of the matrix or its transpose. */
 static int find_column(bd_wheel *w, int transposed) {
     const double *from = transposed ? w->border : w->C, *row = transposed ? w->C : w->border;
     bd_ring_solve(&w->ring, transposed, from, w->column);
@@ -90,14 +92,14 @@ static void precondition(bd_wheel *w, const double *b, double *x) {
     x[n] = mu;
 }
 
-/* b (a vector) = -R y for the blades' part y. */
+/* b (a vector) = -R y for the blade part y. */
 static void apply_remainder(bd_wheel *w, const double *y, double *b) {
     memset(b, 0, sizeof(double) * ((size_t)w->vector_size + 1));
     bd_wheel_add_waves(w, &w->remainder, w->omega, w->transposed, y, b, NULL);
     for (int i = 0; i < w->vector_size; ++i) b[i] = -b[i];
 }
 
-/* Blades' part of x over its scale. */
+/* Blade part of x over its scale. */
 static void scale_blades(const bd_wheel *w, const double *x, double *y) {
     const size_t nb = (size_t)w->input.n_blade, rows = (size_t)(w->input.n_sector * w->n_coef), ns = (size_t)w->sector_size;
     for (size_t i = 0; i < rows; ++i)
@@ -107,7 +109,7 @@ static void scale_blades(const bd_wheel *w, const double *x, double *y) {
         }
 }
 
-/* Removes from v the vectors of V before it; h (k + 1) are its parts.  Returns its length. */
+/* Orthogonalise v to the preceding vectors V; h (k + 1) are the coefficients. Return the length of v. */
 static double orthogonalise(const bd_wheel *w, const double *V, int k, double *v, size_t n, double *h) {
     const size_t rows = (size_t)k + 1;
     double part[MOST + 1];
@@ -120,7 +122,8 @@ static double orthogonalise(const bd_wheel *w, const double *V, int k, double *v
     return sqrt(dot(v, v, n));
 }
 
-/* Rotates column k of the Hessenberg matrix by the rotations before, and finds the next; returns the last entry before it. */
+/* Apply the previous rotations to column k of the Hessenberg matrix, and compute the next one; return the last entry
+ * before it. */
 static double rotate_column(double *h, double *cosine, double *sine, double *g, int k, double size) {
     for (int i = 0; i < k; ++i) {
         const double a = h[i], c = h[i + 1];
@@ -135,7 +138,8 @@ static double rotate_column(double *h, double *cosine, double *sine, double *g, 
     return last;
 }
 
-/* x = B^-1 b to a tolerance, b and x a vector and one number.  M^-1 R of every y is kept, so that x needs no solution more. */
+/* x = B^-1 b to a tolerance; b and x are a vector and one number. M^-1 R y is stored for every y, so x needs no further
+ * solution. */
 static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, double *x) {
     const size_t ny = n_blade_number(w), nb = (size_t)w->input.n_blade, ns = (size_t)w->sector_size;
     double *V = w->krylov, *H = V + (MOST + 1) * ny, *cosine = H + (MOST + 1) * MOST, *sine = cosine + MOST,
@@ -184,7 +188,7 @@ static double scaled_norm(const bd_wheel *w, const double *x) {
     return sqrt(sum);
 }
 
-/* b = b - B x, with the matrix itself. */
+/* b = b - B x, with the full matrix. */
 static void subtract_product(bd_wheel *w, const double *x, double *b) {
     const size_t n = (size_t)w->vector_size;
     const double *column = w->transposed ? w->border : w->C, *row = w->transposed ? w->C : w->border;
@@ -193,7 +197,7 @@ static void subtract_product(bd_wheel *w, const double *x, double *b) {
     b[n] -= dot(row, x, n) + w->border[n] * x[n];
 }
 
-/* B x = b, b a vector and one number that becomes x. */
+/* Solve B x = b in place; b is a vector and one number. */
 static bd_status solve_bordered(bd_wheel *w, double tolerance, double *b) {
     const size_t n1 = (size_t)w->vector_size + 1;
     enum { PASSES = 6 };

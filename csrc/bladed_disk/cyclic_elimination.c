@@ -1,30 +1,31 @@
-/* Elimination of a wheel whose sectors meet next neighbours alone.
+/* Block elimination around a ring of sectors that are coupled to their neighbours only.
  *
- * Unknowns of sector n are the coefficients of the coordinates of blade n, e first and then a, and of damper n, y, which lies
- * between blades n and n + 1.  Only a meets the a of the sectors before and after (the disk), and y meets both its blades, so
+ * The unknowns of sector n are the coefficients of blade n, inner coordinates e and ring coordinates a, and of damper n,
+ * y, between blades n and n + 1. The disk couples a to the a of the adjacent sectors. The damper y touches both its
+ * blades. Hence
  *
  *     E_n e_n = r_n - B_n [a_n, y_n, y_(n-1)]
  *
- * is eliminated sector by sector, and leaves a ring of blocks [a, y],
+ * is eliminated sector by sector. A ring of blocks [a, y] remains,
  *
- *     L_n x_(n-1) + D_n x_n + U_n x_(n+1) = b_n,    n modulo N,
+ *     L_n x_(n-1) + D_n x_n + U_n x_(n+1) = b_n,    n modulo N.
  *
- * which is eliminated in turn with the last sector as its border: W is what a sector couples to the last one, V what the last
- * one couples to it,
+ * Its elimination has the last sector as border. W couples a sector to the last one, and V couples the last one to the
+ * sector:
  *
  *     D_(n+1) -= L_(n+1) D_n^-1 U_n,  W_(n+1) = -L_(n+1) D_n^-1 W_n,  V_(n+1) = -V_n D_n^-1 U_n,  D_last -= V_n D_n^-1 W_n.
  *
- * The determinant is the product of those of E_n and D_n as they are when their turn comes.  The transposed matrix has the
- * same factors in the other order.
+ * The determinant is the product of the determinants of E_n and D_n at their elimination. The transposed matrix has the
+ * same factors in reverse order.
  *
- * Matrices are row-major; inverses are kept instead of factors, since products run several times faster than solutions. */
+ * Matrices are row-major. Inverses replace factors, since products run several times faster than triangular solutions. */
 #include "bladed_disk/cyclic_elimination.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* C (m, n; ldc) = A B, or C += alpha A B where alpha is not 0. */
+/* C (m, n; ldc) = A B, or C += alpha A B if alpha is not 0. */
 static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const double *A, int lda, const double *B,
                      int ldb, double *C, int ldc) {
     for (int i = 0; i < m && alpha == 0.0; ++i) memset(C + i * ldc, 0, sizeof(double) * (size_t)n);
@@ -32,7 +33,7 @@ static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const 
                            (size_t)ldc);
 }
 
-/* A (n, n) becomes its inverse; its sign of determinant counts. */
+/* Replace A (n, n) by its inverse; update the sign of the determinant. */
 static int invert(bd_ring *w, double *A, int n) {
     const int sign = w->kernel->invert(n, A, w->pivot, w->work);
     if (sign < 0) w->sign = -w->sign;
@@ -109,7 +110,7 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
 
 /* ---- one sector ---- */
 
-/* z (n_coef, size) = sum over c' of three blocks (c, c') times a row of motion each. */
+/* z (n_coef, sector_size) = sum over c' of three blocks (c, c') times a row of motion each. */
 static void fill_row(const bd_ring *w, const double *const block[3], const double *const row[3], double *restrict z) {
     for (int d = 0; d < w->input.n_coef; ++d, z += w->sector_size) {
         const double a = block[0][d], b = block[1][d], c = block[2][d];
@@ -117,7 +118,7 @@ static void fill_row(const bd_ring *w, const double *const block[3], const doubl
     }
 }
 
-/* Tangents of the points of one sector on its own blade, or on the next one: (n_coef, size, n_coef, size). */
+/* Tangents of the points of one sector on its blade, or on the next one: (n_coef, sector_size, n_coef, sector_size). */
 static void contact_matrix(bd_ring *w, int g, const double *T, double *out) {
     const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns, n = w->n_group[g],
               *point = w->point + g * w->n_group[0];
@@ -139,7 +140,7 @@ static void contact_matrix(bd_ring *w, int g, const double *T, double *out) {
     }
 }
 
-/* Linear parts of one sector on the diagonal blocks of `left`. */
+/* Add the linear parts of one sector to the diagonal blocks of own_side. */
 static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
     const bd_ring_input *in = &w->input;
     const size_t nb = (size_t)in->n_blade, nd = (size_t)in->n_damper, ns = (size_t)w->sector_size,
@@ -170,8 +171,7 @@ static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
     }
 }
 
-/* to (rows of group, columns of group; leading dimension ld) = the entries of a sector matrix that belong to coordinates
- * [i0, i1) and [j0, j1). */
+/* Copy the entries of a sector matrix for coordinates [i0, i1) and [j0, j1); `to` has the leading dimension ld. */
 static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1, double *to, int ld) {
     const int wide = w->input.n_coef * w->sector_size;
     for (int c = 0; c < w->input.n_coef; ++c)
@@ -183,7 +183,7 @@ static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0
         }
 }
 
-/* Sum of both halves of the blade's own part, in `left`. */
+/* Add the blade part of next_side to own_side. */
 static void add_blade(bd_ring *w) {
     const size_t ns = (size_t)w->sector_size, wide = (size_t)w->input.n_coef * ns, nb = (size_t)w->input.n_blade;
     for (int c = 0; c < w->input.n_coef; ++c)
@@ -194,7 +194,7 @@ static void add_blade(bd_ring *w) {
             }
 }
 
-/* Eliminates the blade coordinates of sector n and puts what is left into the blocks of the ring. */
+/* Eliminate the inner blade coordinates of sector n and add the remainder to the blocks of the ring. */
 static int eliminate_blade(bd_ring *w, int n) {
     const int N = w->input.n_sector, e = w->input.n_blade - w->input.n_kept, nb = w->input.n_blade, ns = w->sector_size;
     const int E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
@@ -276,7 +276,7 @@ static int eliminate_ring(bd_ring *w) {
         multiply(w, s, s, s, -1.0, next, s, onward, s, D + ss, s);
         memset(V + ss, 0, sizeof(double) * ss);
         multiply(w, s, s, s, -1.0, V, s, onward, s, V + ss, s);
-        W = w->upper + at; /* read for the last time above */
+        W = w->upper + at; /* not needed any more */
         memset(W, 0, sizeof(double) * ss);
         multiply(w, s, s, s, -1.0, next, s, fill, s, W, s);
     }
@@ -315,7 +315,7 @@ static void add_product(const bd_ring *w, int transposed, int m, int n, double a
     for (int i = 0; i < to; ++i) y[i] += alpha * t[i];
 }
 
-/* x (s) becomes the inverse at the diagonal times x. */
+/* Multiply x (s) by the inverse on the diagonal. */
 static void apply_inverse(const bd_ring *w, int transposed, int n, double *x) {
     const size_t s = (size_t)w->n_ring;
     double *t = w->work;
@@ -324,7 +324,7 @@ static void apply_inverse(const bd_ring *w, int transposed, int n, double *x) {
     memcpy(x, t, sizeof(double) * s);
 }
 
-/* Right-hand side b (N, s) of the ring becomes its solution. */
+/* Solve the ring for the right-hand side b (N, s) in place. */
 static void solve_ring(bd_ring *w, double *b) {
     const int N = w->input.n_sector, s = w->n_ring;
     const size_t ss = (size_t)s * (size_t)s;
@@ -359,7 +359,7 @@ static void solve_ring_transposed(bd_ring *w, double *b) {
     }
 }
 
-/* Puts the right-hand side of sector n into t (own) and adds it to the ring. */
+/* Copy the inner right-hand side of sector n to t and add the remainder to the ring. */
 static void split_sector(const bd_ring *w, const double *from, double *t, double *to) {
     const int ns = w->sector_size, k = w->input.n_kept, e = w->input.n_blade - k, nd = w->input.n_damper,
               A = w->n_ring - w->n_damper_unknown;

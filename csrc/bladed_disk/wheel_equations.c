@@ -1,11 +1,12 @@
-/* Harmonic balance of a whole wheel.
+/* Harmonic balance of all sectors of a mistuned bladed disk.
  *
  * For every sector, with the coordinates of its blade and its damper and X_l = c_l - i s_l,
  *
- *     (K - (l omega)^2 M + i l omega C) X_l + P^T F_l - E_l = 0,
+ *     (K - (l omega)^2 M + i l omega C) X_l + P^T F_l - E_l = 0.
  *
- * K and M of the blade are its own, those of the disk and the damping C circulant: one matrix for each nodal diameter, applied
- * by a real Fourier transform over the sectors.  Springs hold the mean of dampers at their place at rest. */
+ * Stiffness and mass of each blade are individual. The disk matrices and the damping C are circulant: one matrix for
+ * each nodal diameter, applied by a real Fourier transform over the sectors. Springs can act on the mean position of
+ * dampers. */
 #include "bladed_disk/wheel_equations.h"
 
 #include "util/clock.h"
@@ -21,10 +22,10 @@ static void multiply(const bd_wheel *w, int m, int n, int k, const double *A, in
     w->ring.kernel->add_product((size_t)m, (size_t)n, (size_t)k, 1.0, A, (size_t)lda, B, (size_t)ldb, C, (size_t)ldc);
 }
 
-/* Coefficient c is one of the mean (0), a cosine (1) or a sine (-1). */
+/* Coefficient c belongs to the mean (0), a cosine (1) or a sine (-1). */
 static int phase(int c) { return c == 0 ? 0 : c % 2 ? 1 : -1; }
 
-/* ---- layouts ---- */
+/* ---- storage ---- */
 
 void bd_wheel_to_vector(const bd_wheel *w, const double *u, double *x) {
     const int N = w->input.n_sector, ns = w->sector_size, nc = w->n_coef;
@@ -43,7 +44,7 @@ void bd_wheel_to_unknowns(const bd_wheel *w, const double *x, double *u) {
     }
 }
 
-/* Blades' coordinates (n_sector, n_coef, n_blade) of a vector. */
+/* Blade coordinates (n_sector, n_coef, n_blade) of a vector. */
 static void copy_blades(const bd_wheel *w, const double *x, double *blade) {
     const size_t nb = (size_t)w->input.n_blade, rows = (size_t)(w->input.n_sector * w->n_coef);
     for (size_t i = 0; i < rows; ++i) memcpy(blade + i * nb, x + i * (size_t)w->sector_size, sizeof(double) * nb);
@@ -51,7 +52,7 @@ static void copy_blades(const bd_wheel *w, const double *x, double *blade) {
 
 /* ---- disk and damping ---- */
 
-/* y += A x, complex; A as bd_waves has it. */
+/* y += A x, complex; A stored as in bd_waves. */
 static void add_complex(int n, const double *A, const double *re, const double *im, double *restrict y,
                         double *restrict turned) {
     const double *B = A + (size_t)n * (size_t)n;
@@ -64,7 +65,7 @@ static void add_complex(int n, const double *A, const double *re, const double *
     }
 }
 
-/* One wave of one coefficient of harmonic l: K x - (l omega)^2 M x + l omega C x', with x' of the other coefficient. */
+/* One wave of one coefficient of harmonic l: K x - (l omega)^2 M x + l omega C x', with x' from the other coefficient. */
 static void wave_product(const bd_wheel *w, const bd_waves *waves, int d, int l, double omega, double sense,
                          const double *x[4], double *lin[2], double *rate[2], double *t) {
     const int nb = w->input.n_blade, nr = w->input.n_root, root = nb - nr;
@@ -85,8 +86,8 @@ static void wave_product(const bd_wheel *w, const bd_waves *waves, int d, int l,
     }
 }
 
-/* out (a vector) += circulant part times the blades' coordinates, and its derivative by omega added to `by`, if that is not
- * NULL; of the transposed matrix where asked for. */
+/* out (a vector) += circulant part times the blade coordinates; the derivative with respect to omega is added to `by`,
+ * unless NULL. Optionally with the transposed matrix. */
 void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int transposed, const double *blade, double *out,
                         double *by) {
     const int N = w->input.n_sector, D = w->n_wave, nb = w->input.n_blade, nc = w->n_coef, m = nc * nb;
@@ -122,7 +123,8 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
 
 /* ---- linear parts ---- */
 
-/* out = linear part times x, by = its derivative by omega, if not NULL; of the transposed matrix where asked for. */
+/* out = linear part times x, by = its derivative with respect to omega, unless NULL. Optionally with the transposed
+ * matrix. */
 static void linear_part(bd_wheel *w, double omega, int transposed, const double *x, double *out, double *by) {
     const bd_wheel_input *in = &w->input;
     const int N = in->n_sector, nb = in->n_blade, nd = in->n_damper, nc = w->n_coef, ns = w->sector_size;
@@ -155,7 +157,7 @@ static void linear_part(bd_wheel *w, double omega, int transposed, const double 
     bd_wheel_add_waves(w, &w->waves, omega, transposed, w->blade_motion, out, by);
 }
 
-/* Rows of what is no unknown: out = x, by = 0. */
+/* Rows of inactive coordinates: out = x, by = 0. */
 static void set_inactive_rows(const bd_wheel *w, const double *x, double *out, double *by) {
     const int N = w->input.n_sector, nc = w->n_coef, ns = w->sector_size, nb = w->input.n_blade;
     for (int n = 0; n < N; ++n)
@@ -171,7 +173,7 @@ static void set_inactive_rows(const bd_wheel *w, const double *x, double *out, d
 
 /* ---- contact ---- */
 
-/* Blades of the sectors one further on beside the own dampers. */
+/* Combine each sector's damper with the blade of the next sector. */
 static void shift_blades(const bd_wheel *w, const double *x, double *to) {
     const int N = w->input.n_sector, nb = w->input.n_blade;
     const size_t ns = (size_t)w->sector_size, rows = (size_t)w->n_coef;
@@ -223,7 +225,7 @@ static void add_forces(bd_wheel *w, const double *F, double *out) {
     }
 }
 
-/* Forces and, if asked for, tangents of n <= BD_LANES points from the first. */
+/* Forces and optional tangents of n <= BD_LANES points from `first` on. */
 static void evaluate_points(bd_wheel *w, int first, int n, int derivative) {
     const size_t nc = (size_t)w->n_coef, nn = nc * nc;
     bd_response out[BD_LANES];
@@ -313,7 +315,7 @@ static bd_status evaluate_wheel(bd_equations *e, const double *y, int derivative
     return sum == 0.0 ? BD_OK : BD_NOT_FINITE;
 }
 
-/* out = J x, or J^T x, at the point whose derivatives were asked for last. */
+/* out = J x or J^T x, at the latest point evaluated with derivatives. */
 void bd_wheel_multiply(bd_wheel *w, int transposed, const double *x, double *out) {
     const int N = w->input.n_sector, nb = w->input.n_blade, nd = w->input.n_damper, nc = w->n_coef, ns = w->sector_size;
     double *X = w->work, *F = X + 3 * N * w->input.n_point * nc;
@@ -334,7 +336,7 @@ static bd_status product_wheel(bd_equations *e, int transposed, const double *x,
     return BD_OK;
 }
 
-/* ---- life ---- */
+/* ---- creation ---- */
 
 static void destroy_wheel(bd_equations *e) {
     bd_wheel *w = (bd_wheel *)e;
@@ -350,14 +352,14 @@ static void destroy_wheel(bd_equations *e) {
 static const bd_equations_type WHEEL = {evaluate_wheel, bd_wheel_factor, bd_wheel_solve, bd_wheel_solve_transposed,
                                         product_wheel,  destroy_wheel};
 
-/* One array of the arena: where its address goes, how long it is, what it is filled with (NULL: nothing yet). */
+/* One array in the common memory: its pointer, its length and its initial values (NULL: none). */
 typedef struct {
     double **to;
     size_t n;
     const double *from;
 } part;
 
-/* Real and imaginary part of waves of (n, n), column by column, from interleaved rows. */
+/* Real and imaginary part of (n, n) wave matrices by columns, from interleaved rows. */
 static void split_waves(const double *from, int waves, int n, double *to) {
     const size_t nn = (size_t)(n * n);
     for (size_t d = 0; d < (size_t)waves; ++d)
@@ -368,7 +370,8 @@ static void split_waves(const double *from, int waves, int n, double *to) {
             }
 }
 
-/* Coupling (n, n) of a sector to the one `behind` sectors before it, and the waves without it and its transposed. */
+/* Extract the coupling (n, n) of a sector to the sector `behind` sectors before it; subtract it and its transpose from
+ * the waves. */
 static void extract_coupling(const bd_wheel *w, int n, int kept, int behind, double *waves, double *kernel) {
     const int N = w->input.n_sector, first = n - kept;
     const size_t nn = (size_t)(n * n);
@@ -392,7 +395,7 @@ static void extract_coupling(const bd_wheel *w, int n, int kept, int behind, dou
         }
 }
 
-/* What the elimination keeps of the circulant matrices, and what is left of them. */
+/* Split the circulant matrices into the part in the elimination and the remainder. */
 static void split_couplings(bd_wheel *w) {
     const bd_wheel_input *in = &w->input;
     const size_t D = (size_t)w->n_wave, r = (size_t)in->n_root, b = (size_t)in->n_blade, first = b - r;
@@ -446,7 +449,7 @@ static bd_status arrays_create(bd_wheel *w, const bd_wheel_input *in, const part
     return BD_OK;
 }
 
-/* Sizes and memory; the arrays of the input are copied, and those of `in` are the copies. */
+/* Sizes and memory; the arrays of the input are copied, and `input` points to the copies. */
 static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
     const size_t N = (size_t)in->n_sector, H = (size_t)in->n_harm + 1, nc = (size_t)bd_n_coef(in->n_harm);
     const size_t b = (size_t)in->n_blade, r = (size_t)in->n_root, k = (size_t)in->n_kept, d = (size_t)in->n_damper;

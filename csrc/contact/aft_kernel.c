@@ -3,8 +3,8 @@
  * At sample k, let g = n0 + kn v (or the constant load) and c = slope max(g, 0) be the half width of the sticking range.
  * Then
  *
- *     open      g_k <= 0                          w = u_k
- *     closing   g_{k-1} <= 0 < g_k                w = (1 - t) u_{k-1} + t u_k,  t = -g_{k-1}/(g_k - g_{k-1})  (plain: t = 0)
+ *     open      g_k <= 0                      w = u_k
+ *     closing   g_{k-1} <= 0 < g_k            w = (1 - t) u_{k-1} + t u_k,  t = -g_{k-1}/(g_k - g_{k-1})  (plain: t = 0)
  *     clip      w < u_k - c: slip+, w = u_k - c;  w > u_k + c: slip-, w = u_k + c
  *
  * All three are clips, w <- min(hi, max(lo, w)), with lo = hi for the first two. Only one maximum and one minimum per

@@ -1,44 +1,40 @@
 /* In-plane coupled Coulomb friction with variable or constant normal load and separation.
  *
- * In newtons, p_d = kt_d u_d is the displacement and s_d = kt_d w_d the slider.  The friction force T = p - s lies in the
- * disk |T| <= R, R = mu max(n0 + kn v, 0) (or mu load).  Inside of it the slider rests; on its edge it follows,
+ * In newtons, p_d = kt_d u_d is the displacement and s_d = kt_d w_d the slider. The friction force T = p - s lies in the
+ * disk |T| <= R, R = mu max(n0 + kn v, 0) (or mu load). The slider sticks if T is inside the disk. If T is on the edge,
+ * the slider follows
  *
- *     s' = lambda T/R,   lambda = e . p' - R' >= 0,   e = T/R,      hence     e' = (I - e e^T) p'/R,
+ *     s' = lambda T/R,   lambda = e . p' - R' >= 0,   e = T/R,      hence     e' = (I - e e^T) p'/R.
  *
- * and in open contact s = p.  (With kt_1 = kt_2 this is slip along the friction force; with kt_1 != kt_2 the return to the
- * disk is radial in the force.)
+ * In open contact s = p. For kt_1 = kt_2 this is slip along the friction force; for kt_1 != kt_2 the return to the disk
+ * is radial in the force.
  *
- * The motion from sample to sample, through which P and its derivatives come, is bd_slide.c.
+ * coupled_kernel.c advances the slider from sample to sample and yields the period map P with its derivatives.
  *
- * Rest.  A slider that lies in all the disks of the cycle never moves; at the onset of slip it moves by distances that are lost
- * in rounding, and the limit of its derivative is taken instead (bd_rest.c).
+ * Stick. A slider inside all disks of the cycle never moves. At the onset of slip it moves by distances below rounding,
+ * and the limit of its derivative is used instead (sticking_slider.c).
  *
- * The cycle.  Otherwise the slider moves.  The period map P does not expand distances, so that F(s) = P(s) - s has
- * F(s).(s* - (s + P(s))/2) >= 0 at its fixed point s*, which is unique: two sliders that move and stay at one distance from
- * each other would have to touch their disks, which are round, at the same points.  Plain periods come close very slowly
- * (thousands for an ellipse that barely slips); Newton's method with the exact 2 x 2 derivative P' takes a few.  It starts
- * from the point that violates the disks least, near which the settled slider is if it barely slips.  Each evaluation
- * also cuts off half of where s* can be, kept as an ellipse: where Newton's method has no step or comes no closer, the
- * centre of the ellipse is next, so that the end is reached from anywhere.  Where the slider barely moves, F is summed from
- * its movements, which keeps digits that the difference of positions loses.  The derivative of the settled slider follows
- * from (I - P') ds = P_x dx.
- */
+ * Steady cycle. The period map P does not expand distances, so F(s) = P(s) - s satisfies F(s).(s* - (s + P(s))/2) >= 0
+ * at its fixed point s*. The fixed point is unique: two sliders that move at a constant distance from each other would
+ * have to touch their round disks at the same points. Plain periods converge very slowly (thousands for an ellipse that
+ * barely slips). Newton's method with the exact 2 x 2 derivative P' needs a few. It starts at the point of least
+ * violation, which is near the steady slider if this barely slips. Each evaluation also excludes half of the region of
+ * s*, stored as an ellipse. If Newton's method has no step or makes no progress, the centre of the ellipse is the next
+ * guess; this converges from any start. If the slider barely moves, F is the sum of its movements, which is more
+ * accurate than the difference of positions. The derivative of the steady slider follows from (I - P') ds = P_x dx. */
 #include "contact/coupled_friction.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum {
-    FREE_STEPS = 3,
-    MOST_PERIODS = 1000
-}; /* the ellipse is then smaller than rounding, whatever was taken from Newton's method */
-static const double SETTLED = 1e-13; /* the last step of Newton's method relative to the size of the forces */
-static const double STILL = 4e-15;   /* |P(s) - s| that counts as none where that step comes no closer */
-static const double SLACK = 2e-15;   /* violation of a disk at rest */
-static const double TOUCH = 1e-14;   /* least violation up to which the slider is at the point that has it */
-static const double BARELY = 1e-4;   /* least violation up to which F is summed from movements */
-static const double ONSET = 1e-9;    /* least violation up to which the derivative is that of the onset */
+enum { FREE_STEPS = 3, MOST_PERIODS = 1000 }; /* the ellipse is then smaller than rounding */
+static const double SETTLED = 1e-13;          /* last Newton step relative to the size of the forces */
+static const double STILL = 4e-15;            /* |P(s) - s| that counts as zero if Newton's method makes no progress */
+static const double SLACK = 2e-15;            /* violation of a disk by a sticking slider */
+static const double TOUCH = 1e-14;            /* least violation up to which the slider is the point of least violation */
+static const double BARELY = 1e-4;            /* least violation up to which F is the sum of movements */
+static const double ONSET = 1e-9; /* least violation up to which the derivative is the limit at the onset of slip */
 
 bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sampled) {
     memset(work, 0, sizeof *work);
@@ -88,7 +84,7 @@ void bd_coulomb_destroy(bd_coulomb_work *work) {
 
 /* ---- the period map ---- */
 
-/* The slider as it is admissible at the last sample of the previous period. */
+/* Move the slider into the disk of the last sample of the previous period. */
 static void make_admissible(const bd_coulomb_work *work, double *s) {
     const int k = work->n_time - 1;
     const double T[2] = {work->x[k] - s[0], work->y[k] - s[1]}, size = bd_norm(T[0], T[1]);
@@ -97,19 +93,19 @@ static void make_admissible(const bd_coulomb_work *work, double *s) {
     s[1] = work->y[k] - T[1] * work->R[k] / size;
 }
 
-/* The smallest ellipse around the part of e with F . (x - m) >= 0, give or take a share `noise` of F. */
+/* Smallest ellipse around the part of e with F . (x - m) >= 0, with a tolerance `noise` relative to F. */
 static void cut_ellipse(bd_ellipse *e, const double *F, const double *m, double noise) {
     const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1], e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
     const double width = sqrt(F[0] * g[0] + F[1] * g[1]);
     const double depth = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / width - noise;
-    if (!(depth > -0.5 && depth < 0.999)) return; /* takes nothing off, or rounding */
+    if (!(depth > -0.5 && depth < 0.999)) return; /* no reduction, or rounding */
     const double move = (1.0 + 2.0 * depth) / 3.0, less = 2.0 * move / (1.0 + depth),
                  size = 4.0 / 3.0 * (1.0 - depth * depth);
     for (int i = 0; i < 2; ++i) {
         e->c[i] += move * g[i] / width;
         for (int j = 0; j < 2; ++j) e->Q[i][j] = size * (e->Q[i][j] - less * (g[i] / width) * (g[j] / width));
     }
-    const double least = 1e-15 * (e->Q[0][0] + e->Q[1][1]); /* rounding must not turn it inside out */
+    const double least = 1e-15 * (e->Q[0][0] + e->Q[1][1]); /* positive definite despite rounding */
     e->Q[0][0] += least;
     e->Q[1][1] += least;
     e->Q[1][0] = e->Q[0][1]; /* a difference would grow */
@@ -127,7 +123,7 @@ static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, dou
     make_admissible(work, search->s);
 }
 
-/* The next guess, from a period of slider lane that began at the latest one. */
+/* Next guess, from the period of a lane that began at the latest guess. */
 static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane) {
     const bd_coupled_lanes *l = &work->lanes;
     const double size = search->size, *from = search->centre.value < BARELY * size ? l->net_motion : l->end;
@@ -175,7 +171,7 @@ static void set_sliders(bd_coulomb_work *work, int n) {
             if (work->search[lane].state != BD_DONE) work->lanes.s[i * BD_LANES + lane] = work->search[lane].s[i];
 }
 
-/* Settles all lanes that slip; returns whether there are any. */
+/* Find the steady slider of all lanes that slip; return whether there are any. */
 static int settle(bd_coulomb_work *work, int n, int tangent) {
     int any = 0;
     for (int searching = 1; searching;) {
@@ -196,7 +192,7 @@ static int settle(bd_coulomb_work *work, int n, int tangent) {
     return any;
 }
 
-/* ---- force and tangent over the settled period ---- */
+/* ---- force and tangent over the steady period ---- */
 
 static void end_stick_part(bd_coulomb_work *work) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
@@ -209,7 +205,7 @@ static void end_stick_part(bd_coulomb_work *work) {
     memset(work->stick_basis, 0, sizeof(double) * n_coef);
 }
 
-/* Derivative of the slider through the step of a lane that ends at sample k and moved it. */
+/* Derivative of the slider through the step of a lane to sample k, in which it moved. */
 static void advance(bd_coulomb_work *work, const bd_element *element, int lane, int k) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     const size_t stride = (size_t)work->n_time * BD_LANES;
@@ -242,7 +238,7 @@ static void push_sample(bd_coulomb_work *work, int k, int state) {
         work->segment[work->n_segment++] = (bd_segment){k * h, (k + 1) * h, state};
 }
 
-/* Before the period: the derivative of the slider with respect to itself, or, in open contact, that of p. */
+/* Start of the period: derivative of the slider with respect to itself, or of p in open contact. */
 static void start_slider(bd_coulomb_work *work, const bd_element *element) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     const int last = work->n_time - 1, open = !(work->g[last] > 0.0);
@@ -254,7 +250,7 @@ static void start_slider(bd_coulomb_work *work, const bd_element *element) {
     }
 }
 
-/* Sums of force, and of the slider's derivative if tangent is asked for, over the settled period of a lane. */
+/* Sums of the force, and of the slider's derivative with a tangent, over the steady period of a lane. */
 static void sum_period(bd_coulomb_work *work, const bd_element *element, int lane, int tangent, bd_response *out,
                        bd_status_share *share) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm), n_time = work->n_time;
@@ -296,7 +292,7 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, int lan
     }
 }
 
-/* Blocks of the tangent from the sums; ds0 (2, 3 n_coef) is the derivative of the settled slider. */
+/* Blocks of the tangent from the sums; ds0 (2, 3 n_coef) is the derivative of the steady slider. */
 static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n_x + 2;
     double *ds0 = work->next_slider;
@@ -327,7 +323,7 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
         }
 }
 
-/* Motion and load of all points at the samples, lane beside lane and point after point. */
+/* Motion and load of all points at the samples, in lanes and point by point. */
 static void sample_motion(bd_coulomb_work *work, int n, const bd_element *element, const double *x) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
     bd_coupled_lanes *l = &work->lanes;
@@ -363,7 +359,7 @@ static void sample_motion(bd_coulomb_work *work, int n, const bd_element *elemen
     }
 }
 
-/* What geometry tells of a point; the others begin their search. */
+/* Handle points that stick or stay open; start the search for the other points. */
 static void find_sticking(bd_coulomb_work *work, const bd_element *element, const double *x, bd_response *out,
                           bd_status_share *share, bd_slider_search *search) {
     double size = 0.0;

@@ -1,21 +1,21 @@
-/* One period of in-plane coupled friction at BD_LANES contact points at a time; compiled once for each instruction set.
+/* One period of in-plane coupled friction at BD_LANES contact points; compiled once for each instruction set.
  *
- * In newtons, p is the displacement, s the slider, R the limit of the friction force T = p - s.  Between samples p and the
- * load are taken as linear in time, and that motion is solved exactly, events inside the step included, which makes the
- * evaluation of second order:
+ * In newtons, p is the displacement, s the slider and R the limit of the friction force T = p - s. Between samples, p
+ * and the load are linear in time. This motion is solved exactly including the events inside a step, so the evaluation
+ * is of second order:
  *
- *   stick    T moves along the chord dp; it leaves the disk at the root of |T + tau dp|^2 = (R + tau dR)^2.
- *   slip     with D = |dp|, a = dp/D, the angle theta between e and a obeys d theta/d tau = -(D/R) sin theta, so
- *            tan(theta/2) shrinks by q = exp(-D L), L = int d tau/R.  With c = a.e, X = 1 + c, Y = 1 - c, den = X + q^2 Y,
- *                e_1 = alpha a + beta (e - c a),  alpha = (X - q^2 Y)/den,  beta = 2 q/den.        (tractrix)
- *   closing  R grows from zero: stick if |dp| <= dR over the rest of the step, else slip along a.
- *   opening  s = p.
+ *     stick    T moves along the chord dp; it leaves the disk at the root of |T + tau dp|^2 = (R + tau dR)^2.
+ *     slip     with D = |dp|, a = dp/D, the angle theta between e and a obeys d theta/d tau = -(D/R) sin theta, so
+ *              tan(theta/2) shrinks by q = exp(-D L), L = int d tau/R. With c = a.e, X = 1 + c, Y = 1 - c, den = X + q^2 Y,
+ *                  e_1 = alpha a + beta (e - c a),  alpha = (X - q^2 Y)/den,  beta = 2 q/den.        (tractrix)
+ *     closing  R grows from zero: stick if |dp| <= dR over the remainder of the step, else slip along a.
+ *     opening  s = p.
  *
- * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of the onset need not be
- * differentiated.  A step gives ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1.
+ * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of the onset has no
+ * derivative to first order. A step gives ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1.
  *
- * L = (2/S) atanh(z)/z with S = R_0 + R_1, z = (R_1 - R_0)/S, once the ratio of the two has been brought near to one by a
- * power of two. */
+ * L = (2/S) atanh(z)/z with S = R_0 + R_1, z = (R_1 - R_0)/S; a power of two first brings the ratio of the two limits
+ * near one. */
 #include "util/kernels.h"
 #include "util/vector_types.h"
 
@@ -23,14 +23,14 @@ enum { N_VEC = BD_LANES / BD_WIDTH };
 #define EDGE 1e-12 /* relative distance at which T counts as on the edge of the disk */
 #define LN2 0.69314718055994530942
 
-/* Whole numbers of small size to doubles and back, by the digits of a number near 2^52 + 2^51. */
+/* Convert small integers to doubles and back, by the bits of a number near 2^52 + 2^51. */
 BD_INLINE bd_vec to_double(bd_mask i) {
     return bd_of_bits(i + bd_all_int(0x4338000000000000)) - bd_all(6755399441055744.0);
 }
 BD_INLINE bd_mask to_int(bd_vec x) { return bd_bits(x + bd_all(6755399441055744.0)) - bd_all_int(0x4338000000000000); }
 BD_INLINE bd_vec power_of_two(bd_mask i) { return bd_of_bits((i + bd_all_int(1023)) << 52); }
 
-/* 1 - exp(-x) for x >= 0, to rounding of itself. */
+/* 1 - exp(-x) for x >= 0 with full relative accuracy. */
 BD_INLINE bd_vec one_minus_exp(bd_vec x) {
     x = bd_min(x, bd_all(700.0));
     const bd_mask k = to_int(x * bd_all(1.0 / LN2));
@@ -49,7 +49,7 @@ typedef struct {
 BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
     const bd_vec ratio = bd_min(bd_max(R1 / R0, bd_all(1e-290)), bd_all(1e290));
-    /* the power of two next to the ratio */
+    /* the power of two nearest to the ratio */
     const bd_mask n = ((bd_bits(ratio * bd_all(1.4142135623730951)) >> 52) & bd_all_int(0x7ff)) - bd_all_int(1023);
     const bd_vec near = R1 * power_of_two(bd_all_int(0) - n), S = R0 + near, z = (near - R0) / S, z2 = z * z;
     bd_vec A = bd_all(1.0 / 25.0), B = bd_all(24.0 / 25.0);
@@ -58,7 +58,7 @@ BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec dR = bd_select(same, one, R1 - R0);
     inverse_limit o = {bd_select(same, two * A / S, (to_double(n) * bd_all(LN2) + two * z * A) / dR), zero, zero};
     if (!tangent) return o;
-    for (int k = 11; k >= 1; --k) B = bd_all(2.0 * k / (2 * k + 1)) + z2 * B; /* of A'(z)/z */
+    for (int k = 11; k >= 1; --k) B = bd_all(2.0 * k / (2 * k + 1)) + z2 * B; /* series of A'(z)/z */
     const bd_vec slope = bd_all(4.0) * z * B / (S * S * S);
     o.L1 = bd_select(same, R0 * slope - o.L / S, (one / R1 - o.L) / dR);
     o.L0 = bd_select(same, zero - R1 * slope - o.L / S, (o.L - one / R0) / dR);
@@ -69,7 +69,7 @@ typedef struct {
     bd_vec s[2], ds[2], A[2][2], B0[2][2], B1[2][2], C0[2], C1[2];
 } step;
 
-/* Of a slip by the part D of the way dp, what does not depend on the slider if that is all of it. */
+/* Quantities of slip along the part D of the chord dp that do not depend on the slider if D is the whole chord. */
 typedef struct {
     bd_vec length, a[2], p; /* |D|, D/|D|, 1 - q */
     inverse_limit inverse;
@@ -83,7 +83,7 @@ BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tan
     return w;
 }
 
-/* Slip over the rest 1 - tau of the step, from the force direction e on the edge R_e. */
+/* Slip over the remainder 1 - tau of the step, from the force direction e on the edge R_e. */
 BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_vec R1, bd_vec mu,
                          const bd_vec *dp, const bd_vec *p1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0), rest = one - tau;
@@ -153,7 +153,7 @@ BD_INLINE chord load_chord(const bd_coupled_lanes *l, int at, const int tangent)
     return w;
 }
 
-/* Closing: where the limit is zero between the samples. */
+/* Closing: the limit is zero between the samples. */
 BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0, bd_vec g1, bd_vec mu, bd_vec R1,
                           const bd_vec *s, const bd_vec *dp, const bd_vec *p0, const bd_vec *p1, int interpolate,
                           const int tangent) {
@@ -179,7 +179,7 @@ BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t,
     }
 }
 
-/* From sample k0 to the next one, k1; a lane that sticks keeps its slider. */
+/* Step from sample k0 to the next sample k1; the slider of a sticking lane does not change. */
 BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, const bd_vec *s, step *o, bd_mask *sticks,
                             const int tangent) {
     const int at0 = k0 * BD_LANES + v * BD_WIDTH, at1 = k1 * BD_LANES + v * BD_WIDTH;
@@ -313,7 +313,7 @@ void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int kept, int 
         period(l, 1, 1);
 }
 
-/* Largest of |c - s| - R over n disks, n a multiple of 8, and which of them has it. */
+/* Largest |c - s| - R over n disks and its index; n is a multiple of 8. */
 double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                                int *which);
 double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,

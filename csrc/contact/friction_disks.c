@@ -1,13 +1,14 @@
-/* Disks in the plane: the point that violates them least, and the way into all of them.
+/* Disks in the plane: the point of least violation, and the entry of a line into all disks.
  *
- * Centre.  phi(s) = max_k |c_k - s| - R_k is convex; its least value belongs to one, two or three disks that have it in
- * common there: one alone at its centre, phi = -R; two on the line of their centres, phi = (d - R_i - R_j)/2; three where
- * their normals enclose the origin.  From one disk on, the one violated most joins those that hold the point, and the least
- * point of these few is that subset of two or three which has the largest value.  Values grow from round to round, so no
- * subset comes twice.
+ * Centre. The function phi(s) = max_k |c_k - s| - R_k is convex. Its minimum is shared by one, two or three disks: one
+ * disk at its centre, phi = -R; two disks on the line of their centres, phi = (d - R_i - R_j)/2; three disks if their
+ * normals enclose the origin. The search starts with one disk. In each round the most violated disk joins the disks that
+ * determine the point. The new point is the subset of two or three with the largest value. Values grow from round to
+ * round, so no subset occurs twice.
  *
- * Three disks.  With the first centre as origin, d_a the others relative to it, r = R_1 + phi and w_a = R_a - R_1,
- * |s| = r and |s - d_a| = r + w_a give d_a.s = (d_a^2 - w_a^2)/2 - r w_a, hence s = alpha - r beta and a quadratic for r. */
+ * Three disks. With the first centre as origin, let d_a be the other centres, r = R_1 + phi and w_a = R_a - R_1. Then
+ * |s| = r and |s - d_a| = r + w_a give d_a.s = (d_a^2 - w_a^2)/2 - r w_a, hence s = alpha - r beta and a quadratic
+ * equation for r. */
 #include "contact/friction_disks.h"
 
 #include <math.h>
@@ -18,18 +19,18 @@ static double norm(double x, double y) { return sqrt(x * x + y * y); }
 
 /* ---- centre ---- */
 
-/* Two disks; value -infinity if one of them holds the centre alone. */
+/* Two disks; value -infinity if one of them determines the centre alone. */
 static bd_disk_point centre_of_two(const bd_disks *disks, int i, int j) {
     const double dx = disks->x[j] - disks->x[i], dy = disks->y[j] - disks->y[i], d = norm(dx, dy);
     bd_disk_point hold = {.n = 2, .disk = {i, j}, .value = 0.5 * (d - disks->R[i] - disks->R[j])};
-    const double r = disks->R[i] + hold.value; /* from the first centre */
+    const double r = disks->R[i] + hold.value; /* distance from the first centre */
     if (!(r > 0.0 && r < d)) return (bd_disk_point){.value = -INFINITY};
     hold.s[0] = disks->x[i] + dx * (r / d);
     hold.s[1] = disks->y[i] + dy * (r / d);
     return hold;
 }
 
-/* Improves a point at the same distance from three disks by one step of Newton's method. */
+/* Improve a point at equal distance from three disks by one Newton step. */
 static void polish(const bd_disks *disks, bd_disk_point *hold) {
     double e[3][2], f[3];
     for (int a = 0; a < 3; ++a) {
@@ -48,7 +49,7 @@ static void polish(const bd_disks *disks, bd_disk_point *hold) {
     hold->value += f[0] - e[0][0] * s0 - e[0][1] * s1;
 }
 
-/* Whether the normals of three disks enclose the origin: no move makes all three distances smaller. */
+/* Return whether the normals of three disks enclose the origin: no move reduces all three distances. */
 static int encloses(const bd_disks *disks, const bd_disk_point *hold) {
     double d[3][2], turn[3];
     for (int a = 0; a < 3; ++a) {
@@ -92,7 +93,7 @@ static bd_disk_point centre_of_three(const bd_disks *disks, int i, int j, int k)
     return best;
 }
 
-/* Of at most four disks, the last of which is new. */
+/* Point of least violation of at most four disks; the last one is new. */
 static bd_disk_point centre_of_few(const bd_disks *disks, int n, const int *disk) {
     const int new = disk[n - 1];
     bd_disk_point best = {.n = 1, .disk = {new}, .s = {disks->x[new], disks->y[new]}, .value = -disks->R[new]};

@@ -1,30 +1,30 @@
-/* A slider of in-plane coupled friction that rests, or is about to slip; see bd_coulomb.c for the law and bd_disks.c for the
- * centre of the disks.
+/* A slider of in-plane coupled friction that sticks or is about to slip; see coupled_friction.c for the law and
+ * friction_disks.c for the centre of the disks.
  *
- * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If they have common points, any of
- * them will do: where a transient would end depends on its history, which the law leaves open.  The given slider w is kept if
- * it is one of them, else taken towards their centre c, the point that violates the disks least, until it is:
- * s = w + t (c - w) with the least such t (in one dimension this is the nearer end of the interval).  At the onset of slip,
- * where the common points shrink to c, this s depends on the motion in a Lipschitz continuous way, unlike the common point
- * nearest to w, which there moves like the root of the distance.
+ * Stick. A slider inside all disks |p_k - s| <= R_k of the cycle never moves. If the disks have common points, each of
+ * them is admissible: the end of a transient depends on its history, which the law does not determine. The initial
+ * slider w is used if it is admissible. Otherwise it is shifted towards the centre c, the point of least violation,
+ * until it is admissible: s = w + t (c - w) with the least such t. In one dimension this is the nearer end of the
+ * interval. At the onset of slip the common points shrink to c, and s is a Lipschitz continuous function of the motion.
+ * The common point nearest to w would instead move like the square root of the distance.
  *
- * The onset of slip.  Let phi be the least violation of the disks.  Where it vanishes, the common points shrink to one,
- * which two disks (opposite to each other) or three hold.  Beyond, the slider moves by a distance of the order of phi from
- * the edge of one of these to that of the next, and I - P' is singular in the limit if they are two.  With
- * e_i = (p_i - s)/|p_i - s| and the derivative D_i of the slider after it was set by disk i, the limit is
+ * Onset of slip. Let phi be the least violation of the disks. At phi = 0 the common points shrink to one, determined by
+ * two opposite disks or by three. For phi > 0 the slider moves by a distance of order phi between the edges of these
+ * disks. With two disks I - P' is singular in the limit. With e_i = (p_i - s)/|p_i - s| and the derivative D_i of the
+ * slider after disk i has set it, the limit is
  *
  *     three   D_i = (I - e_i e_i^T) D_{i-1} + e_i (e_i . dp_i - dR_i), all around,
- *     two     e . D_i = e . dp_i - dR_i (e . e_i),   and across, where the slips by delta = 2 phi along e_1 and e_2 have to
- *             cancel, the point on the line through the centres, as they are half way through these slips:
- *             t . D = sum_i (t . dp_i - a_i d delta)/r_i / sum_i 1/r_i,   r_i = |p_i - s|,   a_i = (t . p_i')/(2 (e_i . p_i' - R_i')).
+ *     two     e . D_i = e . dp_i - dR_i (e . e_i),   and across, where the slips by delta = 2 phi along e_1 and e_2
+ *             cancel, the point on the line through the centres halfway through these slips:
+ *             t . D = sum_i (t . dp_i - a_i d delta)/r_i / sum_i 1/r_i,   r_i = |p_i - s|,
+ *             a_i = (t . p_i')/(2 (e_i . p_i' - R_i')).
  *
- * It stands for the derivative as long as phi is so small that the general one is lost in rounding.
- */
+ * This limit replaces the derivative while phi is so small that rounding spoils the general formula. */
 #include "contact/sticking_slider.h"
 
 #include <string.h>
 
-/* The direction from the slider to the centre of a disk that holds it, and the distance. */
+/* Direction and distance from the slider to the centre of a disk that determines it. */
 static double direction(const bd_coulomb_work *work, const bd_disk_point *hold, int i, double *e) {
     const int k = hold->disk[i];
     const double x = work->x[k] - hold->s[0], y = work->y[k] - hold->s[1], size = bd_norm(x, y);
@@ -33,7 +33,7 @@ static double direction(const bd_coulomb_work *work, const bd_disk_point *hold, 
     return size;
 }
 
-/* Row of a . dp + b dR at sample k. */
+/* Add the row of a . dp + b dR at sample k. */
 static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k, const double *a, double b,
                        double *row) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
@@ -43,8 +43,8 @@ static void motion_row(const bd_coulomb_work *work, const bd_element *element, i
         for (size_t j = 0; j < n_coef; ++j) row[c * n_coef + j] += factor[c] * basis[j];
 }
 
-/* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i, and across the line of two centres the point on
- * it moves along. */
+/* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i. Across the line of two centres, the point
+ * moves with the line. */
 static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element, const bd_disk_point *centre,
                                  double *D) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
@@ -73,8 +73,8 @@ static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *
     }
 }
 
-/* Derivative (2, n_col) of the slider that was taken a share of the way from the given one to the centre, into disk k:
- * ds = share dc + (c - w) d share,   e . ds = e . dp - dR. */
+/* Derivative (2, n_col) of the slider that was shifted by a fraction of the line from w to the centre, into disk k: ds =
+ * share dc + (c - w) d share,   e . ds = e . dp - dR. */
 static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element, const double *given,
                                   const bd_disk_point *centre, double share, int k) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
@@ -92,17 +92,18 @@ static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *eleme
     }
 }
 
-/* Half the way across that the centre of a disk goes while the slider slips by a unit of length, in the last part of the step
+/* Half the motion of a disk's centre across the slip direction per unit length of slip, in the last part of the step
  * that ends at its sample. */
 static double turn_of_slip(const bd_coulomb_work *work, const bd_disk_point *hold, int i, const double *e,
                            const double *t) {
     const int k1 = hold->disk[i], k0 = bd_coulomb_before(work, k1);
     const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
     const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]), size = bd_norm(dp[0], dp[1]);
-    return speed > 1e-6 * size ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0; /* else it has come to rest before */
+    /* otherwise the centre has stopped before */
+    return speed > 1e-6 * size ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0;
 }
 
-/* Derivatives (n, 2, n_col) of the slider after each of the disks that hold it at the onset of slip. */
+/* Derivatives (n, 2, n_col) of the slider after each of the disks that determine it at the onset of slip. */
 static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *hold) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)hold->n;
     double *D = work->slider_sums, *across = work->slider_derivative, *follow = work->next_slider, e[3][2] = {{0.0}},
@@ -110,7 +111,7 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
     memset(D, 0, sizeof(double) * n * 2 * n_col);
     memset(across, 0, sizeof(double) * n_col);
     for (int i = 0; i < hold->n; ++i) r[i] = direction(work, hold, i, e[i]);
-    if (n == 1) { /* a load that nearly vanishes: the slider follows */
+    if (n == 1) { /* the load nearly vanishes: the slider follows the motion */
         for (size_t d = 0; d < 2; ++d)
             motion_row(work, element, hold->disk[0], (double[2]){d == 0, d == 1}, 0.0, D + d * n_col);
         return;
@@ -124,7 +125,7 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
             motion_row(work, element, hold->disk[i], a, turn / all, across);
         }
     }
-    for (size_t i = 0; i < n; ++i) { /* with D_0 = 0 for three disks, which leaves their constant part in D_3 */
+    for (size_t i = 0; i < n; ++i) { /* for three disks D_0 = 0 leaves their constant part in D_3 */
         const double *ei = e[i], *before = i > 0 ? D + (i - 1) * 2 * n_col : NULL;
         double *now = D + i * 2 * n_col;
         memset(follow, 0, sizeof(double) * n_col);
@@ -138,7 +139,7 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
             }
     }
     if (n == 2) return;
-    double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}; /* the rest of D_i is M_i D_0 */
+    double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}; /* the remainder of D_i is M_i D_0 */
     for (size_t i = 0; i < n; ++i)
         for (size_t c = 0; c < 2; ++c) {
             const double along = e[i][0] * M[0][c] + e[i][1] * M[1][c];
@@ -154,7 +155,7 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
     }
 }
 
-/* Sums of the basis over the samples that follow each of the disks that hold the slider, as they come to bear on a force. */
+/* Sums of the basis over the samples after each of the disks that determine the slider, as factors of the force. */
 static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point *hold, double *share) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     memset(share, 0, sizeof(double) * (size_t)hold->n * n_coef);
@@ -167,7 +168,7 @@ static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point
     }
 }
 
-/* T = p - s: the tangent of a slider that is at rest but for a change of its derivative D (n_part, 2, n_col) from part to
+/* Tangent of T = p - s for a slider that does not move, but whose derivative D (n_part, 2, n_col) changes from part to
  * part of the cycle. */
 static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *element, int n_part, const double *D,
                                 const double *share, bd_response *out) {
@@ -206,7 +207,7 @@ void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element,
                                const bd_disk_point *centre, double share, int k, bd_response *out) {
     derivative_of_shifted(work, element, given, centre, share, k);
     memset(work->stick_basis, 0, sizeof(double) * (size_t)bd_n_coef(work->n_harm));
-    work->stick_basis[0] = 1.0; /* bears on the mean force alone */
+    work->stick_basis[0] = 1.0; /* affects the mean force only */
     write_tangent_parts(work, element, 1, work->slider_derivative, work->stick_basis, out);
 }
 

@@ -1,20 +1,20 @@
-/* Contact laws that are brought along as functions (bd_law.h), sampled and settled over the period.
+/* User laws (user_law.h), sampled, in their steady cycle.
  *
- * With the motion x_k at n_time equidistant instants, the state goes through the period as s_k = g(x_k, x_k-1, s_k-1), which
- * makes the period map s_N = P(s_0).  Periods are marched from the given state until it repeats; where no derivative is asked
- * for, until a period meets the one before.  After FREE of them steps of Newton's method take over, with A = dP/ds,
+ * Let x_k be the motion at n_time equidistant instants. The state advances as s_k = g(x_k, x_k-1, s_k-1), which defines
+ * the period map s_N = P(s_0). Periods start from the given state and are repeated until the state recurs, or, without
+ * derivatives, until a period agrees with the previous one. After FREE periods, Newton steps with A = dP/ds follow,
  *
  *     s_0 += (1 + A + A^2 + ...) (P(s_0) - s_0),
  *
- * unless the last of these steps was not half as long as the one before.  The sum is made by doubling, R += A^m R with
- * m = 1, 2, 4, ..., so that a state which no period changes (a slider that sticks for good) stays where it is, although 1 - A
- * is singular then.
+ * unless the last step was more than half as long as the previous one. The sum is computed by doubling, R += A^m R with
+ * m = 1, 2, 4, ... A state that no period changes (a slider that sticks throughout) therefore stays constant, although 1
+ * - A is singular.
  *
- * The derivative S = ds/dX by the motion then goes through the settled period, from S_0 = 0 to S_N, and that of the settled
- * state is (1 + A + A^2 + ...) S_N.  A state that no period changes any more, but that settling has brought about, depends on
- * the motion through all of settling: periods are then marched again from the given state, with S, which comes to S_0 before
- * the settled period, and the settled state has S_0 + (1 + A + ...) (S_N - S_0).  The forces F = f(x, s) have dF = f_x dx +
- * f_s ds. */
+ * The derivative S = ds/dX with respect to the motion advances through the steady period from S_0 = 0 to S_N. The
+ * derivative of the steady state is (1 + A + A^2 + ...) S_N. A state that became constant during the transient depends
+ * on the motion through the whole transient. Periods are then repeated from the given state together with S, which has
+ * the value S_0 before the steady period. The steady state has the derivative S_0 + (1 + A + ...) (S_N - S_0). The
+ * forces F = f(x, s) have dF = f_x dx + f_s ds. */
 #include "contact/user_law_aft.h"
 
 #include <math.h>
@@ -22,9 +22,9 @@
 #include <string.h>
 
 enum { FREE = 3, MOST_PERIODS = 100, DOUBLINGS = 50, FADES = 10 };
-static const double REPEATS = 1e-15; /* of the state, relative to its largest value in the period */
-static const double SETTLED = 1e-13; /* the last step of Newton's method, likewise */
-static const double FADED = 1e-3;    /* of a change of the state after many periods */
+static const double REPEATS = 1e-15; /* change of the state relative to its largest value in the period */
+static const double SETTLED = 1e-13; /* last Newton step, relative as above */
+static const double FADED = 1e-3;    /* remainder of a change of the state after many periods */
 
 bd_status bd_user_create(bd_user_work *work, const bd_sampled_work *sampled, int n_state) {
     memset(work, 0, sizeof *work);
@@ -85,8 +85,8 @@ static double largest(size_t n, size_t m, size_t stride, const double *x) {
     return most;
 }
 
-/* R (n, m) becomes (1 + A + A^2 + ...) R; A is the first n columns of the slider.  What `next` holds is lost.  0 if the sum has
- * no end. */
+/* Replace R (n, m) by (1 + A + A^2 + ...) R; A is the first n columns of state_derivative. next_derivative is
+ * overwritten. Return 0 if the sum diverges. */
 static int sum_powers(bd_user_work *work, size_t n, size_t n_col, size_t m, double *R, size_t stride) {
     double *A = work->power, *square = work->square, *more = work->next_derivative;
     for (size_t i = 0; i < n; ++i) memcpy(A + i * n, work->state_derivative + i * n_col, sizeof(double) * n);
@@ -107,8 +107,7 @@ static int sum_powers(bd_user_work *work, size_t n, size_t n_col, size_t m, doub
 
 /* ---- one period ---- */
 
-/* The point's law, how many columns its derivatives have (those by the state, then those by the motion), and at which sample
- * the period is. */
+/* Law of the point, number of columns of its derivatives (state, then motion), and sample of the period. */
 typedef struct {
     const bd_point_law *point_law;
     size_t n, n_coef, n_col;
@@ -119,7 +118,7 @@ static const double *basis(const bd_user_work *work, int k) {
     return work->basis + (size_t)(k >= 0 ? k : work->n_time - 1) * (size_t)bd_n_coef(work->n_harm);
 }
 
-/* Derivative of one entry of the state by the motion at both ends of a step, added to a row. */
+/* Add the derivative of one entry of the state with respect to the motion at both ends of a step to a row. */
 static void add_motion(const bd_user_work *work, const stage *at, const double *by, double *row) {
     const double *now = basis(work, at->k), *last = basis(work, at->k - 1);
     for (size_t c = 0; c < 3 && at->n_col > at->n; ++c) {
@@ -135,7 +134,7 @@ static void advance_derivative(bd_user_work *work, const stage *at) {
     int diagonal = 1;
     for (size_t i = 0; i < n && diagonal; ++i)
         for (size_t j = 0; j < n; ++j) diagonal &= i == j || ss[i * n + j] == 0.0;
-    for (size_t i = 0; i < n; ++i) { /* entries of their own are changed in place, those that rest not at all */
+    for (size_t i = 0; i < n; ++i) { /* a diagonal ss changes the rows in place; constant states need no operation */
         double *restrict to = (diagonal ? work->state_derivative : work->next_derivative) + i * n_col;
         if (!diagonal) memset(to, 0, sizeof(double) * n_col);
         for (size_t j = 0; j < n && !diagonal; ++j) {
@@ -151,7 +150,7 @@ static void advance_derivative(bd_user_work *work, const stage *at) {
     work->state_derivative = work->next_derivative, work->next_derivative = swap;
 }
 
-/* Derivative of the forces at a sample: factors of the motion there, and what comes by the state. */
+/* Store the derivative of the forces at a sample: direct factors of the motion, and the part through the state. */
 static void store_force_derivative(bd_user_work *work, const stage *at) {
     const size_t n = at->n, n_col = at->n_col, n_time = (size_t)work->n_time;
     for (size_t i = 0; i < 9; ++i) {
@@ -175,9 +174,9 @@ static void store_force_derivative(bd_user_work *work, const stage *at) {
     }
 }
 
-/* From the state `start` through a period, whose forces are kept; with columns, the derivative of the state goes along, and with
- * those by the motion that of the forces, too.  A period that meets the one before on its way is that one from there on: 1 is
- * returned, and the state has settled; otherwise 0. */
+/* Integrate one period from the state `start` and store its forces. With columns, advance the derivative of the state;
+ * with columns of the motion, also the derivative of the forces. Return 1 if a sample agrees with the previous period:
+ * the remainder of the period is then equal, and the state is steady. */
 static int integrate_period(bd_user_work *work, const bd_point_law *point_law, size_t n_col) {
     const size_t n = (size_t)point_law->n_state, n_time = (size_t)work->n_time;
     stage at = {.point_law = point_law, .n = n, .n_coef = (size_t)bd_n_coef(work->n_harm), .n_col = n_col};
@@ -216,9 +215,9 @@ static int integrate_period(bd_user_work *work, const bd_point_law *point_law, s
     return met;
 }
 
-/* ---- settling ---- */
+/* ---- steady state ---- */
 
-/* Largest entry of a change of the state, each relative to its largest value in the period. */
+/* Largest entry of a change of the state relative to its largest value in the period. */
 static double relative_change(const bd_user_work *work, size_t n, const double *change) {
     double most = 0.0;
     for (size_t i = 0; i < n; ++i) {
@@ -229,8 +228,8 @@ static double relative_change(const bd_user_work *work, size_t n, const double *
     return most;
 }
 
-/* Marches periods until the state repeats, from the given one; 0 if it does not.  With columns by the motion the derivative of
- * the state goes along. */
+/* Repeat periods from the given state until the state recurs; return 0 if it does not. With columns of the motion,
+ * advance the derivative of the state. */
 static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x) {
     const size_t n = (size_t)point_law->n_state;
     double before = INFINITY;
@@ -263,7 +262,7 @@ static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x)
 
 /* ---- force and tangent ---- */
 
-/* Whether many periods leave nothing of a change of the state: no entry of a power of A is above FADED. */
+/* Return whether a change of the state vanishes after many periods: a power of A has no entry above FADED. */
 static int decays(bd_user_work *work, size_t n, size_t n_col) {
     double *A = work->power, *square = work->square;
     for (size_t i = 0; i < n; ++i) memcpy(A + i * n, work->state_derivative + i * n_col, sizeof(double) * n);
@@ -276,8 +275,8 @@ static int decays(bd_user_work *work, size_t n, size_t n_col) {
     return largest(n, n, n, A) <= FADED;
 }
 
-/* The settled period again, with derivatives.  Where a state that no period changes came about in settling, the derivative of
- * that comes from settling once more. */
+/* Repeat the steady period with derivatives. If a constant state was reached in the transient, repeat the transient for
+ * its derivative. */
 static void differentiate(bd_user_work *work, const bd_point_law *point_law) {
     const size_t n = (size_t)point_law->n_state, n_x = 3 * (size_t)bd_n_coef(work->n_harm);
     const int moved = work->n_period > 1;
@@ -287,19 +286,20 @@ static void differentiate(bd_user_work *work, const bd_point_law *point_law) {
     settle(work, point_law, n_x);
 }
 
-/* Sensitivity of the settled state beside that with which the last period began, and the tangent. */
+/* Derivative of the steady state minus its value at the start of the last period, and the tangent. */
 static void write_tangent(bd_user_work *work, size_t n, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n + n_x, n_time = (size_t)work->n_time;
     const size_t n_power = (size_t)bd_n_power(work->n_harm);
-    double *more = work->motion_derivative; /* what the period has changed of the derivative by the motion */
+    double *more = work->motion_derivative; /* change of the motion's derivative during the period */
     for (size_t i = 0; i < n; ++i)
         for (size_t j = n; j < n_col; ++j)
             more[i * n_col + j] = work->state_derivative[i * n_col + j] - more[i * n_col + j];
     sum_powers(work, n, n_col, n_x, more + n, n_col);
     memset(work->derivative_coef, 0, sizeof(double) * n_coef * 3 * n_col);
+    /* the other rows are zero */
     const size_t rows = work->has_state_derivative[2]   ? 3
                         : work->has_state_derivative[1] ? 2
-                                                        : (size_t)work->has_state_derivative[0]; /* the others are zero */
+                                                        : (size_t)work->has_state_derivative[0];
     if (rows > 0) {
         work->kernel->product(n_coef, rows * n_col, n_time, work->basis, work->state_force_derivative, 3 * n_col,
                               work->derivative_coef, 3 * n_col);

@@ -1,20 +1,13 @@
 /* Dense bordered matrices.
  *
- * The matrix B is built in scaled unknowns and its rows are brought to unit size before the LU factorisation, A = D B, so
- * the condition estimate does not depend on units.  If the estimate says that it is rank-deficient (a free body whose mean
- * position no contact determines) the least-norm solution of a rank-revealing QR takes the place of the LU solution, which
- * leaves such a position where it is.  The transposed equations have the solution D A^-T b.
+ * The matrix B is built in scaled unknowns. Its rows are brought to unit size before the LU factorisation, A = D B, so
+ * the condition estimate does not depend on units. If the estimate indicates a rank-deficient matrix (a free body whose
+ * mean position no contact determines), the least-norm solution of a rank-revealing QR factorisation replaces the LU
+ * solution. It leaves such a position unchanged. The transposed equations have the solution D A^-T b.
  *
- * The sign of the determinant of B with a tangent as border does not change along a curve, not even at a corner where J
- * jumps: J agrees on both sides along the surface that the curve crosses.  It tells forward from backward where the angle
- * between two tangents does not.
- *
- * In place of omega the parameter may be a factor s on the vibratory excitation at fixed omega, which serves to grow a
- * response from the static state, or fade out a linear support S of a free body:
- *
- *     r(u, omega) + (1 - s) ramp + (1/s - 1) S u = 0,      0 < s <= 1.
- *
- * The support goes from as good as rigid at small s to nothing at 1. */
+ * With a tangent as border, the sign of det B does not change along a curve, not even at a corner at which J jumps: J
+ * agrees on both sides along the surface that the curve crosses. Hence the sign distinguishes forward from backward if
+ * the angle between two tangents does not. */
 #include "solver/dense.h"
 
 #include <math.h>
@@ -69,11 +62,11 @@ void bd_dense_destroy(bd_dense *dense) {
 
 /* ---- the matrix ---- */
 
-/* Rounding noise: entries this much smaller than the largest of their column. */
+/* Rounding noise: size of an entry relative to the largest of its column. */
 static const double NOISE = 1e-13;
 
-/* Whether row i is rounding noise in every column (largest entries of the columns: (n + 1)).  Brought to unit size, such a
- * row would ask for arbitrary things. */
+/* Return whether row i is rounding noise in every column; `column` (n + 1) holds the largest entries of the columns. At
+ * unit size, such a row would impose an arbitrary condition. */
 static int is_noise(const bd_equations *e, const double *column, size_t i) {
     const size_t n = (size_t)e->n;
     for (size_t j = 0; j < n; ++j)
@@ -89,7 +82,7 @@ static void raise_to(double *restrict most, const double *restrict x, size_t n) 
     }
 }
 
-/* Largest |x_j|; several maxima side by side, since one would wait for itself. */
+/* Largest |x_j|, from several independent maxima for instruction-level parallelism. */
 static double largest_entry(const double *x, size_t n) {
     enum { SIDE_BY_SIDE = 8 };
     double most[SIDE_BY_SIDE] = {0.0};
@@ -109,7 +102,7 @@ static void scale_entries(double *restrict x, double factor, size_t n) {
     for (size_t j = 0; j < n; ++j) x[j] *= factor;
 }
 
-/* A and row: the bordered matrix in scaled unknowns with rows of unit size; a row of noise becomes zero. */
+/* Fill A and row: the bordered matrix in scaled unknowns with rows of unit size; rows of noise become zero. */
 static void build_matrix(bd_dense *dense, const bd_border *border) {
     const bd_equations *e = &dense->base;
     const size_t n = (size_t)e->n, n1 = n + 1;
@@ -132,7 +125,7 @@ static void build_matrix(bd_dense *dense, const bd_border *border) {
     }
 }
 
-/* Estimate of the reciprocal condition of A in the 1-norm of the transpose that Fortran sees: that of row sums here. */
+/* Estimate the reciprocal condition of A in the 1-norm of the transpose, as Fortran reads it: row sums here. */
 static double estimate_condition(bd_dense *dense) {
     const size_t n1 = (size_t)dense->base.n + 1;
     int m = (int)n1, info = 0;
@@ -147,9 +140,9 @@ static double estimate_condition(bd_dense *dense) {
     return condition;
 }
 
-/* The condition tells how far A is from singular: by the ratio of the smallest pivot to the largest as long as that is far
- * above the rank tolerance, by LAPACK's estimate, which costs half a factorisation, otherwise.  On curves of the reference
- * disk the estimate was smaller than the ratio by up to 1.4e9, and the ratio of one factorisation in 500 was below 1e-5. */
+/* The condition is the ratio of the smallest to the largest pivot if this is far above the rank tolerance. Otherwise it
+ * is LAPACK's estimate, which costs half a factorisation. On curves of the reference disk the estimate was smaller than
+ * the ratio by up to 1.4e9, and the ratio of one factorisation in 500 was below 1e-5. */
 bd_status bd_dense_factor(bd_equations *equations, const bd_border *border) {
     static const double FAR_ABOVE = 1e9;
     bd_dense *dense = (bd_dense *)equations;
@@ -175,13 +168,13 @@ bd_status bd_dense_factor(bd_equations *equations, const bd_border *border) {
     return isfinite(sum) ? BD_OK : BD_SINGULAR;
 }
 
-/* Solves A x = b, or with A^T, in place: by the factors, or by least norm where A is rank-deficient. */
+/* Solve A x = b or A^T x = b in place, by the factors, or by least norm if A is rank-deficient. */
 static bd_status solve(bd_dense *dense, int transposed, double *b) {
     bd_factored *factored = &dense->base.factored;
     const size_t n1 = (size_t)dense->base.n + 1;
     int m = (int)n1, one = 1, info = 0;
     if (factored->condition > RANK_TOLERANCE) {
-        char which = transposed ? 'N' : 'T'; /* Fortran sees A^T */
+        char which = transposed ? 'N' : 'T'; /* Fortran reads A^T */
         dense->lapack.dgetrs(&which, &m, &one, dense->LU, &m, dense->pivot, b, &m, &info);
         return info == 0 ? BD_OK : BD_SINGULAR;
     }

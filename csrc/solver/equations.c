@@ -1,4 +1,4 @@
-/* The order in which equations are asked: y -> r, J, C -> factors of B -> solutions. */
+/* Order of the calls: y -> r, J, C -> factors of B -> solutions. */
 #include "solver/equations.h"
 
 bd_status bd_evaluate(bd_equations *e, const double *y, int derivative) {

@@ -1,16 +1,17 @@
-/* Equations R(y) = 0 in n unknowns and k free parameters, y = (u, lambda), as a table of functions: whoever solves them
- * knows neither where they come from nor how their linear equations are solved.
+/* Equations R(y) = 0 in n unknowns and k free parameters, y = (u, lambda), as a table of functions. A solver needs no
+ * knowledge of their origin or of their linear solver.
  *
- * With J = R_u and C = R_lambda, everything is asked of the bordered matrix
+ * With J = R_u and C = R_lambda, all operations use the bordered matrix
  *
  *     B = [J C] diag(scale)
  *         [  row          ]
  *
- * in scaled unknowns z = y/scale, which is regular at folds of a curve where J is not.  The order is evaluate, factor,
- * solve: the functions bd_* below refuse any other with BD_BAD_STATE, and go back a stage where a step fails, so that no
- * half of an old factorisation is used.
+ * in scaled unknowns z = y/scale. B is regular at folds of a curve, although J is singular there. The order of calls is
+ * evaluate, factor, solve. The functions bd_* below refuse any other order with BD_BAD_STATE. After a failure they go
+ * back one stage, so that an incomplete factorisation is never used.
  *
- * There are dense ones (bd_dense.h) and those of a whole wheel (bd_wheel.h), all with one parameter. */
+ * There are dense equations (balance/sector.h, balance/nonlinear_mode.h) and equations of a bladed disk
+ * (bladed_disk/wheel_equations.h), all with one parameter. */
 #ifndef BD_SOLVER_EQUATIONS_H
 #define BD_SOLVER_EQUATIONS_H
 
@@ -25,41 +26,43 @@ typedef struct {
 } bd_border;
 
 typedef struct {
-    double condition; /* reciprocal condition of the matrix with rows of unit size, as far as it was asked for */
-    int rank;         /* n + k, or what a solution by least norm found */
-    int orientation;  /* sign of det B, 0 where it is not known */
+    double condition; /* estimate of the reciprocal condition of the matrix with rows of unit size */
+    int rank;         /* n + k, or the rank in a least-norm solution */
+    int orientation;  /* sign of det B, 0 if unknown */
 } bd_factored;
 
 typedef struct {
-    bd_status (*evaluate)(bd_equations *, const double *y, int derivative); /* r; if asked, what factor needs, and C */
-    bd_status (*factor)(bd_equations *, const bd_border *);                 /* B at the point evaluated last; factored */
-    bd_status (*solve)(bd_equations *, double tolerance, double *b);        /* B x = b in place; an iterative one to the */
-                                                                            /* tolerance */
-    bd_status (*solve_transposed)(bd_equations *, double *b);               /* B^T x = b; NULL where there is none */
-    bd_status (*product)(bd_equations *, int transposed, const double *x, double *out); /* J x or J^T x; NULL where J is */
-                                                                                        /* formed */
-    void (*destroy)(bd_equations *); /* with the memory of the object itself */
+    /* r; with derivative, C and the data for factor */
+    bd_status (*evaluate)(bd_equations *, const double *y, int derivative);
+    bd_status (*factor)(bd_equations *, const bd_border *); /* factors of B at the latest point */
+    /* B x = b in place; iterative solvers stop at the tolerance */
+    bd_status (*solve)(bd_equations *, double tolerance, double *b);
+    bd_status (*solve_transposed)(bd_equations *, double *b); /* B^T x = b; NULL if not available */
+    /* J x or J^T x; NULL if J is stored */
+    bd_status (*product)(bd_equations *, int transposed, const double *x, double *out);
+    void (*destroy)(bd_equations *); /* frees the object itself as well */
 } bd_equations_type;
 
-/* First member of each implementation, which allocates all of it when it is created. */
+/* First member of each implementation, which allocates all of it on creation. */
 struct bd_equations {
     const bd_equations_type *type;
     int n, k;
-    double *row_scale; /* (n) residual -> relative to excitation or static load */
+    double *row_scale; /* (n) factor from residual to a value relative to excitation or static load */
     double *r, *C;     /* (n), (n) for each parameter */
-    double *J;         /* (n, n) row-major, NULL where it is not formed */
-    double *scratch;   /* (4, n + k) of bd_solver and of its callers */
+    double *J;         /* (n, n) row-major, NULL if not stored */
+    double *scratch;   /* (4, n + k) work of the solver and its callers */
     bd_factored factored;
     enum { BD_EMPTY, BD_EVALUATED, BD_DERIVED, BD_FACTORED } stage;
-    bd_cost *cost; /* shared by equations that wrap others */
+    bd_cost *cost; /* shared with equations that wrap others */
 };
 
 bd_status bd_evaluate(bd_equations *equations, const double *y, int derivative);
-bd_status bd_trial_residual(bd_equations *equations, const double *y); /* r alone; factors stay those of the point before */
+/* r alone; the factors of the previous point remain valid */
+bd_status bd_trial_residual(bd_equations *equations, const double *y);
 bd_status bd_product(bd_equations *equations, int transposed, const double *x, double *out); /* (n) */
 bd_status bd_factor(bd_equations *equations, const bd_border *border);
 bd_status bd_solve_linear(bd_equations *equations, double tolerance, double *b);
 bd_status bd_solve_transposed(bd_equations *equations, double *b);
-void bd_equations_destroy(bd_equations *equations); /* NULL does no harm */
+void bd_equations_destroy(bd_equations *equations); /* NULL is allowed */
 
 #endif

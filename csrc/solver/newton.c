@@ -1,25 +1,26 @@
-/* Newton's method on the bordered system
+/* Newton's method for the bordered system
  *
  *     R(u, lambda) = 0
  *     row . (z - z_predicted) = 0,      z = (u, lambda)/scale,
  *
- * which is regular at folds of the curve.  With the last factorisation the unit tangent t of the curve is one more
- * solution, with right-hand side (0, ..., 0, 1).
+ * which is regular at folds of the curve. The unit tangent t of the curve is one more solution with the last factors,
+ * with the right-hand side (0, ..., 0, 1).
  *
- * Stationary on the curve is a point where phi = a(y) . t vanishes: a fold with a = e_lambda, or a peak of the amplitude
- * |x|, x = (re + i im) . u, with the slope of ln |x| along the curve,
+ * At a stationary point of the curve phi = a(y) . t vanishes. It is a fold for a = e_lambda. It is a peak of the
+ * amplitude |x|, x = (re + i im) . u, if phi is the slope of ln |x| along the curve,
  *
  *     phi = Re(conj(x) x') / |x|^2,      x' = (re + i im) . (scale t).
  *
- * From near by, Newton to the curve and a secant along it are taken in one step: the direction normal to t and
- * s = -phi/kappa along t with one factorisation.  kappa, the slope of phi, is a guess at first; afterwards it is the change
- * of phi over the length of the last step.  No second derivative is needed, which at the onset of slip or opening jumps.
+ * Near such a point, one step combines Newton's method towards the curve with a secant along it. One factorisation
+ * yields the direction normal to t and the step s = -phi/kappa along t. The slope kappa of phi is an estimate at first,
+ * then the change of phi over the length of the last step. No second derivative is needed, which jumps at the onset of
+ * slip or separation.
  *
- * Where it exists the gradient of phi is
+ * If the gradient of phi exists, it is
  *
  *     grad phi . w = (a_y w) . t - nu . (D^2 R [t, w]),      B^T (nu, .) = a,
  *
- * with B bordered by t.  D^2 R is symmetric: the row nu . D^2 R [t, .] is a difference of nu^T [J C] along t. */
+ * with B bordered by t. D^2 R is symmetric: the row nu . D^2 R [t, .] is a difference of nu^T [J C] along t. */
 #include "solver/newton.h"
 
 #include "util/clock.h"
@@ -27,10 +28,10 @@
 #include <math.h>
 #include <string.h>
 
-/* Tolerances of linear equations that are solved iteratively: for a Newton step, a tangent, and the step after a trial.  Where
- * many steps do not halve the residual that of a step is made stricter: near sharp resonances the solution of loose ones is
- * none.  Below 1e-5 nothing is won: with 1e-12 six peaks of the shipped wheel (65 blades, 500 N to 2 kN) were the same, and at
- * 2 kN the elimination was solved a quarter more often. */
+/* Tolerances of iteratively solved linear equations: for a Newton step, a tangent, and the step after a trial. The
+ * tolerance of a step is tightened if many steps do not halve the residual: near sharp resonances a loosely solved step
+ * is useless. Below 1e-5 there is no gain. With 1e-12, six peaks of the shipped wheel (65 blades, 500 N to 2 kN) were
+ * the same; at 2 kN the number of solutions by elimination was larger by a quarter. */
 static const double STEP_TOLERANCE = 1e-2, TANGENT_TOLERANCE = 1e-3, TRIAL_TOLERANCE = 1.0, TIGHTENING = 0.03,
                     TIGHTEST = 1e-5;
 
@@ -40,20 +41,20 @@ typedef struct {
     const bd_condition *condition;
     const bd_solver_options *options;
     double *y;            /* (n + 1) */
-    const double *normal; /* (n + 1) of the border; that of a stationary point is the latest tangent */
+    const double *normal; /* (n + 1) of the border; for a stationary point, the latest tangent */
     const double *scale;
-    double *tangent; /* (n + 1), or NULL: not asked for */
+    double *tangent; /* (n + 1), or NULL if not needed */
     bd_solver_report *report;
     double *step, *y_old;                                /* (n + 1) */
     double first_residual, residual_before, step_before; /* of the first and of the previous iteration */
     int n_stall;
-    double stall_residual; /* at the first of them */
+    double stall_residual; /* residual at the first of them */
     int arrived;
-    double fraction;                   /* of the latest step that was taken */
-    double linear_tolerance;           /* tolerance of the equations of a step */
-    double condition_residual;         /* of a linear condition: row . (z - z_predicted), carried along */
-    double tangent_step, slope_before; /* of a stationary one: the latest way along the tangent, and phi before it */
-    int n_wrong_sense;                 /* how often phi went the other way along the curve */
+    double fraction;                   /* fraction of the latest step */
+    double linear_tolerance;           /* of the equations of a step */
+    double condition_residual;         /* of a linear condition: row . (z - z_predicted), updated in each step */
+    double tangent_step, slope_before; /* of a stationary point: the latest step along the tangent, and phi before it */
+    int n_wrong_sense;                 /* number of secants with the wrong sign */
 } newton_run;
 
 static double largest(const bd_equations *e) {
@@ -83,12 +84,13 @@ double bd_slope(const bd_condition *condition, const double *y, const double *ta
     return (re * d_re + im * d_im) / fmax(re * re + im * im, 1e-300);
 }
 
-/* Whether to go on from the point that was just evaluated.  Without line search, three iterations in a row that do not halve
- * the residual end a correction: on 240 ordinary curves this saves 1 % of the evaluations, and far from a solution most. */
+/* Decide whether to continue from the latest point. Without line search, three consecutive iterations that do not halve
+ * the residual end a correction. On 240 ordinary curves this saves 1 % of the evaluations; far from a solution it saves
+ * most of them. */
 static bd_status check_progress(newton_run *run) {
     const bd_solver_options *options = run->options;
     const double residual = run->report->residual;
-    const int stationary = run->condition->kind == BD_STATIONARY; /* judged after its step */
+    const int stationary = run->condition->kind == BD_STATIONARY; /* its convergence is checked after the step */
     const int converged = residual <= options->tolerance, i = run->report->iterations;
     if ((stationary || !converged) && (i - stationary >= options->max_iterations || isnan(residual)))
         return BD_NOT_CONVERGED;
@@ -112,7 +114,7 @@ static bd_status find_tangent(newton_run *run) {
     return BD_OK;
 }
 
-/* The Newton step and the tangent, whichever are asked for, from one factorisation. */
+/* Compute the Newton step and the tangent, as requested, from one factorisation. */
 static bd_status find_step(newton_run *run, int with_step, int with_tangent) {
     bd_equations *e = run->equations;
     bd_solver_report *report = run->report;
@@ -142,7 +144,7 @@ static void move(newton_run *run, double fraction) {
         run->y[i] = run->y_old[i] + fraction * run->step[i] * run->scale[i];
 }
 
-/* Halves the step until the residual shrinks; takes the best fraction if none does. */
+/* Halve the step until the residual decreases; use the best fraction if it never does. */
 static void search_residual(newton_run *run) {
     const double before = run->report->residual;
     double best = INFINITY, best_fraction = 1.0, fraction = 1.0;
@@ -157,8 +159,8 @@ static void search_residual(newton_run *run) {
     run->fraction = best_fraction;
 }
 
-/* Halves the step until the one that would follow with the same factors is shorter; takes the best fraction if none is.
- * Contacts are stiff: their residuals say little on the way. */
+/* Halve the step until the next step with the same factors is shorter; use the best fraction if none is. Contacts are
+ * stiff, so their residuals are a poor measure on the way. */
 static void search_step_length(newton_run *run) {
     bd_equations *e = run->equations;
     const size_t n = (size_t)e->n;
@@ -179,9 +181,10 @@ static void search_step_length(newton_run *run) {
     move(run, run->fraction);
 }
 
-/* Whether of more than three steps no more than a 32nd was of use, and the residual has not halved meanwhile.  Asked where a
- * rough point is enough, which begins near one: on the shipped disk (65 blades, 500 N) such runs end without a solution after
- * 25 steps, which on the whole wheel cost as much as all else of a search.  From afar some of them arrive. */
+/* Return whether more than three steps had a fraction of at most 1/32 while the residual was not halved. The check is
+ * used if a loose residual suffices, in runs that begin near a loosely converged point. On the shipped disk (65 blades,
+ * 500 N), such runs end without a solution after 25 steps, which on the whole wheel cost as much as the remainder of a
+ * search. Runs from a distant start sometimes converge. */
 static int oscillates(newton_run *run) {
     enum { MOST_BACK = 3 };
     if (run->report->residual < 0.5 * run->stall_residual) run->n_stall = 0;
@@ -200,8 +203,8 @@ static void advance_to_curve(newton_run *run) {
     for (size_t j = 0; j < n1; ++j) run->condition_residual += run->normal[j] * (run->y[j] - run->y_old[j]) / run->scale[j];
 }
 
-/* The Newton step and a secant step along the tangent, unless the place is reached.  phi falls along the curve where the
- * curvature on entry is negative, and rises where it is positive. */
+/* Take the Newton step and a secant step along the tangent, unless the point is reached. phi decreases along the curve
+ * if the initial curvature is negative, and increases if it is positive. */
 static bd_status advance_along(newton_run *run) {
     enum { MOST_STALLS = 4 };
     bd_solver_report *report = run->report;
@@ -226,15 +229,15 @@ static bd_status advance_along(newton_run *run) {
         report->slope = slope;
         return BD_OK;
     }
-    /* far from the curve the slope is not that of the curve */
+    /* far from the curve, phi is not the slope of the curve */
     run->tangent_step =
         report->last_step > 0.3 * fabs(way) ? 0.0 : fmax(-condition->max_step, fmin(condition->max_step, way));
     for (size_t j = 0; j <= n; ++j) run->y[j] += (run->step[j] + run->tangent_step * run->tangent[j]) * run->scale[j];
     return BD_OK;
 }
 
-/* A point of the curve needs its Newton step until it has arrived, and its tangent then; a stationary one needs both every
- * time. */
+/* A point of the curve needs Newton steps until convergence, then its tangent. A stationary point needs both in every
+ * iteration. */
 static bd_status iterate(newton_run *run) {
     bd_solver_report *report = run->report;
     const int stationary = run->condition->kind == BD_STATIONARY;

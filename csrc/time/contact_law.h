@@ -1,8 +1,9 @@
-/* Contact law of a march in time: forces, states and derivatives at one instant.  Included by bd_time_loop.c, once for each
- * instruction set.
+/* Contact law of the time integration: forces, states and derivatives at one instant. generalised_alpha.c includes this
+ * file, once for each instruction set.
  *
- * The law goes from one instant to the next: N = max(n0 + kn v, 0); the slider is clipped to u -+ r/kt with the limit r of
- * friction, mu N or mu times a given load; a coupled law draws the friction force back radially to the disk of radius r. */
+ * The law advances from one instant to the next. The normal force is N = max(n0 + kn v, 0). The slider is clipped to u
+ * -+ r/kt with the friction limit r, mu N or mu times a constant load. A coupled law returns the friction force radially
+ * to the disk of radius r. */
 #ifndef BD_TIME_CONTACT_LAW_H
 #define BD_TIME_CONTACT_LAW_H
 
@@ -34,7 +35,7 @@ BD_INLINE points load_parameters(const bd_time *t, size_t p) {
     return out;
 }
 
-/* Forces F (3) at motion x (3); moves the sliders from w to moved_w, (2, stride) from the first of these points on. */
+/* Compute the forces F (3) at the motion x (3); move the sliders from w to moved_w, (2, stride) from the first point on. */
 BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w, double *moved_w,
                               bd_vec *F) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
@@ -64,14 +65,14 @@ BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *
     F[2] = normal;
 }
 
-/* Motion (3) of a point of a sector as its own law takes it. */
+/* Motion (3) of a point of a sector as input of its user law. */
 BD_INLINE void user_law_motion(const bd_time *t, size_t p, const double *x, double *now) {
     const double *at = t->parameters + p;
     for (size_t d = 0; d < 3; ++d) now[d] = x[d];
     now[2] += bd_static_closing(at[BD_TIME_KN * t->stride], at[BD_TIME_N0 * t->stride]);
 }
 
-/* Forces of the points with laws of users, point by point. */
+/* Forces of the points with user laws, point by point. */
 BD_NOT_INLINE void user_law_forces(bd_time *t, const double *x, double *F) {
     const size_t s = t->stride, n = (size_t)t->n_point, m = (size_t)t->n_memory;
     for (size_t p = 0; p < n; ++p) {
@@ -102,12 +103,12 @@ static void all_contact_forces(bd_time *t, const double *x, double *F) {
     if (t->n_own) user_law_forces(t, x, F);
 }
 
-/* ---- derivative of the forces, of which the contact condition has need ---- */
+/* ---- derivative of the forces ---- */
 
 enum { SLIDES_IN_PLANE = 18 };
 
-/* State of each point: 1 if it is closed, 2 or 4 (6 or 12) if it slips in the positive or negative sense; above these if the
- * derivative changes continuously. */
+/* State of each point: 1 closed, plus 2 or 4 (6 or 12) for slip in the positive or negative direction. Larger values
+ * mark a continuously changing derivative. */
 BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_vec *x, const double *w) {
     const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2], r = at->limit + at->mu * bd_max(normal, at->least_n);
     const bd_mask closed = bd_above(normal, at->least_n);
@@ -125,7 +126,7 @@ BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_v
     return state + bd_select(slides | cubic | bd_above(at->user_law, zero), bd_all(SLIDES_IN_PLANE), zero);
 }
 
-/* Derivative D (3, 3) of the forces of a point with a law of a user; what it remembers after the step is written again. */
+/* Derivative D (3, 3) of the forces of a point with a user law; overwrites its memory after the step. */
 static void user_law_tangent(bd_time *t, size_t k, size_t p, const double *x, double *D) {
     const size_t at = (k * (size_t)t->n_point + p) * (size_t)t->n_memory;
     bd_point_law_derivatives derivatives = bd_point_law_derivatives_in(t->derivatives, t->point_law[p].n_state);
@@ -135,7 +136,7 @@ static void user_law_tangent(bd_time *t, size_t k, size_t p, const double *x, do
     bd_point_law_tangent(t->point_law + p, &derivatives, D);
 }
 
-/* Derivative D (3, 3) of the forces of point p of sector k at motion x with slider w before. */
+/* Derivative D (3, 3) of the forces of point p in sector k at the motion x with the slider w before the step. */
 static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, const double *w, double *D) {
     if (t->n_own && t->point_law[p].function) {
         user_law_tangent(t, k, p, x, D);
@@ -154,7 +155,7 @@ static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, con
         D[4 * d] = 3.0 * c[(BD_TIME_CUBIC + d) * s] * x[d] * x[d];
         if (c[(BD_TIME_FIXED_SLIDER + d) * s] > 0.0)
             D[4 * d] += k;
-        else if (!(r > 0.0)) /* open: the slider goes along */
+        else if (!(r > 0.0)) /* open: the slider follows the motion */
             continue;
         else if (c[BD_TIME_COUPLED * s] > 0.0 && size > r) {
             for (size_t e = 0; e < 2; ++e) D[3 * d + e] -= r / (size * size * size) * T[d] * T[e] * kt[e * s];

@@ -1,19 +1,19 @@
-/* Contact forces of all sectors at the end of a step, by Newton's method.  Included by bd_time_loop.c, once for each
- * instruction set.
+/* Contact forces of all sectors at the end of a step, by Newton's method. generalised_alpha.c includes this file, once
+ * for each instruction set.
  *
- * The forces of all sectors are found at once.  A motion by contact forces is x = x* - V C V' F, where the columns of V are
- * patterns of the motion of one sector (bd_time.c), and C couples the sectors through their nodal diameters.  The unknowns
- * are p_k = V' F_k, a few in each sector, and their equation is
+ * The forces of all sectors are coupled. The motion is x = x* - V C V' F. The columns of V are patterns of the motion of
+ * one sector (integration.c), and C couples the sectors through their nodal diameters. The unknowns are the pattern
+ * forces p_k = V' F_k, a few in each sector, with the equation
  *
- *     R(p) = V' F(x* - V C p) - p = 0,     with the Jacobian -(I + T C),     T = V' D V,
+ *     R(p) = V' F(x* - V C p) - p = 0,     with the Jacobian -(I + T C),     T = V' D V.
  *
- * D the 3 x 3 derivatives of the law in the state that each point is in.  Newton's method: a predictor with the states of the
- * last step; then corrections by GMRES, with M = (I + T)^-1 of each sector in front, in which
+ * D holds the 3 x 3 derivatives of the law in the present state of each point. The predictor uses the states of the last
+ * step. The corrections use GMRES with the preconditioner M = (I + T)^-1 of each sector, where
  *
  *     M (I + T C) x = y - M (y - x),     y = C x.
  *
- * A point that begins to slip, stick, open or close changes T by terms of rank one, and M by the Sherman-Morrison formula.
- * The best of four lengths of a correction is taken where the whole one makes the residual larger. */
+ * A point that changes its state changes T by terms of rank one, and M by the Sherman-Morrison formula. If the full
+ * correction increases the residual, the best of four lengths is used. */
 #ifndef BD_TIME_CONTACT_NEWTON_H
 #define BD_TIME_CONTACT_NEWTON_H
 
@@ -22,7 +22,7 @@
 
 /* ---- M = (I + T)^-1 of each sector ---- */
 
-/* M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on the transposed matrix. */
+/* Compute M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on the transposed matrix. */
 static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k) {
     const size_t r = (size_t)patterns->rank, s = t->stride;
     double *A = t->work, *M = t->preconditioner + k * r * r;
@@ -68,7 +68,7 @@ static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k
     t->outdated[k] = 0;
 }
 
-/* M of a sector after one row of D, that of a point, has changed by `change` (3). */
+/* Update M of a sector after a change (3) of one row of D of a point. */
 static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t row, const double *change) {
     const size_t r = (size_t)patterns->rank, p = row % t->stride;
     const double *v = patterns->pattern_transposed + row * r;
@@ -92,7 +92,7 @@ static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t 
         for (size_t j = 0; j < r; ++j, M += 8) add(8, b[j], a + i, M);
 }
 
-/* Brings the derivative of some points to that of their present state; changes of less than a twentieth are left. */
+/* Update the derivatives of points to their present states; changes below a twentieth are ignored. */
 BD_NOT_INLINE void update_points(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t p, const bd_vec *x,
                                  const double *w, bd_mask differs) {
     const size_t s = t->stride;
@@ -119,7 +119,7 @@ BD_NOT_INLINE void update_points(bd_time *t, const bd_time_patterns *patterns, s
     }
 }
 
-/* Derivatives of the states at the motion x. */
+/* Update states and derivatives of all points at the motion x. */
 static void update_states(bd_time *t, const bd_time_patterns *patterns, const double *x) {
     const size_t s = t->stride;
     for (size_t p = 0; p < (size_t)t->n_point; p += BD_WIDTH) {
@@ -151,7 +151,7 @@ BD_INLINE void precondition(const bd_time *t, size_t r, const double *in, double
         multiply_blocks(r, t->preconditioner + k * r * r, in + k * r, out + k * r);
 }
 
-/* change: a solution of (I + T C) change = residual to a tenth, by GMRES; given: C change. */
+/* Solve (I + T C) change = residual to a tenth by GMRES; pattern_motion = C change. */
 static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
     enum { M = BD_TIME_VECTORS };
     const size_t r = (size_t)patterns->rank, n = r * (size_t)t->n_sector;
@@ -198,7 +198,7 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
     }
 }
 
-/* Forces at the motion x, and the residual of the patterns; returns its size. */
+/* Forces at the motion x, and the residual of the patterns; return its norm. */
 static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
     const size_t n = (size_t)patterns->rank * (size_t)t->n_sector;
     all_contact_forces(t, t->motion, t->point_force);
@@ -209,14 +209,14 @@ static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
     return sqrt(dot(n, t->residual, t->residual));
 }
 
-/* Goes a share of the correction and back by what was gone before. */
+/* Apply a fraction of the correction (negative: undo) and return the norm of the residual. */
 static double apply_correction(bd_time *t, const bd_time_patterns *patterns, double share) {
     add(t->rows * (size_t)t->n_sector, -share, t->correction_motion, t->motion);
     add((size_t)patterns->rank * (size_t)t->n_sector, share, t->pattern_correction, t->pattern_force);
     return pattern_residual(t, patterns);
 }
 
-/* The correction, in the best of four lengths; returns the size of the residual there. */
+/* Apply the correction with the best of four lengths; return the norm of the residual. */
 static double search_length(bd_time *t, const bd_time_patterns *patterns, double size) {
     double best = 1.0, gone = 1.0, least = apply_correction(t, patterns, 1.0);
     if (least < size) return least;
@@ -229,8 +229,8 @@ static double search_length(bd_time *t, const bd_time_patterns *patterns, double
     return best == gone ? least : apply_correction(t, patterns, best - gone);
 }
 
-/* Contact forces at the end of a step, from the motion x* without them in `base`: their motion x, the forces F; 0 if they were
- * not found. */
+/* Find the contact forces at the end of a step, from the motion x* without them in free_motion. Results are the motion
+ * and the forces. Return 0 if they were not found. */
 static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
     const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors, rows = t->rows, s = t->stride;
     compliance_times(t, patterns, t->pattern_force, t->pattern_motion);

@@ -1,20 +1,21 @@
-/* March in time of all sectors; this file is compiled once for each instruction set.
+/* Time steps of all sectors; compiled once for each instruction set.
  *
- * The motion is a superposition of families, one for each nodal diameter d, x_k = shift + sum_d Re[G_d q_d exp(i k d phi)],
- * phi = 2 pi/N, and obeys
+ * The motion is a superposition of families, one for each nodal diameter d, x_k = shift + sum_d Re[G_d q_d exp(i k d
+ * phi)], phi = 2 pi/N, and obeys
  *
- *     m q_d'' + c q_d' + K q_d + g_d = E_d(t),     g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi),     c_d = 2,
+ *     m q_d'' + c q_d' + K q_d + g_d = E_d(t),     g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi).
  *
- * or 1 with real coordinates where d = 0 or N/2.  A step h is that of the generalised alpha method (Chung and Hulbert 1993),
+ * c_d is 2, or 1 for the real coordinates of d = 0 and d = N/2. A step h uses the generalised alpha method (Chung and
+ * Hulbert 1993),
  *
  *     m [(1 - am) a+ + am a] + (1 - af) [c v+ + K q+ + g+ - E+] + af [c v + K q + g - E] = 0,
- *     q+ = q + h v + h^2 [(1/2 - b) a + b a+],     v+ = v + h [(1 - gamma) a + gamma a+],
+ *     q+ = q + h v + h^2 [(1/2 - b) a + b a+],     v+ = v + h [(1 - gamma) a + gamma a+].
  *
- * so that q+ = q* - beta g+ with q* from what is known.  A coordinate without mass has K q+ + g+ = E+, that is beta = 1/K.
- * Products are in bd_time_motion.h, the law is in bd_time_contact.h, the forces g+ are found in bd_time_newton.h. */
+ * Hence q+ = q* - beta g+, and q* follows from known values. A coordinate without mass has K q+ + g+ = E+, that is beta
+ * = 1/K. Products are in modal_motion.h, the law in contact_law.h, the solution for the forces g+ in contact_newton.h. */
 #include "time/contact_newton.h"
 
-/* The sliders go along with what was pressed last. */
+/* Accept the sliders of the latest contact forces. */
 static void move_sliders(bd_time *t) {
     double *w = t->slider;
     t->slider = t->next_slider, t->next_slider = w;
@@ -22,8 +23,8 @@ static void move_sliders(bd_time *t) {
     t->law_memory[0] = t->law_memory[1], t->law_memory[1] = memory;
 }
 
-/* Contact forces and their modal forces at the end of a step; the sliders go along.  0, and modal forces and sliders of
- * before, if they were not found. */
+/* Contact forces and modal forces at the end of a step; accepts the sliders. If the forces are not found, return 0 and
+ * leave modal forces and sliders unchanged. */
 static int contact_at_end(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
     find_motion(t, t->free_motion);
     if (patterns->rank) {
@@ -38,7 +39,7 @@ static int contact_at_end(bd_time *t, const bd_time_patterns *patterns, double t
     return 1;
 }
 
-/* Motion and contact forces of the coordinates as they are; the sliders go along. */
+/* Motion and contact forces at the present coordinates; accepts the sliders. */
 static void contact_at_start(bd_time *t) {
     memcpy(t->q_next, t->q, sizeof(double) * t->n_coordinate);
     find_motion(t, t->motion);
@@ -46,9 +47,9 @@ static void contact_at_start(bd_time *t) {
     move_sliders(t);
 }
 
-/* ---- march ---- */
+/* ---- integration ---- */
 
-/* Excitation at an angle, added times a share. */
+/* Excitation e at an angle. */
 BD_INLINE void find_load(const bd_time *t, double angle, double *e) {
     memset(e, 0, sizeof(double) * t->n_coordinate);
     for (int i = 0; i < t->n_force; ++i) {
@@ -58,12 +59,12 @@ BD_INLINE void find_load(const bd_time *t, double angle, double *e) {
     }
 }
 
-/* Angle at step k and a part of the next. */
+/* Angle at step k plus a fraction of a step. */
 BD_INLINE double angle_of(const bd_time_path *path, long k, double part) {
     return BD_TWO_PI * ((double)(k % path->steps_per_period) + part) / path->steps_per_period;
 }
 
-/* Coordinates at step k to the trace, and the response to the harmonics of its period. */
+/* Write the coordinates at step k, and add the response to the harmonics of its period. */
 BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
     if (path->coordinates) bd_time_unpad(t, t->q, path->coordinates + 2 * (size_t)t->n_total * (size_t)k);
     const long period = k / path->steps_per_period;
@@ -88,8 +89,8 @@ BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
     }
 }
 
-/* Contact forces at the first instant, and for a fresh start what follows from the coordinates with mass: the others, and the
- * accelerations; 0 if they were not found. */
+/* Contact forces at the first instant. With find_acceleration, also the coordinates without mass and the accelerations.
+ * Return 0 if the forces were not found. */
 static int start(bd_time *t, const bd_time_path *path, double angle) {
     const size_t n = t->n_coordinate;
     if (path->find_acceleration) bd_time_make_patterns(t, &t->patterns[0], 0.0, 0.0);
@@ -114,7 +115,7 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
     return 1;
 }
 
-/* Patterns for a step, and the forces of the last one on them. */
+/* Patterns for a step, and the pattern forces of the last contact forces. */
 static void use_patterns(bd_time *t, double h, double radius) {
     bd_time_patterns *patterns = &t->patterns[1];
     bd_time_make_patterns(t, patterns, h, radius);
@@ -124,8 +125,8 @@ static void use_patterns(bd_time *t, double h, double radius) {
     update_states(t, patterns, t->motion);
 }
 
-/* What a step comes to without contact forces at its end, and then with them; `next` is the excitation there.  0, and the
- * state of before, if the forces were not found. */
+/* Take one step, first without contact forces at its end, then with them; `next` is the excitation there. If the forces
+ * are not found, return 0 and leave the state unchanged. */
 static int take_step(bd_time *t, const bd_time_path *path, double h, const double *restrict next) {
     const bd_time_alpha w = bd_time_weights(path->spectral_radius);
     const size_t n = t->n_coordinate;
@@ -160,14 +161,14 @@ static int take_step(bd_time *t, const bd_time_path *path, double h, const doubl
     return 1;
 }
 
-/* Motion, forces and states of the start of a step whose contact forces were not found. */
+/* Restore motion, forces and states at the start of a step without a solution. */
 static void restore(bd_time *t) {
     contact_at_start(t);
     bd_time_reset_states(t);
 }
 
-/* Step k of length h, *made the length of the one before or 0.  Where contact forces are not found the rest of the step is
- * taken in halves, again and again; 0 if the shortest fail, too. */
+/* Advance over step k of length h; *made is the length of the last step, or 0. If the contact forces are not found, the
+ * remainder of the step is halved repeatedly. Return 0 if the shortest step also fails. */
 static int advance(bd_time *t, const bd_time_path *path, long k, double h, double *made) {
     const int whole = 1 << BD_TIME_HALVINGS;
     for (int done = 0, size = whole; done < whole;) {

@@ -1,4 +1,4 @@
-/* March in time: what is prepared once, and the way of a state in and out.  The loop itself is in bd_time_loop.c. */
+/* Time integration: preparation, and transfer of the state. The time steps are in generalised_alpha.c. */
 #include "time/integration.h"
 
 #include <math.h>
@@ -32,7 +32,7 @@ static void set_sizes(bd_time *t, const bd_time_input *in) {
     if (in->n_force > 0) memcpy(t->force_order, in->force_order, sizeof(int) * (size_t)in->n_force);
 }
 
-/* Cuts the memory of all arrays of doubles, or counts it if there is none yet. */
+/* Assign the arrays of doubles to the memory, or count their size before allocation. */
 static size_t assign_arrays(bd_time *t) {
     const size_t n = t->n_coordinate, s = t->stride, f = (size_t)t->n_family, k = (size_t)t->n_sector;
     const size_t rows = t->rows, r = (size_t)t->max_rank, making = rows * (rows + r + 4) + 2 * r;
@@ -97,7 +97,7 @@ static size_t assign_arrays(bd_time *t) {
     return used;
 }
 
-/* (2, n_total) into padded coordinates. */
+/* Copy (2, n_total) into padded coordinates. */
 static void pad(const bd_time *t, const double *x, double *padded_x) {
     for (int j = 0; j < t->n_total; ++j) {
         padded_x[t->real_index[j]] = x[j];
@@ -179,7 +179,7 @@ void bd_time_compliance(const bd_time *t, double h, double radius, double *beta,
     }
 }
 
-/* Amplitudes g (2, rows) of the points by a coordinate j of a family, times a factor of each row. */
+/* Amplitudes g (2, rows) of the points due to coordinate j of a family, times a factor of each row. */
 static void mode_of(const bd_time *t, const double *out, size_t wide, size_t j, const double *factor, double *g) {
     for (size_t row = 0; row < t->rows; ++row) {
         const double *x = out + (row / 8 * wide + j) * 16 + row % 8;
@@ -188,7 +188,7 @@ static void mode_of(const bd_time *t, const double *out, size_t wide, size_t j, 
     }
 }
 
-/* Compliance S (rows, rows) of a sector to forces of its own: the mean over the nodal diameters. */
+/* Compliance S (rows, rows) of a sector to its own forces: the mean over the nodal diameters. */
 static void add_sector_compliance(const bd_time *t, const double *beta, const double *factor, double *g, double *S) {
     const size_t rows = t->rows;
     const double *out = t->motion_modes;
@@ -211,7 +211,7 @@ static void add_sector_compliance(const bd_time *t, const double *beta, const do
     }
 }
 
-/* Columns (n, rows) of a low-rank factor, S = L' L to a bound on what is left of the diagonal; returns their number. */
+/* Columns (n, rows) of a low-rank factor, S = L' L, up to a bound on the remaining diagonal; return their number. */
 static size_t low_rank(size_t rows, size_t most, double bound, double *S, double *L) {
     size_t n = 0;
     for (; n < most; ++n) {
@@ -235,7 +235,7 @@ static double inner(size_t n, const double *a, const double *b) {
     return sum;
 }
 
-/* Turns n columns until they are orthogonal to each other (Jacobi's method from one side), the largest first. */
+/* Make n columns orthogonal (one-sided Jacobi method), the largest first. */
 static void make_orthogonal(size_t rows, size_t n, double *L) {
     enum { SWEEPS = 30 };
     double worst = 1.0;
@@ -258,8 +258,8 @@ static void make_orthogonal(size_t rows, size_t n, double *L) {
     }
 }
 
-/* What one coordinate adds to the compliance of the patterns of its family: in blocks of 8 rows, column after column, first
- * the real and then the imaginary parts of 8. */
+/* Add one coordinate to the compliance of the patterns of its family. Storage: blocks of 8 rows, column after column,
+ * first the real and then the imaginary parts of 8 rows. */
 static void add_mode(size_t r, double size, const double *W, double *C) {
     const double *re = W, *im = W + r;
     for (size_t block = 0; block < r; block += 8, re += 8, im += 8)
@@ -272,7 +272,7 @@ static void add_mode(size_t r, double size, const double *W, double *C) {
         }
 }
 
-/* How stiff each row of a point is: springs that grow with the motion count as their compliance, others by what they are. */
+/* Scale of each row of a point: the root of its stiffness, or of its inverse compliance for cubic springs. */
 static void set_row_scales(const bd_time *t, const double *S, double *factor) {
     const size_t s = t->stride;
     for (size_t row = 0; row < t->rows; ++row) {
@@ -289,9 +289,9 @@ void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, dou
     patterns->length = h, patterns->spectral_radius = radius, patterns->rank = 0, patterns->neglected = 0.0;
     if (!rows) return;
     double *S = t->work, *L = S + rows * rows, *g = L + rows * most, *factor = g + 2 * rows, *W = factor + rows;
-    double *beta = t->q_next; /* nothing is in these yet */
+    double *beta = t->q_next; /* unused before the first step */
     bd_time_compliance(t, h, radius, beta, t->a_next);
-    for (int again = 0; again < 2; ++again) { /* first without factors, which cubic springs have need of */
+    for (int again = 0; again < 2; ++again) { /* first without factors, which cubic springs require */
         if (again)
             set_row_scales(t, S, factor);
         else
@@ -314,7 +314,7 @@ void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, dou
         for (size_t i = 0; i < rows; ++i)
             patterns->pattern[j * rows + i] = patterns->pattern_transposed[i * r + j] =
                 factor[i] > 0.0 ? L[j * rows + i] / factor[i] : 0.0;
-    for (size_t j = 0; j < n; ++j) { /* the inverse that the amplitudes of the patterns are found by */
+    for (size_t j = 0; j < n; ++j) { /* the inverse for the amplitudes of the patterns */
         const double size = inner(rows, L + j * rows, L + j * rows);
         for (size_t i = 0; i < rows; ++i) L[j * rows + i] /= size;
     }
@@ -400,7 +400,7 @@ void bd_time_destroy(bd_time *t) {
     memset(t, 0, sizeof *t);
 }
 
-/* Sliders and memories (n_sector, n_point, 2 + n_memory) into the layout of the loop, or out of it. */
+/* Copy sliders and memories (n_sector, n_point, 2 + n_memory) into the storage of the time steps, or back. */
 static void copy_sliders(bd_time *t, double *w, int out) {
     const size_t m = (size_t)t->n_memory;
     for (size_t k = 0; k < (size_t)t->n_sector; ++k)
@@ -418,11 +418,11 @@ static void copy_sliders(bd_time *t, double *w, int out) {
 
 void bd_time_reset_states(bd_time *t) {
     const size_t n = (size_t)t->n_sector * t->stride;
-    for (size_t i = 0; i < n; ++i) t->contact_state[i] = -1.0; /* of which the derivative is to be found */
+    for (size_t i = 0; i < n; ++i) t->contact_state[i] = -1.0; /* no valid state */
     memset(t->tangent, 0, sizeof(double) * 9 * n);
 }
 
-/* Forgets what was marched before: all that one instant leaves to the next, entries of the padding, too. */
+/* Clear all data that an earlier integration has left, including the padding. */
 static void reset(bd_time *t) {
     const size_t k = (size_t)t->n_sector, s = t->stride, size = sizeof(double);
     double *coordinates[] = {t->q, t->v, t->a, t->contact_force, t->q_next, t->a_next, t->load};

@@ -1,14 +1,14 @@
-/* Motion of all sectors in time: products between modes and points, between nodal diameters and sectors, and of the patterns
- * of a step.  Included by bd_time_loop.c, once for each instruction set.
+/* Motion of all sectors in time: products between modes and points, between nodal diameters and sectors, and of the
+ * contact patterns. generalised_alpha.c includes this file, once for each instruction set.
  *
- * x_k = shift + sum_d Re[G_d q_d exp(i k d phi)], g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi), phi = 2 pi/N. */
+ *     x_k = shift + sum_d Re[G_d q_d exp(i k d phi)],   g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi),   phi = 2 pi/N. */
 #ifndef BD_TIME_MODAL_MOTION_H
 #define BD_TIME_MODAL_MOTION_H
 
 #include "time/integration.h"
 #include "util/vector_types.h"
 
-/* Vectors in a block of 8, and those that are summed side by side, so that sums need not wait for each other. */
+/* Vectors in a block of 8, and number of independent sums for instruction-level parallelism. */
 enum { PART = 8 / BD_WIDTH, SUMS = BD_WIDTH == 8 ? 2 : PART };
 
 /* y (2, rows) = G q of one family. */
@@ -33,7 +33,7 @@ BD_INLINE void family_motion(const bd_time *t, int f, const double *G, double *y
     }
 }
 
-/* Modal force of one family, N of it, from the amplitudes z (2, rows) of the forces. */
+/* Modal force of one family, times N, from the amplitudes z (2, rows) of the forces. */
 BD_INLINE void family_force(const bd_time *t, int f, const double *G, const double *z) {
     const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows, first = (size_t)t->first_coordinate[f];
     for (size_t j = 0; j < m; j += 8, G += 16 * rows) {
@@ -41,7 +41,7 @@ BD_INLINE void family_force(const bd_time *t, int f, const double *G, const doub
         for (int v = 0; v < SUMS; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
         for (size_t d = 0; d < 3; ++d)
             for (size_t row = d * t->stride; row < d * t->stride + (size_t)t->n_point; row += SUMS / PART)
-                for (size_t v = 0; v < SUMS; ++v) { /* behind the last point there is room, and no force */
+                for (size_t v = 0; v < SUMS; ++v) { /* the padding after the last point has zero force */
                     const double *g = G + 16 * (row + v / PART) + v % PART * BD_WIDTH;
                     const bd_vec a = bd_all(z[row + v / PART]), b = bd_all(z[rows + row + v / PART]);
                     const bd_vec gr = bd_load(g), gi = bd_load(g + 8);
@@ -60,8 +60,8 @@ BD_INLINE void family_force(const bd_time *t, int f, const double *G, const doub
 
 /* ---- between sectors and nodal diameters, for vectors of n entries, a multiple of 8 ---- */
 
-/* out (n_sector, n) = sum over families of Re[y exp(i k d phi)], y (n_family, 2, n); two sectors k and N - k at a time: their
- * cosines are equal and their sines opposite. */
+/* out (n_sector, n) = sum over families of Re[y exp(i k d phi)], y (n_family, 2, n). Sectors k and N - k are computed
+ * together: their cosines are equal and their sines opposite. */
 BD_INLINE void to_sectors(const bd_time *t, size_t n, const double *y, double *out) {
     const size_t sectors = (size_t)t->n_sector;
     for (size_t k = 0; 2 * k <= sectors; ++k) {
@@ -134,7 +134,7 @@ BD_INLINE void multiply(size_t m, size_t n, size_t k, const double *A, const dou
     }
 }
 
-/* y (n) = A x, n a multiple of 8, with A in blocks of 8 rows, each column after column. */
+/* y (n) = A x, n a multiple of 8, with A in blocks of 8 rows, each stored by columns. */
 BD_INLINE void multiply_blocks(size_t n, const double *A, const double *x, double *y) {
     for (size_t i = 0; i < n; i += 8) {
         bd_vec even[PART], odd[PART];
@@ -203,7 +203,7 @@ BD_INLINE void add(size_t n, double c, const double *x, double *y) {
 
 BD_INLINE double larger(double a, double b) { return a > b ? a : b; }
 
-/* Motion x (n_sector, rows) of all points by the coordinates q_next. */
+/* Motion x (n_sector, rows) of all points from the coordinates q_next. */
 static void find_motion(bd_time *t, double *x) {
     const size_t size = 2 * t->rows, s = t->stride;
     const double *G = t->motion_modes;
