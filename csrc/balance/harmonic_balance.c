@@ -290,9 +290,9 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
 /* ---- Jacobian ---- */
 
 /* Z and its rows of G hold, harmonic after harmonic, the rows (component of the chunk, cosine/sine). */
-static double *z_row(const bd_hbm *hbm, int l, size_t place, int part) {
+static double *z_row(const bd_hbm *hbm, int l, size_t slot, int part) {
     const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1); /* rows for each component in lower harmonics */
-    const size_t index = before * (size_t)hbm->chunk + place * (size_t)n_row(l) + (size_t)part;
+    const size_t index = before * (size_t)hbm->chunk + slot * (size_t)n_row(l) + (size_t)part;
     return hbm->tangent_modes + index * bd_kernel_stride((size_t)hbm->n_unknown);
 }
 
@@ -327,12 +327,12 @@ static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *respo
         if (response->with_normal[a]) fill.block[fill.n_source] = response->dTv[a], source[fill.n_source++] = 2;
         if (response->coupled) fill.block[fill.n_source] = response->dTc[a], source[fill.n_source++] = (size_t)(1 - a);
     }
-    const size_t place = (size_t)hbm->n_chunk++;
+    const size_t slot = (size_t)hbm->n_chunk++;
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t size = (size_t)n_row(l) * columns_of(hbm, l);
         for (int s = 0; s < fill.n_source; ++s) g[l * fill.n_source + s] = rows_of(hbm, l, 3 * p + source[s]);
-        for (int part = 0; part < n_row(l); ++part) z[l == 0 ? 0 : 2 * l - 1 + part] = z_row(hbm, l, place, part);
-        copy(a_rows(hbm, l) + place * size, rows_of(hbm, l, 3 * p + (size_t)a), size);
+        for (int part = 0; part < n_row(l); ++part) z[l == 0 ? 0 : 2 * l - 1 + part] = z_row(hbm, l, slot, part);
+        copy(a_rows(hbm, l) + slot * size, rows_of(hbm, l, 3 * p + (size_t)a), size);
     }
     hbm->kernel->fill_rows(&fill);
     if (hbm->n_chunk == hbm->chunk) flush_chunk(hbm, J);
@@ -344,20 +344,20 @@ static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) 
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t columns = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(columns);
         double *to = J + (size_t)hbm->first_unknown[l] * n + (size_t)hbm->first_unknown[l];
-        size_t place = 0;
+        size_t slot = 0;
         for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
             const double k = sign * spring(hbm->element + p, a);
             if (k != 0.0 && (hbm->tangent_kind[3 * p + (size_t)a] == BD_BLOCK_LINEAR) == linear) {
                 const double *g = rows_of(hbm, l, 3 * p + (size_t)a);
-                copy(hbm->chunk_modes + place * rows * columns, g, rows * columns);
+                copy(hbm->chunk_modes + slot * rows * columns, g, rows * columns);
                 for (size_t i = 0; i < rows; ++i)
                     for (size_t j = 0; j < columns; ++j)
-                        hbm->tangent_modes[(place * rows + i) * stride + j] = k * g[i * columns + j];
-                ++place;
+                        hbm->tangent_modes[(slot * rows + i) * stride + j] = k * g[i * columns + j];
+                ++slot;
             }
-            if (place == (size_t)hbm->chunk || p + 1 == (size_t)hbm->n_point) {
-                hbm->kernel->product(columns, columns, place * rows, hbm->chunk_modes, hbm->tangent_modes, stride, to, n);
-                place = 0;
+            if (slot == (size_t)hbm->chunk || p + 1 == (size_t)hbm->n_point) {
+                hbm->kernel->product(columns, columns, slot * rows, hbm->chunk_modes, hbm->tangent_modes, stride, to, n);
+                slot = 0;
             }
         }
     }

@@ -30,17 +30,18 @@ static const bd_equations_type SECTOR = {evaluate_sector, bd_dense_factor, bd_de
 bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const double *row_scale,
                            const bd_lapack *lapack) {
     *sector = NULL;
-    bd_sector *made = calloc(1, sizeof *made);
-    if (!made) return BD_NO_MEMORY;
-    bd_status status = bd_hbm_create(&made->hbm, input);
+    bd_sector *new_sector = calloc(1, sizeof *new_sector);
+    if (!new_sector) return BD_NO_MEMORY;
+    bd_status status = bd_hbm_create(&new_sector->hbm, input);
     if (status == BD_OK) {
-        status = bd_dense_create(&made->dense, &SECTOR, made->hbm.n_unknown, row_scale, lapack, &made->hbm.cost);
-        if (status != BD_OK) bd_hbm_destroy(&made->hbm);
+        status = bd_dense_create(&new_sector->dense, &SECTOR, new_sector->hbm.n_unknown, row_scale, lapack,
+                                 &new_sector->hbm.cost);
+        if (status != BD_OK) bd_hbm_destroy(&new_sector->hbm);
     }
     if (status == BD_OK)
-        *sector = made;
+        *sector = new_sector;
     else
-        free(made);
+        free(new_sector);
     return status;
 }
 

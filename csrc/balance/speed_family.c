@@ -60,8 +60,8 @@ static void pack(const bd_hbm *hbm, double *flat) {
     flat = append(flat, hbm->shift, n_component);
     for (int p = 0; p < hbm->n_point; ++p) {
         const bd_element *e = hbm->element + p;
-        const double own[OF_POINT] = {e->kt[0], e->kt[1], e->kn, e->mu, e->n0, e->w[0], e->w[1], e->load};
-        flat = append(flat, own, OF_POINT);
+        const double parameter[OF_POINT] = {e->kt[0], e->kt[1], e->kn, e->mu, e->n0, e->w[0], e->w[1], e->load};
+        flat = append(flat, parameter, OF_POINT);
     }
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t n = n_independent(hbm, l), stride = l == 0 ? n : 2 * n;

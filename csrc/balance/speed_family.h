@@ -8,9 +8,9 @@ typedef struct {
     bd_variation variation;
     int n_node;
     double order;
-    double *squared_speed, *weight,
-        *basis;             /* (n_node) squared speeds, weights of the polynomials, their values or derivatives */
-    double lowest, highest; /* range of squared speeds for the polynomials */
+    double *squared_speed, *weight; /* (n_node) squared speeds, weights of the polynomials */
+    double *basis;                  /* (n_node) values or derivatives of the polynomials */
+    double lowest, highest;         /* range of squared speeds for the polynomials */
     size_t n_value;
     double *node_values;      /* (n_node, n_value) all arrays at the nodes, one after another */
     double *interpolated;     /* (n_value) arrays at one speed, or their derivatives */

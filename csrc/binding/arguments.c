@@ -40,8 +40,8 @@ static int raise_shape(PyArrayObject *array, const char *name, int n_dim, const 
 static int enter(core_arguments *arguments, PyArrayObject *array, const char *name, int output) {
     const char *start = PyArray_BYTES(array), *end = start + PyArray_NBYTES(array);
     for (int i = 0; i < arguments->n; ++i) {
-        const int apart = end <= arguments->array[i].start || arguments->array[i].end <= start;
-        if (apart || (!output && !arguments->array[i].output)) continue;
+        const int disjoint = end <= arguments->array[i].start || arguments->array[i].end <= start;
+        if (disjoint || (!output && !arguments->array[i].output)) continue;
         PyErr_Format(PyExc_ValueError, "%s: expected memory of its own, found that of %s", name, arguments->array[i].name);
         return 0;
     }

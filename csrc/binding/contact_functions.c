@@ -19,7 +19,7 @@ static PyObject *segment_list(const bd_evaluator *evaluator, int d) {
 }
 
 /* Copy a block of the point into the dense (3, n_coef, 3, n_coef) tangent. */
-static void spread(const double *block, int row, int column, npy_intp n_coef, double *J) {
+static void copy_block(const double *block, int row, int column, npy_intp n_coef, double *J) {
     for (npy_intp i = 0; i < n_coef; ++i)
         for (npy_intp j = 0; j < n_coef; ++j) J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
 }
@@ -89,12 +89,12 @@ static void evaluate(const contact_call *c, double *block, bd_status_share *shar
     bd_element_write_blocks(&c->element, c->n_harm, &out);
     memset(c->J, 0, sizeof(double) * 9 * nn);
     for (int d = 0; d < 2; ++d) {
-        spread(out.dT[d], d, d, c->n_coef, c->J);
-        spread(out.dTv[d], d, 2, c->n_coef, c->J);
-        spread(out.dTc[d], d, 1 - d, c->n_coef, c->J);
-        spread(out.dNt[d], 2, d, c->n_coef, c->J);
+        copy_block(out.dT[d], d, d, c->n_coef, c->J);
+        copy_block(out.dTv[d], d, 2, c->n_coef, c->J);
+        copy_block(out.dTc[d], d, 1 - d, c->n_coef, c->J);
+        copy_block(out.dNt[d], 2, d, c->n_coef, c->J);
     }
-    spread(out.dN, 2, 2, c->n_coef, c->J);
+    copy_block(out.dN, 2, 2, c->n_coef, c->J);
 }
 
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs) {

@@ -43,14 +43,14 @@ static int find_column(bd_wheel *w, int transposed) {
 bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     bd_wheel *w = (bd_wheel *)e;
     const bd_wheel_input *in = &w->input;
-    const size_t n = (size_t)e->n, whole = (size_t)w->vector_size;
+    const size_t n = (size_t)e->n, n_vector = (size_t)w->vector_size;
     const int H = in->n_harm, nb = in->n_blade, nd = in->n_damper, nk = in->n_kept, N = in->n_sector;
-    double *own = w->matrices, *damping = own + (H + 1) * nb * nb, *damper = damping + (H + 1) * nb * nb,
+    double *sector_part = w->matrices, *damping = sector_part + (H + 1) * nb * nb, *damper = damping + (H + 1) * nb * nb,
            *near = damper + 2 * (H + 1) * N * nd;
     for (int l = 0; l <= H; ++l) {
         const double f = l * w->omega;
         for (int i = 0; i < nb * nb; ++i) {
-            own[l * nb * nb + i] = w->sector_part[0][i] - f * f * (w->sector_part[1][i] + in->mass[i]);
+            sector_part[l * nb * nb + i] = w->sector_part[0][i] - f * f * (w->sector_part[1][i] + in->mass[i]);
             damping[l * nb * nb + i] = f * w->sector_part[2][i];
         }
         for (int i = 0; i < nk * nk; ++i) near[l * nk * nk + i] = w->neighbour_part[0][i] - f * f * w->neighbour_part[1][i];
@@ -64,7 +64,7 @@ bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     ++w->cost.n_factorisation;
     const bd_status status = bd_ring_factor(&w->ring, &(bd_ring_matrix){.tangent = w->tangent,
                                                                         .blade = in->stiffness,
-                                                                        .common = own,
+                                                                        .common = sector_part,
                                                                         .damping = damping,
                                                                         .damper = damper,
                                                                         .springs = w->springs,
@@ -73,9 +73,9 @@ bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     double *row = w->base.scratch + 3 * (n + 1);
     for (size_t i = 0; i < n; ++i) row[i] = border->row[i] / border->scale[i];
     bd_wheel_to_vector(w, row, w->border);
-    w->border[whole] = border->row[n] / border->scale[n];
+    w->border[n_vector] = border->row[n] / border->scale[n];
     bd_wheel_to_vector(w, border->scale, w->scale);
-    w->scale[whole] = border->scale[n];
+    w->scale[n_vector] = border->scale[n];
     if (!find_column(w, 0)) return BD_SINGULAR;
     e->factored =
         (bd_factored){.condition = 1.0, .rank = e->n + 1, .orientation = w->ring.sign * (w->border_pivot > 0.0 ? 1 : -1)};
@@ -208,10 +208,10 @@ static bd_status solve_bordered(bd_wheel *w, double tolerance, double *b) {
     for (int pass = 0; status == BD_OK && tolerance < ACCURATE && pass < PASSES; ++pass) {
         subtract_product(w, x, left);
         status = solve_once(w, ACCURATE, left, x);
-        const double size = scaled_norm(w, x), whole = scaled_norm(w, b);
+        const double size = scaled_norm(w, x), n_vector = scaled_norm(w, b);
         if (status != BD_OK || !(size < 0.5 * last)) return BD_OK;
         for (size_t i = 0; i < n1; ++i) b[i] += x[i];
-        if (size <= fmax(tolerance, ROUNDING) * whole) return BD_OK;
+        if (size <= fmax(tolerance, ROUNDING) * n_vector) return BD_OK;
         last = size;
     }
     return status;

@@ -60,7 +60,7 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     w->n_ring = nc * in->n_kept + w->n_damper_unknown;
     const size_t N = (size_t)in->n_sector, e = (size_t)w->n_inner, s = (size_t)w->n_ring,
                  q = s + (size_t)w->n_damper_unknown;
-    const size_t whole = (size_t)(nc * w->sector_size), most = (e > s ? e : s) + 1;
+    const size_t n_sector_unknown = (size_t)(nc * w->sector_size), most = (e > s ? e : s) + 1;
     const struct {
         double **to;
         size_t n;
@@ -73,15 +73,15 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
                  {&w->last_row, N * s * s},
                  {&w->next_factor, N * s * s},
                  {&w->last_factor, N * s * s},
-                 {&w->own_side, whole * whole},
-                 {&w->next_side, whole * whole},
-                 {&w->Z, 3 * (size_t)in->n_point * whole},
+                 {&w->own_side, n_sector_unknown * n_sector_unknown},
+                 {&w->next_side, n_sector_unknown * n_sector_unknown},
+                 {&w->Z, 3 * (size_t)in->n_point * n_sector_unknown},
                  {&w->rows, 3 * (size_t)(in->n_point * w->sector_size)},
                  {&w->rows_transposed, 3 * (size_t)(in->n_point * w->sector_size)},
                  {&w->columns, e * q},
                  {&w->outer, q * q + N * (e + 2 * q)},
                  {&w->product, e + 2 * q},
-                 {&w->work, 3 * most + 2 * whole + 2 * BD_KERNEL_BLOCK * (most + 8)}};
+                 {&w->work, 3 * most + 2 * n_sector_unknown + 2 * BD_KERNEL_BLOCK * (most + 8)}};
     size_t total = BD_KERNEL_PAD;
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i) total += parts[i].n;
     w->memory = malloc(sizeof(double) * total);
@@ -375,23 +375,23 @@ void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
               e = w->input.n_blade - k;
     const int nd = w->input.n_damper, E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
     const size_t EE = (size_t)E * (size_t)E, Eq = (size_t)E * (size_t)q;
-    double *own = w->outer, *b = own + (size_t)N * (size_t)E, *t = w->work; /* (N, E), (N, s), one sector */
+    double *inner = w->outer, *b = inner + (size_t)N * (size_t)E, *t = w->work; /* (N, E), (N, s), one sector */
     memset(b, 0, sizeof(double) * (size_t)N * (size_t)s);
-    memset(own, 0, sizeof(double) * (size_t)N * (size_t)E);
+    memset(inner, 0, sizeof(double) * (size_t)N * (size_t)E);
     for (int n = 0; n < N; ++n) {
         double *to = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
-        double *mine = own + (size_t)n * (size_t)E;
+        double *inner_n = inner + (size_t)n * (size_t)E;
         const double *couple = w->outer_to_inner + (size_t)n * Eq, *back = w->inner_to_outer + (size_t)n * Eq;
         if (!transposed) {
             split_sector(w, r + (size_t)n * (size_t)(nc * ns), t, to);
-            add_product(w, 0, E, E, 1.0, w->inverse + (size_t)n * EE, t, mine);
-            add_product(w, 0, s, E, -1.0, couple, mine, to);
-            add_product(w, 0, side, E, -1.0, couple + (size_t)s * (size_t)E, mine, before);
+            add_product(w, 0, E, E, 1.0, w->inverse + (size_t)n * EE, t, inner_n);
+            add_product(w, 0, s, E, -1.0, couple, inner_n, to);
+            add_product(w, 0, side, E, -1.0, couple + (size_t)s * (size_t)E, inner_n, before);
             continue;
         }
-        split_sector(w, r + (size_t)n * (size_t)(nc * ns), mine, to);
+        split_sector(w, r + (size_t)n * (size_t)(nc * ns), inner_n, to);
         memset(t, 0, sizeof(double) * (size_t)q);
-        add_product(w, 1, E, q, -1.0, back, mine, t);
+        add_product(w, 1, E, q, -1.0, back, inner_n, t);
         for (int i = 0; i < s; ++i) to[i] += t[i];
         for (int i = 0; i < side; ++i) before[i] += t[s + i];
     }
@@ -401,20 +401,20 @@ void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
         solve_ring(w, b);
     for (int n = 0; n < N; ++n) {
         const double *here = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
-        double *mine = own + (size_t)n * (size_t)E, *to = x + (size_t)n * (size_t)(nc * ns);
+        double *inner_n = inner + (size_t)n * (size_t)E, *to = x + (size_t)n * (size_t)(nc * ns);
         memcpy(t, here, sizeof(double) * (size_t)s);
         memcpy(t + s, before, sizeof(double) * (size_t)side);
         if (!transposed) {
-            add_product(w, 0, E, q, -1.0, w->inner_to_outer + (size_t)n * Eq, t, mine);
+            add_product(w, 0, E, q, -1.0, w->inner_to_outer + (size_t)n * Eq, t, inner_n);
         } else {
             double *u = t + q;
-            add_product(w, 1, q, E, -1.0, w->outer_to_inner + (size_t)n * Eq, t, mine);
-            memcpy(u, mine, sizeof(double) * (size_t)E);
-            memset(mine, 0, sizeof(double) * (size_t)E);
-            add_product(w, 1, E, E, 1.0, w->inverse + (size_t)n * EE, u, mine);
+            add_product(w, 1, q, E, -1.0, w->outer_to_inner + (size_t)n * Eq, t, inner_n);
+            memcpy(u, inner_n, sizeof(double) * (size_t)E);
+            memset(inner_n, 0, sizeof(double) * (size_t)E);
+            add_product(w, 1, E, E, 1.0, w->inverse + (size_t)n * EE, u, inner_n);
         }
         for (int c = 0; c < nc; ++c) {
-            memcpy(to + c * ns, mine + c * e, sizeof(double) * (size_t)e);
+            memcpy(to + c * ns, inner_n + c * e, sizeof(double) * (size_t)e);
             memcpy(to + c * ns + e, here + c * k, sizeof(double) * (size_t)k);
             memcpy(to + c * ns + e + k, here + A + c * nd, sizeof(double) * (size_t)nd);
         }

@@ -34,8 +34,9 @@ typedef struct {
         n_damper_unknown; /* coordinates of a sector; unknowns eliminated in it, remaining in the ring, of a damper */
     int sign;             /* of the determinant of the latest factorisation */
     double *inverse, *inner_to_outer, *outer_to_inner; /* (n_sector) of (inner, inner), (inner, outer), (outer, inner) */
-    double *diagonal, *lower, *upper, *last_row, *next_factor,
-        *last_factor; /* (n_sector, n_ring, n_ring); inverses on the diagonal */
+    /* (n_sector, n_ring, n_ring): D, L and U, with inverses on the diagonal; V, D^-1 U and D^-1 W */
+    double *diagonal, *lower, *upper;
+    double *last_row, *next_factor, *last_factor;
     double *own_side, *next_side, *Z, *columns, *outer, *product, *work; /* work */
     double *rows;            /* rows of the points on the own blade, then on the next blade */
     double *rows_transposed; /* the same transposed, (sector_size, 3 n) of either group */

@@ -54,13 +54,13 @@ static void copy_blades(const bd_wheel *w, const double *x, double *blade) {
 
 /* y += A x, complex; A stored as in bd_waves. */
 static void add_complex(int n, const double *A, const double *re, const double *im, double *restrict y,
-                        double *restrict turned) {
+                        double *restrict y_imaginary) {
     const double *B = A + (size_t)n * (size_t)n;
     for (int j = 0; j < n; ++j) {
         const double *a = A + (size_t)(j * n), *b = B + (size_t)(j * n), x = re[j], z = im[j];
         for (int i = 0; i < n; ++i) {
             y[i] += a[i] * x - b[i] * z;
-            turned[i] += a[i] * z + b[i] * x;
+            y_imaginary[i] += a[i] * z + b[i] * x;
         }
     }
 }
@@ -91,23 +91,23 @@ static void wave_product(const bd_wheel *w, const bd_waves *waves, int d, int l,
 void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int transposed, const double *blade, double *out,
                         double *by) {
     const int N = w->input.n_sector, D = w->n_wave, nb = w->input.n_blade, nc = w->n_coef, m = nc * nb;
-    const size_t apart = (size_t)(D * m);
-    double *in = w->wave_work, *lin = in + 2 * apart, *rate = lin + 2 * apart, *t = rate + 2 * apart;
+    const size_t part_size = (size_t)(D * m);
+    double *in = w->wave_work, *lin = in + 2 * part_size, *rate = lin + 2 * part_size, *t = rate + 2 * part_size;
     multiply(w, D, m, N, w->cosine, N, blade, m, 0, in, m);
-    multiply(w, D, m, N, w->sine, N, blade, m, 0, in + apart, m);
-    memset(lin, 0, sizeof(double) * 4 * apart);
+    multiply(w, D, m, N, w->sine, N, blade, m, 0, in + part_size, m);
+    memset(lin, 0, sizeof(double) * 4 * part_size);
     for (int d = 0; d < D; ++d) {
         const double weight = (d == 0 || 2 * d == N ? 1.0 : 2.0) / N;
         for (int c = 0; c < nc; ++c) {
             if (!w->input.active[c]) continue;
             const size_t at = (size_t)(d * m + c * nb), other = (size_t)(d * m + (c + phase(c)) * nb);
-            const double *x[4] = {in + at, in + apart + at, in + other, in + apart + other};
-            double *to[2] = {lin + at, lin + apart + at}, *to_rate[2] = {rate + at, rate + apart + at};
+            const double *x[4] = {in + at, in + part_size + at, in + other, in + part_size + other};
+            double *to[2] = {lin + at, lin + part_size + at}, *to_rate[2] = {rate + at, rate + part_size + at};
             wave_product(w, waves, d, (c + 1) / 2, omega, transposed ? -phase(c) : phase(c), x, to, by ? to_rate : NULL, t);
         }
         for (size_t i = (size_t)(d * m); i < (size_t)((d + 1) * m); ++i) {
-            lin[i] *= weight, lin[apart + i] *= weight;
-            rate[i] *= weight, rate[apart + i] *= weight;
+            lin[i] *= weight, lin[part_size + i] *= weight;
+            rate[i] *= weight, rate[part_size + i] *= weight;
         }
     }
     for (int which = 0; which < (by ? 2 : 1); ++which) {
@@ -115,7 +115,8 @@ void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int tr
         double *to = which ? by : out;
         memset(w->motion, 0, sizeof(double) * (size_t)(N * m));
         w->ring.kernel->product((size_t)N, (size_t)m, (size_t)D, w->cosine, wave, (size_t)m, w->motion, (size_t)m);
-        w->ring.kernel->product((size_t)N, (size_t)m, (size_t)D, w->sine, wave + apart, (size_t)m, w->motion, (size_t)m);
+        w->ring.kernel->product((size_t)N, (size_t)m, (size_t)D, w->sine, wave + part_size, (size_t)m, w->motion,
+                                (size_t)m);
         for (int i = 0; i < N * nc; ++i)
             for (int j = 0; j < nb; ++j) to[(size_t)i * (size_t)w->sector_size + (size_t)j] += w->motion[i * nb + j];
     }
@@ -372,24 +373,24 @@ static void split_waves(const double *from, int waves, int n, double *to) {
 
 /* Extract the coupling (n, n) of a sector to the sector `behind` sectors before it; subtract it and its transpose from
  * the waves. */
-static void extract_coupling(const bd_wheel *w, int n, int kept, int behind, double *waves, double *kernel) {
-    const int N = w->input.n_sector, first = n - kept;
+static void extract_coupling(const bd_wheel *w, int n, int n_kept, int behind, double *waves, double *kernel) {
+    const int N = w->input.n_sector, first = n - n_kept;
     const size_t nn = (size_t)(n * n);
-    memset(kernel, 0, sizeof(double) * (size_t)(kept * kept));
+    memset(kernel, 0, sizeof(double) * (size_t)(n_kept * n_kept));
     for (int pass = 0; pass < 2; ++pass)
         for (int d = 0; d < w->n_wave; ++d) {
-            const double turn = BD_TWO_PI * d * behind / N, weight = (d == 0 || 2 * d == N ? 1.0 : 2.0) / N;
+            const double angle = BD_TWO_PI * d * behind / N, weight = (d == 0 || 2 * d == N ? 1.0 : 2.0) / N;
             double *re = waves + 2 * (size_t)d * nn, *im = re + nn;
-            for (int i = 0; i < kept; ++i)
-                for (int j = 0; j < kept; ++j) {
+            for (int i = 0; i < n_kept; ++i)
+                for (int j = 0; j < n_kept; ++j) {
                     const size_t at = (size_t)((first + j) * n + first + i);
-                    double *to = kernel + i * kept + j;
+                    double *to = kernel + i * n_kept + j;
                     if (pass == 0) {
-                        *to += weight * (re[at] * cos(turn) - im[at] * sin(turn));
+                        *to += weight * (re[at] * cos(angle) - im[at] * sin(angle));
                     } else {
-                        const double back = behind ? kernel[j * kept + i] : 0.0;
-                        re[at] -= (*to + back) * cos(turn);
-                        im[at] -= (back - *to) * sin(turn);
+                        const double back = behind ? kernel[j * n_kept + i] : 0.0;
+                        re[at] -= (*to + back) * cos(angle);
+                        im[at] -= (back - *to) * sin(angle);
                     }
                 }
         }
@@ -456,20 +457,20 @@ static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
     const size_t D = N / 2 + 1, ns = b + d, W = N * nc * ns, points = N * (size_t)in->n_point, Y = N * nc * b;
     const size_t n = (size_t)w->base.n, n1 = n + 1, force = 3 * points * nc, most = W + 1 > 2 * force ? W + 1 : 2 * force;
     const size_t M = BD_WHEEL_KRYLOV, hat = 6 * D * nc * b + 6 * b, kernel = b * b > hat ? b * b : hat;
-    bd_wheel_input *own = &w->input;
-    *own = *in;
+    bd_wheel_input *copies = &w->input;
+    *copies = *in;
     w->n_coef = (int)nc, w->n_wave = (int)D, w->sector_size = (int)ns, w->vector_size = (int)W;
     const part parts[] = {
-        {(double **)&own->motion_rows, 3 * (size_t)in->n_point * ns, in->motion_rows},
-        {(double **)&own->stiffness, N * b * b, in->stiffness},
-        {(double **)&own->mass, b * b, in->mass},
-        {(double **)&own->damper_stiffness, d, in->damper_stiffness},
-        {(double **)&own->damper_mass, N * d, in->damper_mass},
-        {(double **)&own->damper_damping, d, in->damper_damping},
-        {(double **)&own->springs, N * d, in->springs},
-        {(double **)&own->spring_origin, N * d, in->spring_origin},
-        {(double **)&own->shift, 3 * points, in->shift},
-        {(double **)&own->force, n, in->force},
+        {(double **)&copies->motion_rows, 3 * (size_t)in->n_point * ns, in->motion_rows},
+        {(double **)&copies->stiffness, N * b * b, in->stiffness},
+        {(double **)&copies->mass, b * b, in->mass},
+        {(double **)&copies->damper_stiffness, d, in->damper_stiffness},
+        {(double **)&copies->damper_mass, N * d, in->damper_mass},
+        {(double **)&copies->damper_damping, d, in->damper_damping},
+        {(double **)&copies->springs, N * d, in->springs},
+        {(double **)&copies->spring_origin, N * d, in->spring_origin},
+        {(double **)&copies->shift, 3 * points, in->shift},
+        {(double **)&copies->force, n, in->force},
         {&w->base.row_scale, n, in->row_scale},
         {&w->base.r, n, NULL},
         {&w->base.C, n, NULL},
@@ -508,11 +509,11 @@ static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
         {&w->krylov, (M + 1) * (Y + M + W) + 5 * M, NULL},
     };
     unsigned char *flags = malloc((size_t)in->n_point + nc + N);
-    own->on_next = flags;
+    copies->on_next = flags;
     w->element = malloc(sizeof(bd_element) * (points + 1));
     w->share = malloc(sizeof(bd_status_share) * (points + 1));
     if (!flags || !w->element || !w->share) return BD_NO_MEMORY;
-    own->active = flags + in->n_point, own->pinned = own->active + nc;
+    copies->active = flags + in->n_point, copies->pinned = copies->active + nc;
     memcpy(flags, in->on_next, (size_t)in->n_point);
     memcpy(flags + in->n_point, in->active, nc);
     memcpy(flags + (size_t)in->n_point + nc, in->pinned, N);
@@ -528,9 +529,9 @@ bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in) {
     w->base =
         (bd_equations){.type = &WHEEL, .n = active * in->n_sector * (in->n_blade + in->n_damper), .k = 1, .cost = &w->cost};
     bd_status status = parts_create(w, in);
-    const bd_wheel_input *own = &w->input;
-    const bd_ring_input ring = {in->n_sector, w->n_coef,    in->n_blade,      in->n_damper, in->n_kept,
-                                in->n_point,  own->on_next, own->motion_rows, own->active,  own->pinned};
+    const bd_wheel_input *copies = &w->input;
+    const bd_ring_input ring = {in->n_sector, w->n_coef,       in->n_blade,         in->n_damper,   in->n_kept,
+                                in->n_point,  copies->on_next, copies->motion_rows, copies->active, copies->pinned};
     if (status == BD_OK) status = bd_ring_create(&w->ring, &ring);
     if (status == BD_OK) status = bd_evaluator_create(&w->evaluator, in->evaluation, in->n_harm, in->n_time);
     if (status == BD_OK)

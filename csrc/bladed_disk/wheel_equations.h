@@ -50,20 +50,18 @@ typedef struct {
     bd_evaluator evaluator;
     int n_coef, n_wave, sector_size, vector_size; /* waves; coordinates of a sector; entries of a vector */
     bd_waves waves, remainder;                    /* remainder: part outside the elimination */
-    double *sector_part[3],
-        /* part in the elimination: stiffness, mass, damping (n_blade, n_blade) of the sector; (n_kept, n_kept) to a
-         * neighbour */
-        *neighbour_part[2];
-    double *cosine, *sine; /* (n_wave, n_sector), the sine negative */
-    bd_element *element;   /* (n_sector n_point) */
+    double *sector_part[3];    /* part in the elimination: stiffness, mass, damping (n_blade, n_blade) of the sector */
+    double *neighbour_part[2]; /* (n_kept, n_kept) stiffness and mass to a neighbour */
+    double *cosine, *sine;     /* (n_wave, n_sector), the sine negative */
+    bd_element *element;       /* (n_sector n_point) */
     bd_status_share *share;
     /* of the latest evaluation: motion, force (n_coef), tangents (7, n_coef, n_coef) of the points */
     double *X, *F, *tangent;
-    double *x;                /* the current point */
-    double *shifted, *motion; /* vector with the blades of the next sectors; motion or force of one group of points */
-    double *blade_motion, *inertia,
-        *wave_work;             /* blade coordinates and their inertia; waves (3, 2, n_wave, n_coef, n_blade) */
-    double *matrices, *springs; /* of the elimination; springs plus jacobian_springs */
+    double *x;                      /* the current point */
+    double *shifted, *motion;       /* vector with the blades of the next sectors; motion or force of one group of points */
+    double *blade_motion, *inertia; /* blade coordinates and their inertia */
+    double *wave_work;              /* (3, 2, n_wave, n_coef, n_blade) */
+    double *matrices, *springs;     /* of the elimination; springs plus jacobian_springs */
     /* derivative with respect to omega, row of the border over scale, scale: vectors and one number */
     double *C, *border, *scale;
     double *column, *b, *product, *work; /* P^-1 C or its transposed counterpart; work */

@@ -127,7 +127,7 @@ static int normal_direction(int n, const bd_element *element, const double *x, b
                             bd_sampled_work *work) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
     const double *xg = work->x + 2 * n_coef * BD_LANES;
-    int touching = 0;
+    int n_contact = 0;
     work->kernel->lane_values(n_coef, work->n_time, work->power, n_power, xg, work->g);
     work->kernel->lane_contact(n_power, work->n_time, work->power, work->g, work->contact);
     for (int lane = 0; lane < n; ++lane) {
@@ -135,16 +135,16 @@ static int normal_direction(int n, const bd_element *element, const double *x, b
         const double count = work->contact[lane];
         if (bd_law_is_two_sided(element[lane].law) || count == (double)work->n_time) {
             bd_element_closed(element + lane, work->n_harm, v, out + lane);
-            ++touching;
+            ++n_contact;
             continue;
         }
         share[lane].open = 1.0 - count / work->n_time;
         if (count == 0.0) continue;
-        ++touching;
+        ++n_contact;
         one_lane(work, work->contact, lane, work->one);
         bd_cycle_normal(element + lane, work->n_harm, work->one, v, out + lane, work->scratch);
     }
-    return touching;
+    return n_contact;
 }
 
 /* Load in the friction limit at every sample. */
@@ -188,15 +188,16 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     const int n_power = bd_n_power(work->n_harm);
     bd_lanes *lanes = &work->lanes;
-    int rubbing = 0;
+    int any_friction = 0;
     for (int lane = 0; lane < BD_LANES; ++lane) {
-        const int rubs = lane < n && bd_element_has_friction(element + lane, d) && !bd_law_is_coupled(element[lane].law);
-        lanes->slope[lane] = rubs ? element[lane].mu / element[lane].kt[d] : 0.0;
-        lanes->w[lane] = rubs ? element[lane].w[d] : 0.0;
+        const int has_friction =
+            lane < n && bd_element_has_friction(element + lane, d) && !bd_law_is_coupled(element[lane].law);
+        lanes->slope[lane] = has_friction ? element[lane].mu / element[lane].kt[d] : 0.0;
+        lanes->w[lane] = has_friction ? element[lane].w[d] : 0.0;
         lanes->origin[lane] = -1;
-        rubbing |= rubs;
+        any_friction |= has_friction;
     }
-    if (!rubbing) return;
+    if (!any_friction) return;
     work->kernel->lane_values((int)n_coef, work->n_time, work->power, n_power, work->x + (size_t)d * n_coef * BD_LANES,
                               work->u);
     work->kernel->settle(lanes);
@@ -242,11 +243,11 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
     work->lanes.stick_slider_g = out->dN ? work->stick_slider_g : NULL;
     work->lanes.state = n == 1 ? work->state : NULL;
     load_lanes(n, element, x, work);
-    const int touching = normal_direction(n, element, x, out, share, work);
+    const int n_contact = normal_direction(n, element, x, out, share, work);
     for (int d = 0; d < 2 && n == 1; ++d) {
-        whole_cycle(work, d, touching ? BD_STICK : BD_OPEN);
-        if (touching && !bd_element_has_friction(element, d) && element->law != BD_LAW_BONDED) work->n_segment[d] = 0;
+        whole_cycle(work, d, n_contact ? BD_STICK : BD_OPEN);
+        if (n_contact && !bd_element_has_friction(element, d) && element->law != BD_LAW_BONDED) work->n_segment[d] = 0;
     }
     work->lanes.g = find_limit(n, element, work);
-    for (int d = 0; d < 2 && touching; ++d) tangential_direction(n, element, d, x, out, share, work);
+    for (int d = 0; d < 2 && n_contact; ++d) tangential_direction(n, element, d, x, out, share, work);
 }

@@ -153,9 +153,9 @@ BD_INLINE bd_mask load_int(const int *p) {
     return x;
 }
 
-/* Sums over the samples that stick and slip. kept > 0 is a compile-time n_power, whose sums stay in registers. */
-BD_INLINE void sum_samples(bd_lanes *l, const int kept) {
-    const int n_power = kept ? kept : bd_n_power(l->n_harm);
+/* Sums over the samples that stick and slip. fixed_power > 0 is a compile-time n_power, whose sums stay in registers. */
+BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
+    const int n_power = fixed_power ? fixed_power : bd_n_power(l->n_harm);
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
     bd_mask origin[N_VEC], stuck[N_VEC];
     bd_vec w_before[N_VEC], sum_stick[MOST_KEPT][N_VEC], sum_slip[MOST_KEPT][N_VEC];
@@ -163,7 +163,7 @@ BD_INLINE void sum_samples(bd_lanes *l, const int kept) {
         origin[v] = load_int(l->origin + v * BD_WIDTH);
         stuck[v] = bd_all_int(0);
         w_before[v] = bd_load(l->w + v * BD_WIDTH);
-        for (int n = 0; n < kept; ++n) sum_stick[n][v] = sum_slip[n][v] = zero;
+        for (int n = 0; n < fixed_power; ++n) sum_stick[n][v] = sum_slip[n][v] = zero;
     }
     for (int k = 0; k < l->n_time; ++k) {
         const double *power = l->power + (size_t)k * (size_t)n_power;
@@ -173,7 +173,7 @@ BD_INLINE void sum_samples(bd_lanes *l, const int kept) {
             const bd_mask plus = r.contact & bd_above(r.lo, start), minus = r.contact & ~plus & bd_above(start, r.hi);
             const bd_mask stick = r.contact & ~plus & ~minus, ending = stuck[v] & ~stick, set = ~stick | r.closing;
             if (bd_any(ending)) {
-                for (int n = 0; n < kept; ++n) bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
+                for (int n = 0; n < fixed_power; ++n) bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
                 end_stick_parts(l, v, ending, w_before[v], origin[v]);
             }
             w_before[v] = bd_load(l->path + k * BD_LANES + v * BD_WIDTH);
@@ -181,11 +181,11 @@ BD_INLINE void sum_samples(bd_lanes *l, const int kept) {
             stuck[v] = stick;
             const bd_vec sticking = bd_select(stick, one, zero);
             const bd_vec slipping = bd_select(plus, one, bd_select(minus, zero - one, zero));
-            for (int n = 0; n < kept; ++n) {
+            for (int n = 0; n < fixed_power; ++n) {
                 sum_stick[n][v] += power[n] * sticking;
                 sum_slip[n][v] += power[n] * slipping;
             }
-            for (int n = 0; n < n_power && !kept; ++n) {
+            for (int n = 0; n < n_power && !fixed_power; ++n) {
                 double *to_stick = l->stick + n * BD_LANES + v * BD_WIDTH, *to_slip = l->slip + n * BD_LANES + v * BD_WIDTH;
                 bd_store(to_stick, bd_load(to_stick) + power[n] * sticking);
                 bd_store(to_slip, bd_load(to_slip) + power[n] * slipping);
@@ -198,7 +198,7 @@ BD_INLINE void sum_samples(bd_lanes *l, const int kept) {
         }
     }
     for (int v = 0; v < N_VEC; ++v) {
-        for (int n = 0; n < kept; ++n) {
+        for (int n = 0; n < fixed_power; ++n) {
             bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
             bd_store(l->slip + n * BD_LANES + v * BD_WIDTH, sum_slip[n][v]);
         }

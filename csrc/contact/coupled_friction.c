@@ -308,14 +308,14 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
     bd_cycle_products(work->n_harm, work->contact, work->products);
     for (size_t d = 0; d < 2; ++d)
         for (size_t i = 0; i < n_coef; ++i) {
-            const double *held = work->slider_sums + (d * n_coef + i) * n_col,
+            const double *sums = work->slider_sums + (d * n_coef + i) * n_col,
                          scale = i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI;
-            const double h0 = held[n_x], h1 = held[n_x + 1];
+            const double h0 = sums[n_x], h1 = sums[n_x + 1];
             for (size_t c = 0; c < 3; ++c) {
                 double *row = (c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d]) + i * n_coef;
                 for (size_t j = 0; j < n_coef; ++j) {
                     const size_t at = c * n_coef + j;
-                    double value = -held[at] - h0 * ds0[at] - h1 * ds0[n_x + at];
+                    double value = -sums[at] - h0 * ds0[at] - h1 * ds0[n_x + at];
                     if (c == d) value += element->kt[d] * work->products[i * n_coef + j];
                     row[j] = scale * value;
                 }
@@ -330,10 +330,10 @@ static void sample_motion(bd_coulomb_work *work, int n, const bd_element *elemen
     memset(work->motion, 0, sizeof(double) * 3 * (size_t)n_coef * BD_LANES);
     for (int lane = 0; lane < n; ++lane) {
         const bd_element *e = element + lane;
-        const int rubs = work->search[lane].state != BD_DONE;
+        const int has_friction = work->search[lane].state != BD_DONE;
         const double *from = x + 3 * (size_t)n_coef * (size_t)lane;
         l->mu[lane] = e->mu;
-        for (int a = 0; a < 3 && rubs; ++a) {
+        for (int a = 0; a < 3 && has_friction; ++a) {
             double *to = work->motion + a * n_coef * BD_LANES + lane;
             const double factor = a < 2 ? e->kt[a] : bd_law_is_constant(e->law) ? 0.0 : e->kn;
             for (int i = 0; i < n_coef; ++i) to[i * BD_LANES] = factor * from[a * n_coef + i];
@@ -366,7 +366,7 @@ static void find_sticking(bd_coulomb_work *work, const bd_element *element, cons
     int n_open = 0;
     for (int k = 0; k < work->n_time; ++k) {
         n_open += !(work->g[k] > 0.0);
-        const double reach = fabs(work->x[k]) + fabs(work->y[k]), most = reach > work->R[k] ? reach : work->R[k];
+        const double extent = fabs(work->x[k]) + fabs(work->y[k]), most = extent > work->R[k] ? extent : work->R[k];
         size = most > size ? most : size;
     }
     search->state = BD_DONE;
@@ -375,14 +375,14 @@ static void find_sticking(bd_coulomb_work *work, const bd_element *element, cons
         work->n_segment = 1;
         return;
     }
-    const double given[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
-    const double scale = size + bd_norm(given[0], given[1]) + 1e-300;
+    const double initial[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
+    const double scale = size + bd_norm(initial[0], initial[1]) + 1e-300;
     const int tangent = out->dN != NULL;
     const bd_disks disks = {work->n_padded, work->x, work->y, work->R, work->kernel};
-    bd_disk_point centre = {.s = {given[0], given[1]}, .value = INFINITY};
+    bd_disk_point centre = {.s = {initial[0], initial[1]}, .value = INFINITY};
     int worst = 0;
-    if (n_open == 0 && bd_disks_violation(&disks, given, &worst) <= SLACK * scale) {
-        bd_sticking_write(work, element, x, given, out, share);
+    if (n_open == 0 && bd_disks_violation(&disks, initial, &worst) <= SLACK * scale) {
+        bd_sticking_write(work, element, x, initial, out, share);
         return;
     }
     if (n_open == 0) bd_disks_centre(&disks, SLACK * scale, &centre);
@@ -395,10 +395,11 @@ static void find_sticking(bd_coulomb_work *work, const bd_element *element, cons
         if (tangent) bd_sticking_write_onset(work, element, &centre, out);
         return;
     }
-    const double way = bd_disks_entry(&disks, given, centre.s, &worst);
-    const double s[2] = {given[0] + way * (centre.s[0] - given[0]), given[1] + way * (centre.s[1] - given[1])};
+    const double fraction = bd_disks_entry(&disks, initial, centre.s, &worst);
+    const double s[2] = {initial[0] + fraction * (centre.s[0] - initial[0]),
+                         initial[1] + fraction * (centre.s[1] - initial[1])};
     bd_sticking_write(work, element, x, s, out, share);
-    if (tangent) bd_sticking_write_shifted(work, element, given, &centre, way, worst, out);
+    if (tangent) bd_sticking_write_shifted(work, element, initial, &centre, fraction, worst, out);
 }
 
 static void finish(bd_coulomb_work *work, const bd_element *element, int lane, bd_response *out, bd_status_share *share) {
@@ -424,9 +425,10 @@ void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_r
     work->n_segment = work->n_period = 0;
     for (int lane = 0; lane < n; ++lane) {
         const bd_element *e = element + lane;
-        const int rubs = bd_law_is_coupled(e->law) && (bd_element_has_friction(e, 0) || bd_element_has_friction(e, 1));
-        work->search[lane].state = rubs ? BD_SEARCHING : BD_DONE;
-        any |= rubs;
+        const int has_friction =
+            bd_law_is_coupled(e->law) && (bd_element_has_friction(e, 0) || bd_element_has_friction(e, 1));
+        work->search[lane].state = has_friction ? BD_SEARCHING : BD_DONE;
+        any |= has_friction;
     }
     if (!any) return;
     sample_motion(work, n, element, x);

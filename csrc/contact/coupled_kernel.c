@@ -86,8 +86,8 @@ BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tan
 /* Slip over the remainder 1 - tau of the step, from the force direction e on the edge R_e. */
 BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_vec R1, bd_vec mu,
                          const bd_vec *dp, const bd_vec *p1, const int tangent) {
-    const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0), rest = one - tau;
-    const bd_vec D[2] = {rest * dp[0], rest * dp[1]}, length = w->length, *a = w->a, p = w->p, q = one - p;
+    const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0), remainder = one - tau;
+    const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]}, length = w->length, *a = w->a, p = w->p, q = one - p;
     const inverse_limit inv = w->inverse;
     const bd_vec c = bd_min(bd_max(a[0] * e[0] + a[1] * e[1], bd_all(-1.0 + 1e-14)), one);
     const bd_vec X = one + c, Y = one - c, q2 = q * q, inverse = one / (X + q2 * Y);
@@ -119,10 +119,10 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
             const bd_vec same = i == j ? one : zero, across = same - a[i] * a[j];
             const bd_vec M_D =
                 R1 * ((alpha - beta * c) * across / length + V_c[i] * side[j] / length - q * inv.L * V_q * a[j]);
-            o->B0[i][j] = rest * (M_D - o->A[i][j]);
-            o->B1[i][j] = same - tau * o->A[i][j] - rest * M_D;
+            o->B0[i][j] = remainder * (M_D - o->A[i][j]);
+            o->B1[i][j] = same - tau * o->A[i][j] - remainder * M_D;
         }
-        o->C0[i] = zero - R1 * mu * m_e * rest;
+        o->C0[i] = zero - R1 * mu * m_e * remainder;
         o->C1[i] = zero - R1 * mu * (m_e * tau + m_1) - mu * e1[i];
     }
 }
@@ -157,8 +157,8 @@ BD_INLINE chord load_chord(const bd_coupled_lanes *l, int at, const int tangent)
 BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0, bd_vec g1, bd_vec mu, bd_vec R1,
                           const bd_vec *s, const bd_vec *dp, const bd_vec *p0, const bd_vec *p1, int interpolate,
                           const int tangent) {
-    const bd_vec one = bd_all(1.0), zero = bd_all(0.0), rest = one - t, chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
-    const bd_mask slips = closing & ~bd_at_least(R1, rest * chord);
+    const bd_vec one = bd_all(1.0), zero = bd_all(0.0), remainder = one - t, chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
+    const bd_mask slips = closing & ~bd_at_least(R1, remainder * chord);
     const bd_vec dg = g1 - g0, factor = bd_all(interpolate ? 1.0 : 0.0) / (dg * dg),
                  inverse = one / bd_max(chord, bd_all(1e-300));
     *slipping |= slips;
@@ -170,7 +170,7 @@ BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t,
             choose(&o->A[i][j], closing, zero);
             if (!tangent) continue;
             const bd_vec same = i == j ? one : zero, across = (same - a * dp[j] * inverse) * R1 * inverse;
-            choose(&o->B0[i][j], closing, bd_select(slips, across, rest * same));
+            choose(&o->B0[i][j], closing, bd_select(slips, across, remainder * same));
             choose(&o->B1[i][j], closing, bd_select(slips, same - across, t * same));
         }
         if (!tangent) continue;
@@ -202,11 +202,12 @@ BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, co
     } else if (bd_any(slips)) {
         const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = along - R0 * dR;
         const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)), h = bd_root(bd_max(b * b - a * c, zero));
-        const bd_vec late =
+        const bd_vec crossing =
             bd_select(bd_at_least(b, zero), bd_select(bd_above(b + h, zero), (zero - c) / (b + h), zero), (h - b) / a);
-        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, late))), rest = one - tau;
+        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, crossing))), remainder = one - tau;
         const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
-        const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e}, R_e = R0 + tau * dR, D[2] = {rest * dp[0], rest * dp[1]};
+        const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e}, R_e = R0 + tau * dR,
+                     D[2] = {remainder * dp[0], remainder * dp[1]};
         const chord w = make_chord(D, R_e, R1, tangent);
         slip_step(o, &w, e, tau, R_e, R1, mu, dp, p1, tangent);
     }
@@ -254,7 +255,7 @@ BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, cons
     }
 }
 
-BD_INLINE void period(bd_coupled_lanes *l, const int kept, const int tangent) {
+BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
     for (int v = 0; v < N_VEC; ++v) {
         const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
         bd_vec s[2] = {bd_load(l->s + v * BD_WIDTH), bd_load(l->s + BD_LANES + v * BD_WIDTH)}, F[2] = {zero, zero};
@@ -275,7 +276,7 @@ BD_INLINE void period(bd_coupled_lanes *l, const int kept, const int tangent) {
                     choose(&P[0][j], moves, o.A[0][0] * d0 + o.A[0][1] * d1);
                     choose(&P[1][j], moves, o.A[1][0] * d0 + o.A[1][1] * d1);
                 }
-            if (kept) store_step(l, k, v, &o, s, sticks, slips, tangent);
+            if (store) store_step(l, k, v, &o, s, sticks, slips, tangent);
         }
         for (int i = 0; i < 2; ++i) {
             bd_store(l->end + i * BD_LANES + v * BD_WIDTH, s[i]);
@@ -303,9 +304,9 @@ void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *l, int tangent) {
         all_chords(l, 0);
 }
 
-void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int kept, int tangent);
-void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int kept, int tangent) {
-    if (!kept)
+void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int store, int tangent);
+void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int store, int tangent) {
+    if (!store)
         period(l, 0, 0);
     else if (!tangent)
         period(l, 1, 0);
@@ -318,17 +319,17 @@ double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const dou
                                                int *which);
 double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                                int *which) {
-    bd_vec most = bd_all(-INFINITY), place = bd_all(0.0);
+    bd_vec most = bd_all(-INFINITY), index = bd_all(0.0);
     for (int k = 0; k < n; k += BD_WIDTH) {
         const bd_vec dx = bd_load(x + k) - bd_all(s[0]), dy = bd_load(y + k) - bd_all(s[1]);
         const bd_vec far = bd_root(dx * dx + dy * dy) - bd_load(R + k);
         const bd_mask more = bd_above(far, most);
         choose(&most, more, far);
-        choose(&place, more, bd_all((double)k));
+        choose(&index, more, bd_all((double)k));
     }
     size_t best = 0;
     for (size_t i = 1; i < BD_WIDTH; ++i)
         if (bd_entry(most, i) > bd_entry(most, best)) best = i;
-    *which = (int)bd_entry(place, best) + (int)best;
+    *which = (int)bd_entry(index, best) + (int)best;
     return bd_entry(most, best);
 }

@@ -221,15 +221,15 @@ static void find_extrema(bd_direction *dir, int d) {
 /* lo and hi are constant: the slider is the initial one clipped to [lo, hi]. */
 static void add_constant_bounds(const bd_direction *dir, int d, const bd_element *element, bd_status_share *share) {
     bd_event_work *work = dir->work;
-    const double lo = dir->lo[0], hi = dir->hi[0], given = element->w[d];
-    const double w = given < lo ? lo : given > hi ? hi : given;
+    const double lo = dir->lo[0], hi = dir->hi[0], initial = element->w[d];
+    const double w = initial < lo ? lo : initial > hi ? hi : initial;
     double *one = work->power[0];
     memset(one, 0, sizeof(double) * (size_t)dir->n_coef);
     memset(work->slider_v, 0, sizeof(double) * (size_t)dir->n_coef);
     one[0] = 1.0;
-    work->slider_v[0] = given < lo ? -dir->r : given > hi ? dir->r : 0.0;
+    work->slider_v[0] = initial < lo ? -dir->r : initial > hi ? dir->r : 0.0;
     work->cycle.stick[0] = work->cycle.stick[1] = BD_TWO_PI;
-    bd_cycle_add_stick(&work->cycle, work->cycle.stick + 1, w, w == given ? NULL : one, work->slider_v);
+    bd_cycle_add_stick(&work->cycle, work->cycle.stick + 1, w, w == initial ? NULL : one, work->slider_v);
     bd_slider_whole_cycle(work, d, BD_STICK);
     share->stick[d] = 1.0;
 }

@@ -56,12 +56,12 @@ static void values_at(int n_harm, const double *x, const double *y, const double
 }
 
 double bd_clear_value(int n_harm, const double *f, double start, double length) {
-    static const double place[4] = {0.29, 0.67, 0.11, 0.87};
+    static const double position[4] = {0.29, 0.67, 0.11, 0.87};
     const int n_coef = bd_n_coef(n_harm);
     double size = 0.0, value = bd_trig_value(n_harm, f, start + 0.5 * length);
     for (int i = 0; i < n_coef; ++i) size += fabs(f[i]);
     for (int i = 0; i < 4 && fabs(value) <= 1e-3 * size; ++i) {
-        const double other = bd_trig_value(n_harm, f, start + place[i] * length);
+        const double other = bd_trig_value(n_harm, f, start + position[i] * length);
         if (fabs(other) > fabs(value)) value = other;
     }
     return value;
@@ -103,18 +103,18 @@ static void arrange_segments(bd_event_work *work, int d) {
         memmove(segment, segment + 1, sizeof *segment * (size_t)n);
         work->n_segment[d] = n;
     }
-    int turned = 0; /* parts at the end that lie in the next period */
+    int n_shifted = 0; /* parts at the end that lie in the next period */
     for (int i = 0; i < n; ++i)
         if (segment[i].start >= BD_TWO_PI) {
             segment[i].start -= BD_TWO_PI;
             segment[i].end -= BD_TWO_PI;
-            ++turned;
+            ++n_shifted;
         }
-    reverse(segment, n - turned);
-    reverse(segment + n - turned, turned);
+    reverse(segment, n - n_shifted);
+    reverse(segment + n - n_shifted, n_shifted);
     reverse(segment, n);
     /* the same instant except for rounding */
-    if (turned > 0 && turned < n) segment[turned - 1].end = segment[turned].start;
+    if (n_shifted > 0 && n_shifted < n) segment[n_shifted - 1].end = segment[n_shifted].start;
 }
 
 /* ---- pieces between events ---- */
@@ -263,12 +263,12 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
 }
 
 /* Advance through one piece and return the slider at its end. */
-static slider slider_through_piece(const bd_direction *dir, int d, int i, double turn, slider s, cycle_part *part,
+static slider slider_through_piece(const bd_direction *dir, int d, int i, double shift, slider s, cycle_part *part,
                                    bd_status_share *share) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;
     const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0], flags = work->piece[i];
-    const double *z = work->event_z + 2 * start, theta = work->event_theta[start] + turn;
+    const double *z = work->event_z + 2 * start, theta = work->event_theta[start] + shift;
     if (!(flags & CONTACT)) {
         change_state(dir, d, part, BD_OPEN, theta, z, s, share);
         return clip_at_end(dir, s, flags, end);
@@ -289,7 +289,7 @@ static slider slider_through_piece(const bd_direction *dir, int d, int i, double
         return after;
     }
     double at[2];
-    const double onset = find_onset(dir, plus, s.w, work->event_theta[start], piece_end(dir, i), at) + turn;
+    const double onset = find_onset(dir, plus, s.w, work->event_theta[start], piece_end(dir, i), at) + shift;
     change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
     return after;
 }

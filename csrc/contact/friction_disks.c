@@ -22,45 +22,45 @@ static double norm(double x, double y) { return sqrt(x * x + y * y); }
 /* Two disks; value -infinity if one of them determines the centre alone. */
 static bd_disk_point centre_of_two(const bd_disks *disks, int i, int j) {
     const double dx = disks->x[j] - disks->x[i], dy = disks->y[j] - disks->y[i], d = norm(dx, dy);
-    bd_disk_point hold = {.n = 2, .disk = {i, j}, .value = 0.5 * (d - disks->R[i] - disks->R[j])};
-    const double r = disks->R[i] + hold.value; /* distance from the first centre */
+    bd_disk_point point = {.n = 2, .disk = {i, j}, .value = 0.5 * (d - disks->R[i] - disks->R[j])};
+    const double r = disks->R[i] + point.value; /* distance from the first centre */
     if (!(r > 0.0 && r < d)) return (bd_disk_point){.value = -INFINITY};
-    hold.s[0] = disks->x[i] + dx * (r / d);
-    hold.s[1] = disks->y[i] + dy * (r / d);
-    return hold;
+    point.s[0] = disks->x[i] + dx * (r / d);
+    point.s[1] = disks->y[i] + dy * (r / d);
+    return point;
 }
 
 /* Improve a point at equal distance from three disks by one Newton step. */
-static void polish(const bd_disks *disks, bd_disk_point *hold) {
+static void polish(const bd_disks *disks, bd_disk_point *point) {
     double e[3][2], f[3];
     for (int a = 0; a < 3; ++a) {
-        const int k = hold->disk[a];
-        const double x = disks->x[k] - hold->s[0], y = disks->y[k] - hold->s[1], size = norm(x, y);
+        const int k = point->disk[a];
+        const double x = disks->x[k] - point->s[0], y = disks->y[k] - point->s[1], size = norm(x, y);
         if (!(size > 0.0)) return;
         e[a][0] = x / size, e[a][1] = y / size;
-        f[a] = size - disks->R[k] - hold->value;
+        f[a] = size - disks->R[k] - point->value;
     }
     const double a0 = e[1][0] - e[0][0], a1 = e[1][1] - e[0][1], b0 = e[2][0] - e[0][0], b1 = e[2][1] - e[0][1];
     const double det = a0 * b1 - a1 * b0, fa = f[1] - f[0], fb = f[2] - f[0];
     if (!(fabs(det) > 1e-12)) return;
     const double s0 = (b1 * fa - a1 * fb) / det, s1 = (a0 * fb - b0 * fa) / det; /* e.ds + dphi = f */
-    hold->s[0] += s0;
-    hold->s[1] += s1;
-    hold->value += f[0] - e[0][0] * s0 - e[0][1] * s1;
+    point->s[0] += s0;
+    point->s[1] += s1;
+    point->value += f[0] - e[0][0] * s0 - e[0][1] * s1;
 }
 
 /* Return whether the normals of three disks enclose the origin: no move reduces all three distances. */
-static int encloses(const bd_disks *disks, const bd_disk_point *hold) {
-    double d[3][2], turn[3];
+static int encloses(const bd_disks *disks, const bd_disk_point *point) {
+    double d[3][2], cross[3];
     for (int a = 0; a < 3; ++a) {
-        d[a][0] = disks->x[hold->disk[a]] - hold->s[0];
-        d[a][1] = disks->y[hold->disk[a]] - hold->s[1];
+        d[a][0] = disks->x[point->disk[a]] - point->s[0];
+        d[a][1] = disks->y[point->disk[a]] - point->s[1];
     }
     for (int a = 0; a < 3; ++a) {
         const int b = (a + 1) % 3;
-        turn[a] = d[a][0] * d[b][1] - d[a][1] * d[b][0];
+        cross[a] = d[a][0] * d[b][1] - d[a][1] * d[b][0];
     }
-    return (turn[0] > 0.0 && turn[1] > 0.0 && turn[2] > 0.0) || (turn[0] < 0.0 && turn[1] < 0.0 && turn[2] < 0.0);
+    return (cross[0] > 0.0 && cross[1] > 0.0 && cross[2] > 0.0) || (cross[0] < 0.0 && cross[1] < 0.0 && cross[2] < 0.0);
 }
 
 static bd_disk_point centre_of_three(const bd_disks *disks, int i, int j, int k) {
@@ -83,12 +83,12 @@ static bd_disk_point centre_of_three(const bd_disks *disks, int i, int j, int k)
     for (int side = 0; side < 2; ++side) {
         const double r = side ? C / h : h / A;
         if (!isfinite(r) || r < 0.0 || r + w[0] < 0.0 || r + w[1] < 0.0) continue;
-        bd_disk_point hold = {.n = 3, .disk = {i, j, k}, .value = r - disks->R[i]};
-        for (int a = 0; a < 2; ++a) hold.s[a] = alpha[a] - r * beta[a];
-        hold.s[0] += disks->x[i];
-        hold.s[1] += disks->y[i];
-        for (int repeat = 0; repeat < 2; ++repeat) polish(disks, &hold);
-        if (encloses(disks, &hold) && hold.value > best.value) best = hold;
+        bd_disk_point point = {.n = 3, .disk = {i, j, k}, .value = r - disks->R[i]};
+        for (int a = 0; a < 2; ++a) point.s[a] = alpha[a] - r * beta[a];
+        point.s[0] += disks->x[i];
+        point.s[1] += disks->y[i];
+        for (int repeat = 0; repeat < 2; ++repeat) polish(disks, &point);
+        if (encloses(disks, &point) && point.value > best.value) best = point;
     }
     return best;
 }
@@ -108,20 +108,20 @@ static bd_disk_point centre_of_few(const bd_disks *disks, int n, const int *disk
     return best;
 }
 
-void bd_disks_centre(const bd_disks *disks, double slack, bd_disk_point *hold) {
+void bd_disks_centre(const bd_disks *disks, double slack, bd_disk_point *point) {
     int least = 0;
     for (int k = 1; k < disks->n; ++k)
         if (disks->R[k] < disks->R[least]) least = k;
-    *hold = (bd_disk_point){.n = 1, .disk = {least}, .s = {disks->x[least], disks->y[least]}, .value = -disks->R[least]};
+    *point = (bd_disk_point){.n = 1, .disk = {least}, .s = {disks->x[least], disks->y[least]}, .value = -disks->R[least]};
     for (int round = 0; round < MOST_ROUNDS; ++round) {
         int few[4], worst = least;
-        const double most = bd_disks_violation(disks, hold->s, &worst);
-        if (most <= hold->value + slack) return;
-        for (int i = 0; i < hold->n; ++i) few[i] = hold->disk[i];
-        few[hold->n] = worst;
-        const bd_disk_point next = centre_of_few(disks, hold->n + 1, few);
-        if (!(next.value > hold->value)) return; /* rounding */
-        *hold = next;
+        const double most = bd_disks_violation(disks, point->s, &worst);
+        if (most <= point->value + slack) return;
+        for (int i = 0; i < point->n; ++i) few[i] = point->disk[i];
+        few[point->n] = worst;
+        const bd_disk_point next = centre_of_few(disks, point->n + 1, few);
+        if (!(next.value > point->value)) return; /* rounding */
+        *point = next;
     }
 }
 

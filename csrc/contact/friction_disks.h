@@ -23,7 +23,7 @@ static inline double bd_disks_violation(const bd_disks *disks, const double *s, 
 }
 
 /* The point with the least such value. The value is negative if and only if the disks have common interior points. */
-void bd_disks_centre(const bd_disks *disks, double slack, bd_disk_point *hold);
+void bd_disks_centre(const bd_disks *disks, double slack, bd_disk_point *point);
 
 /* Fraction of the line from a point to a point inside all disks, after which the line is in all of them, and the disk
  * that it enters last. 0 if the line starts inside all disks; `which` is then not written. */

@@ -25,9 +25,9 @@
 #include <string.h>
 
 /* Direction and distance from the slider to the centre of a disk that determines it. */
-static double direction(const bd_coulomb_work *work, const bd_disk_point *hold, int i, double *e) {
-    const int k = hold->disk[i];
-    const double x = work->x[k] - hold->s[0], y = work->y[k] - hold->s[1], size = bd_norm(x, y);
+static double direction(const bd_coulomb_work *work, const bd_disk_point *point, int i, double *e) {
+    const int k = point->disk[i];
+    const double x = work->x[k] - point->s[0], y = work->y[k] - point->s[1], size = bd_norm(x, y);
     e[0] = size > 0.0 ? x / size : 1.0;
     e[1] = size > 0.0 ? y / size : 0.0;
     return size;
@@ -75,28 +75,27 @@ static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *
 
 /* Derivative (2, n_col) of the slider that was shifted by a fraction of the line from w to the centre, into disk k: ds =
  * share dc + (c - w) d share,   e . ds = e . dp - dR. */
-static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element, const double *given,
+static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element, const double *initial,
                                   const bd_disk_point *centre, double share, int k) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
-    const double way[2] = {centre->s[0] - given[0], centre->s[1] - given[1]};
-    const bd_disk_point slider = {.n = 1, .disk = {k}, .s = {given[0] + share * way[0], given[1] + share * way[1]}};
+    const double line[2] = {centre->s[0] - initial[0], centre->s[1] - initial[1]};
+    const bd_disk_point slider = {.n = 1, .disk = {k}, .s = {initial[0] + share * line[0], initial[1] + share * line[1]}};
     double e[2], *D = work->slider_derivative, *follow = work->next_slider;
     direction(work, &slider, 0, e);
     derivative_of_centre(work, element, centre, D);
     memset(follow, 0, sizeof(double) * n_col);
     motion_row(work, element, k, e, -1.0, follow);
-    const double speed = e[0] * way[0] + e[1] * way[1];
+    const double speed = e[0] * line[0] + e[1] * line[1];
     for (size_t j = 0; j + 2 < n_col; ++j) {
         const double d_share = (follow[j] - share * (e[0] * D[j] + e[1] * D[n_col + j])) / speed;
-        for (size_t d = 0; d < 2; ++d) D[d * n_col + j] = share * D[d * n_col + j] + way[d] * d_share;
+        for (size_t d = 0; d < 2; ++d) D[d * n_col + j] = share * D[d * n_col + j] + line[d] * d_share;
     }
 }
 
 /* Half the motion of a disk's centre across the slip direction per unit length of slip, in the last part of the step
  * that ends at its sample. */
-static double turn_of_slip(const bd_coulomb_work *work, const bd_disk_point *hold, int i, const double *e,
-                           const double *t) {
-    const int k1 = hold->disk[i], k0 = bd_coulomb_before(work, k1);
+static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i, const double *e, const double *t) {
+    const int k1 = point->disk[i], k0 = bd_coulomb_before(work, k1);
     const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
     const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]), size = bd_norm(dp[0], dp[1]);
     /* otherwise the centre has stopped before */
@@ -104,32 +103,32 @@ static double turn_of_slip(const bd_coulomb_work *work, const bd_disk_point *hol
 }
 
 /* Derivatives (n, 2, n_col) of the slider after each of the disks that determine it at the onset of slip. */
-static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *hold) {
-    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)hold->n;
+static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *point) {
+    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)point->n;
     double *D = work->slider_sums, *across = work->slider_derivative, *follow = work->next_slider, e[3][2] = {{0.0}},
            r[3] = {0.0};
     memset(D, 0, sizeof(double) * n * 2 * n_col);
     memset(across, 0, sizeof(double) * n_col);
-    for (int i = 0; i < hold->n; ++i) r[i] = direction(work, hold, i, e[i]);
+    for (int i = 0; i < point->n; ++i) r[i] = direction(work, point, i, e[i]);
     if (n == 1) { /* the load nearly vanishes: the slider follows the motion */
         for (size_t d = 0; d < 2; ++d)
-            motion_row(work, element, hold->disk[0], (double[2]){d == 0, d == 1}, 0.0, D + d * n_col);
+            motion_row(work, element, point->disk[0], (double[2]){d == 0, d == 1}, 0.0, D + d * n_col);
         return;
     }
     const double t[2] = {-e[0][1], e[0][0]};
     if (n == 2) {
-        const double turn = turn_of_slip(work, hold, 0, e[0], t) * r[1] + turn_of_slip(work, hold, 1, e[1], t) * r[0];
+        const double turn = slip_turn(work, point, 0, e[0], t) * r[1] + slip_turn(work, point, 1, e[1], t) * r[0];
         for (int i = 0; i < 2; ++i) {
             const double share = r[1 - i], all = r[0] + r[1];
             const double a[2] = {(share * t[0] - turn * e[i][0]) / all, (share * t[1] - turn * e[i][1]) / all};
-            motion_row(work, element, hold->disk[i], a, turn / all, across);
+            motion_row(work, element, point->disk[i], a, turn / all, across);
         }
     }
     for (size_t i = 0; i < n; ++i) { /* for three disks D_0 = 0 leaves their constant part in D_3 */
         const double *ei = e[i], *before = i > 0 ? D + (i - 1) * 2 * n_col : NULL;
         double *now = D + i * 2 * n_col;
         memset(follow, 0, sizeof(double) * n_col);
-        motion_row(work, element, hold->disk[i], ei, -1.0, follow);
+        motion_row(work, element, point->disk[i], ei, -1.0, follow);
         for (size_t d = 0; d < 2; ++d)
             for (size_t j = 0; j + 2 < n_col; ++j) {
                 const double along = n == 3 && before ? ei[0] * before[j] + ei[1] * before[n_col + j] : 0.0;
@@ -156,13 +155,13 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
 }
 
 /* Sums of the basis over the samples after each of the disks that determine the slider, as factors of the force. */
-static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point *hold, double *share) {
+static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point *point, double *share) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
-    memset(share, 0, sizeof(double) * (size_t)hold->n * n_coef);
-    int part = hold->n - 1;
+    memset(share, 0, sizeof(double) * (size_t)point->n * n_coef);
+    int part = point->n - 1;
     for (int k = 0; k < work->n_time; ++k) {
-        for (int i = 0; i < hold->n; ++i)
-            if (hold->disk[i] == k) part = i;
+        for (int i = 0; i < point->n; ++i)
+            if (point->disk[i] == k) part = i;
         const double *b = bd_coulomb_basis(work, k);
         for (size_t i = 0; i < n_coef; ++i) share[(size_t)part * n_coef + i] += b[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
     }
@@ -190,22 +189,22 @@ static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *e
 
 void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *found,
                              bd_response *out) {
-    bd_disk_point hold = *found;
-    for (int i = 0; i < hold.n; ++i) /* in the order of time */
-        for (int j = i + 1; j < hold.n; ++j)
-            if (hold.disk[j] < hold.disk[i]) {
-                const int swap = hold.disk[i];
-                hold.disk[i] = hold.disk[j];
-                hold.disk[j] = swap;
+    bd_disk_point point = *found;
+    for (int i = 0; i < point.n; ++i) /* in the order of time */
+        for (int j = i + 1; j < point.n; ++j)
+            if (point.disk[j] < point.disk[i]) {
+                const int swap = point.disk[i];
+                point.disk[i] = point.disk[j];
+                point.disk[j] = swap;
             }
-    derivative_of_onset(work, element, &hold);
-    basis_sums_of_onset(work, &hold, work->products);
-    write_tangent_parts(work, element, hold.n, work->slider_sums, work->products, out);
+    derivative_of_onset(work, element, &point);
+    basis_sums_of_onset(work, &point, work->products);
+    write_tangent_parts(work, element, point.n, work->slider_sums, work->products, out);
 }
 
-void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *given,
+void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *initial,
                                const bd_disk_point *centre, double share, int k, bd_response *out) {
-    derivative_of_shifted(work, element, given, centre, share, k);
+    derivative_of_shifted(work, element, initial, centre, share, k);
     memset(work->stick_basis, 0, sizeof(double) * (size_t)bd_n_coef(work->n_harm));
     work->stick_basis[0] = 1.0; /* affects the mean force only */
     write_tangent_parts(work, element, 1, work->slider_derivative, work->stick_basis, out);
@@ -213,10 +212,10 @@ void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element,
 
 void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
                        bd_status_share *share) {
-    bd_element held = *element;
+    bd_element stuck = *element;
     for (int d = 0; d < 2; ++d) {
-        held.w[d] = element->kt[d] > 0.0 ? s[d] / element->kt[d] : 0.0;
-        bd_element_stuck(&held, work->n_harm, d, x + d * bd_n_coef(work->n_harm), out);
+        stuck.w[d] = element->kt[d] > 0.0 ? s[d] / element->kt[d] : 0.0;
+        bd_element_stuck(&stuck, work->n_harm, d, x + d * bd_n_coef(work->n_harm), out);
         share->stick[d] = 1.0;
     }
     work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_STICK};

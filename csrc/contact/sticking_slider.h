@@ -72,7 +72,7 @@ void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const d
                        bd_status_share *share);
 
 /* Tangent of a slider that was shifted by a fraction of the line from its initial position to the centre, into disk k. */
-void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *given,
+void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *initial,
                                const bd_disk_point *centre, double share, int k, bd_response *out);
 
 /* Tangent at the onset of slip, from the disks that determine the slider. */

@@ -192,16 +192,16 @@ static int integrate_period(bd_user_work *work, const bd_point_law *point_law, s
         memset(work->has_state_derivative, 0, sizeof work->has_state_derivative);
     }
     const int first = work->n_period++ == 0;
-    int met = 0;
-    for (at.k = 0; at.k < work->n_time && !met; ++at.k) {
+    int recurs = 0;
+    for (at.k = 0; at.k < work->n_time && !recurs; ++at.k) {
         double x[3], F[3], *path = work->states + n * (size_t)at.k;
         for (size_t d = 0; d < 3; ++d) x[d] = work->motion[d * n_time + (size_t)at.k];
         bd_point_law_step(point_law, x, from, to, F, n_col ? &work->derivatives : NULL);
         ++work->n_call;
-        met = !first && !n_col;
+        recurs = !first && !n_col;
         for (size_t i = 0; i < n; ++i) {
             const double s = to[3 + i];
-            met &= s == path[i];
+            recurs &= s == path[i];
             path[i] = s;
             if (!(fabs(s) <= work->state_scale[i])) work->state_scale[i] = fabs(s);
         }
@@ -212,7 +212,7 @@ static int integrate_period(bd_user_work *work, const bd_point_law *point_law, s
         from = to, to = swap;
     }
     work->law_memory[0] = from, work->law_memory[1] = to;
-    return met;
+    return recurs;
 }
 
 /* ---- steady state ---- */
@@ -239,9 +239,9 @@ static int settle(bd_user_work *work, const bd_point_law *point_law, size_t n_x)
     for (int period = 0; period < MOST_PERIODS; ++period) {
         int newton = period >= FREE;
         const size_t n_col = n_x ? n + n_x : newton ? n : 0;
-        const int met = integrate_period(work, point_law, n_col);
+        const int recurs = integrate_period(work, point_law, n_col);
         const double *end = work->law_memory[0] + 3;
-        if (met) return 1;
+        if (recurs) return 1;
         for (size_t i = 0; i < n; ++i) work->step[i] = end[i] - work->start[i];
         double length = relative_change(work, n, work->step);
         if (length <= REPEATS) return 1;
@@ -279,10 +279,10 @@ static int decays(bd_user_work *work, size_t n, size_t n_col) {
  * its derivative. */
 static void differentiate(bd_user_work *work, const bd_point_law *point_law) {
     const size_t n = (size_t)point_law->n_state, n_x = 3 * (size_t)bd_n_coef(work->n_harm);
-    const int moved = work->n_period > 1;
+    const int has_moved = work->n_period > 1;
     memset(work->state_derivative, 0, sizeof(double) * n * (n + n_x));
     integrate_period(work, point_law, n + n_x);
-    if (!moved || decays(work, n, n + n_x)) return;
+    if (!has_moved || decays(work, n, n + n_x)) return;
     settle(work, point_law, n_x);
 }
 

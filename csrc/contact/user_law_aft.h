@@ -19,10 +19,10 @@ typedef struct {
     double *law_memory[2];                                 /* (3 + n_state) before and after a step */
     double *start, *state_scale; /* (n_state) state at the start of the period; largest value in the period */
     double *step;                /* (n_state) */
-    double *state_derivative,
-        /* (n_state, n_state + 3 n_coef) derivative of the state with respect to its value at the start of the period and
-         * to the motion; motion_derivative holds the latter at the start of the period */
-        *motion_derivative;
+    /* (n_state, n_state + 3 n_coef) derivative of the state with respect to its value at the start of the period and
+     * to the motion; motion_derivative holds the latter at the start of the period */
+    double *state_derivative;
+    double *motion_derivative;
     double *next_derivative;        /* the same after a step */
     double *state_force_derivative; /* (n_time, 3, n_state + 3 n_coef) derivative of the forces through the state */
     double *derivative_coef;        /* (n_coef, 3, n_state + 3 n_coef) the rows times the basis */

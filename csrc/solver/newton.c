@@ -164,7 +164,7 @@ static void search_residual(newton_run *run) {
 static void search_step_length(newton_run *run) {
     bd_equations *e = run->equations;
     const size_t n = (size_t)e->n;
-    const double whole = length(run->step, n + 1);
+    const double full_length = length(run->step, n + 1);
     double *next = e->scratch + 2 * (n + 1), best = INFINITY, fraction = 1.0;
     run->fraction = 1.0;
     for (int i = 0; i < 8; ++i, fraction *= 0.5) {
@@ -176,7 +176,7 @@ static void search_step_length(newton_run *run) {
                                ? length(next, n + 1)
                                : INFINITY;
         if (now < best) best = now, run->fraction = fraction;
-        if (now < (1.0 - 0.25 * fraction) * whole) break;
+        if (now < (1.0 - 0.25 * fraction) * full_length) break;
     }
     move(run, run->fraction);
 }
@@ -211,9 +211,9 @@ static bd_status advance_along(newton_run *run) {
     const bd_condition *condition = run->condition;
     const size_t n = (size_t)run->equations->n;
     const double sense = condition->curvature > 0.0 ? -1.0 : 1.0;
-    const double slope = bd_slope(condition, run->y, run->tangent, run->scale, n), moved = run->tangent_step;
-    if (fabs(moved) > 1e-7 && fmax(run->step_before, report->last_step) < 0.1 * fabs(moved)) {
-        const double secant = sense * (slope - run->slope_before) / moved, kappa = sense * report->curvature;
+    const double slope = bd_slope(condition, run->y, run->tangent, run->scale, n), last_tangent_step = run->tangent_step;
+    if (fabs(last_tangent_step) > 1e-7 && fmax(run->step_before, report->last_step) < 0.1 * fabs(last_tangent_step)) {
+        const double secant = sense * (slope - run->slope_before) / last_tangent_step, kappa = sense * report->curvature;
         if (!(secant < 0.0) && ++run->n_wrong_sense > 1) return BD_NOT_CONVERGED;
         report->curvature = sense * fmin(0.3 * kappa, fmax(4.0 * kappa, secant));
         if (fabs(slope) > 0.5 * fabs(run->slope_before)) ++run->n_stall;
@@ -222,16 +222,17 @@ static bd_status advance_along(newton_run *run) {
     const int on_curve = report->residual <= run->options->tolerance;
     if (report->iterations > 1 && !on_curve && report->last_step > 0.5 * run->step_before) ++run->n_stall;
     if (run->n_stall > MOST_STALLS) return BD_NOT_CONVERGED;
-    const double way = -slope / report->curvature;
-    if (!isfinite(way)) return BD_NOT_CONVERGED;
-    run->arrived = on_curve && fabs(way) <= condition->tolerance;
+    const double tangent_step = -slope / report->curvature;
+    if (!isfinite(tangent_step)) return BD_NOT_CONVERGED;
+    run->arrived = on_curve && fabs(tangent_step) <= condition->tolerance;
     if (run->arrived) {
         report->slope = slope;
         return BD_OK;
     }
     /* far from the curve, phi is not the slope of the curve */
-    run->tangent_step =
-        report->last_step > 0.3 * fabs(way) ? 0.0 : fmax(-condition->max_step, fmin(condition->max_step, way));
+    run->tangent_step = report->last_step > 0.3 * fabs(tangent_step)
+                            ? 0.0
+                            : fmax(-condition->max_step, fmin(condition->max_step, tangent_step));
     for (size_t j = 0; j <= n; ++j) run->y[j] += (run->step[j] + run->tangent_step * run->tangent[j]) * run->scale[j];
     return BD_OK;
 }
@@ -319,7 +320,7 @@ static void explicit_part(const bd_condition *condition, const double *scale, co
 bd_status bd_gradient(bd_equations *e, const bd_condition *condition, const double *scale, const double *y,
                       const double *tangent, double step, double *row, double *nu) {
     const size_t n = (size_t)e->n, n1 = n + 1;
-    double *a = e->scratch, *moved = a + n1, *product = moved + n1;
+    double *a = e->scratch, *y_shifted = a + n1, *product = y_shifted + n1;
     bd_status status = bd_evaluate(e, y, 1);
     if (status == BD_OK) status = bd_factor(e, &(bd_border){.row = tangent, .scale = scale});
     if (status != BD_OK) return status;
@@ -328,8 +329,8 @@ bd_status bd_gradient(bd_equations *e, const bd_condition *condition, const doub
     if (status != BD_OK) return status;
     memcpy(nu, a, sizeof(double) * n);
     for (int side = -1; side <= 1; side += 2) {
-        for (size_t j = 0; j < n1; ++j) moved[j] = y[j] + side * step * tangent[j] * scale[j];
-        status = bd_evaluate(e, moved, 1);
+        for (size_t j = 0; j < n1; ++j) y_shifted[j] = y[j] + side * step * tangent[j] * scale[j];
+        status = bd_evaluate(e, y_shifted, 1);
         if (status != BD_OK) return status;
         status = bd_product(e, 1, nu, product);
         if (status != BD_OK) return status;

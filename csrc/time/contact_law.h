@@ -35,16 +35,16 @@ BD_INLINE points load_parameters(const bd_time *t, size_t p) {
     return out;
 }
 
-/* Compute the forces F (3) at the motion x (3); move the sliders from w to moved_w, (2, stride) from the first point on. */
-BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w, double *moved_w,
+/* Compute the forces F (3) at the motion x (3); move the sliders from w to next_w, (2, stride) from the first point on. */
+BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w, double *next_w,
                               bd_vec *F) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
     const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->least_n), r = at->limit + at->mu * normal;
-    bd_vec before[2], moved[2];
+    bd_vec before[2], next[2];
     for (size_t d = 0; d < 2; ++d) {
-        const bd_vec reach = r * at->inverse_kt[d];
+        const bd_vec half_width = r * at->inverse_kt[d];
         before[d] = bd_load(w + d * t->stride);
-        moved[d] = bd_min(bd_max(before[d], x[d] - reach), x[d] + reach);
+        next[d] = bd_min(bd_max(before[d], x[d] - half_width), x[d] + half_width);
     }
     if (t->has_coupled) {
         const bd_vec T0 = at->kt[0] * (x[0] - before[0]), T1 = at->kt[1] * (x[1] - before[1]);
@@ -53,13 +53,13 @@ BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *
         const bd_vec share = bd_select(slips, r / bd_select(slips, size, one), one);
         for (size_t d = 0; d < 2; ++d) {
             const bd_mask radial = bd_above(at->coupled, zero) & bd_above(at->kt[d], zero);
-            moved[d] = bd_select(radial, x[d] - share * (x[d] - before[d]), moved[d]);
+            next[d] = bd_select(radial, x[d] - share * (x[d] - before[d]), next[d]);
         }
     }
     for (size_t d = 0; d < 2; ++d) {
-        moved[d] = bd_select(bd_above(at->fixed_slider[d], zero), before[d], moved[d]);
-        bd_store(moved_w + d * t->stride, moved[d]);
-        F[d] = at->kt[d] * (x[d] - moved[d]);
+        next[d] = bd_select(bd_above(at->fixed_slider[d], zero), before[d], next[d]);
+        bd_store(next_w + d * t->stride, next[d]);
+        F[d] = at->kt[d] * (x[d] - next[d]);
         if (t->has_cubic) F[d] = F[d] + at->cubic[d] * x[d] * x[d] * x[d];
     }
     F[2] = normal;
@@ -100,7 +100,7 @@ static void all_contact_forces(bd_time *t, const double *x, double *F) {
             for (size_t d = 0; d < 3; ++d) bd_store(F + k * t->rows + d * s + p, force[d]);
         }
     }
-    if (t->n_own) user_law_forces(t, x, F);
+    if (t->n_user_law) user_law_forces(t, x, F);
 }
 
 /* ---- derivative of the forces ---- */
@@ -114,11 +114,11 @@ BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_v
     const bd_mask closed = bd_above(normal, at->least_n);
     bd_vec state = bd_select(closed, bd_all(1.0), zero), T[2];
     for (size_t d = 0; d < 2; ++d) {
-        const bd_vec before = bd_load(w + d * t->stride), reach = r * at->inverse_kt[d];
+        const bd_vec before = bd_load(w + d * t->stride), half_width = r * at->inverse_kt[d];
         const bd_mask free = closed & ~bd_above(at->fixed_slider[d], zero) & ~bd_above(at->coupled, zero);
         const bd_vec plus = bd_all(d ? 6.0 : 2.0), minus = bd_all(d ? 12.0 : 4.0);
-        state += bd_select(free & bd_above(x[d] - reach, before), plus, zero);
-        state += bd_select(free & bd_above(before, x[d] + reach), minus, zero);
+        state += bd_select(free & bd_above(x[d] - half_width, before), plus, zero);
+        state += bd_select(free & bd_above(before, x[d] + half_width), minus, zero);
         T[d] = at->kt[d] * (x[d] - before);
     }
     const bd_mask slides = closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
@@ -138,7 +138,7 @@ static void user_law_tangent(bd_time *t, size_t k, size_t p, const double *x, do
 
 /* Derivative D (3, 3) of the forces of point p in sector k at the motion x with the slider w before the step. */
 static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, const double *w, double *D) {
-    if (t->n_own && t->point_law[p].function) {
+    if (t->n_user_law && t->point_law[p].function) {
         user_law_tangent(t, k, p, x, D);
         return;
     }
@@ -151,7 +151,7 @@ static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, con
     memset(D, 0, 9 * sizeof *D);
     D[8] = kn;
     for (size_t d = 0; d < 2; ++d) {
-        const double reach = r * c[(BD_TIME_INVERSE_KT + d) * s], k = kt[d * s];
+        const double half_width = r * c[(BD_TIME_INVERSE_KT + d) * s], k = kt[d * s];
         D[4 * d] = 3.0 * c[(BD_TIME_CUBIC + d) * s] * x[d] * x[d];
         if (c[(BD_TIME_FIXED_SLIDER + d) * s] > 0.0)
             D[4 * d] += k;
@@ -161,7 +161,7 @@ static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, con
             for (size_t e = 0; e < 2; ++e) D[3 * d + e] -= r / (size * size * size) * T[d] * T[e] * kt[e * s];
             D[4 * d] += r / size * k;
             D[3 * d + 2] += along * T[d] / size;
-        } else if (c[BD_TIME_COUPLED * s] > 0.0 || (w[d] >= x[d] - reach && w[d] <= x[d] + reach))
+        } else if (c[BD_TIME_COUPLED * s] > 0.0 || (w[d] >= x[d] - half_width && w[d] <= x[d] + half_width))
             D[4 * d] += k;
         else if (k > 0.0)
             D[3 * d + 2] += w[d] < x[d] ? along : -along;

@@ -35,8 +35,8 @@ static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k
             const double a = D[3 * d * s], b = D[(3 * d + 1) * s], c = D[(3 * d + 2) * s];
             if (a == 0.0 && b == 0.0 && c == 0.0) continue;
             const double *V0 = patterns->pattern_transposed + p * r, *V1 = V0 + s * r, *V2 = V1 + s * r,
-                         *own = patterns->pattern_transposed + (d * s + p) * r;
-            for (size_t j = 0; j < r; ++j) add(r, a * V0[j] + b * V1[j] + c * V2[j], own, A + j * r);
+                         *row_pattern = patterns->pattern_transposed + (d * s + p) * r;
+            for (size_t j = 0; j < r; ++j) add(r, a * V0[j] + b * V1[j] + c * V2[j], row_pattern, A + j * r);
         }
     }
     for (size_t c = 0; c < r; ++c) {
@@ -163,11 +163,11 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
     g[0] = size;
     int m = 0;
     while (m < M && fabs(g[m]) > BD_TIME_LINEAR_TOLERANCE * size) {
-        double *now = v + (size_t)m * n, *next = now + n, *eased = t->krylov_motion + (size_t)m * n;
-        compliance_times(t, patterns, now, eased);
-        for (size_t i = 0; i < n; ++i) t->pattern_correction[i] = eased[i] - now[i];
+        double *now = v + (size_t)m * n, *next = now + n, *compliant = t->krylov_motion + (size_t)m * n;
+        compliance_times(t, patterns, now, compliant);
+        for (size_t i = 0; i < n; ++i) t->pattern_correction[i] = compliant[i] - now[i];
         precondition(t, r, t->pattern_correction, next);
-        for (size_t i = 0; i < n; ++i) next[i] = eased[i] - next[i];
+        for (size_t i = 0; i < n; ++i) next[i] = compliant[i] - next[i];
         for (int i = 0; i <= m; ++i) {
             H[i][m] = dot(n, v + (size_t)i * n, next);
             add(n, -H[i][m], v + (size_t)i * n, next);
@@ -178,14 +178,14 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
             H[i][m] = c[i] * x + s[i] * H[i + 1][m];
             H[i + 1][m] = c[i] * H[i + 1][m] - s[i] * x;
         }
-        const double whole = sqrt(H[m][m] * H[m][m] + length * length);
-        if (!(whole > 0.0)) break;
-        c[m] = H[m][m] / whole, s[m] = length / whole;
-        H[m][m] = whole;
+        const double norm = sqrt(H[m][m] * H[m][m] + length * length);
+        if (!(norm > 0.0)) break;
+        c[m] = H[m][m] / norm, s[m] = length / norm;
+        H[m][m] = norm;
         g[m + 1] = -s[m] * g[m];
         g[m] *= c[m];
         ++m;
-        if (!(length > 1e-14 * whole)) break;
+        if (!(length > 1e-14 * norm)) break;
         for (size_t i = 0; i < n; ++i) next[i] /= length;
     }
     memset(t->pattern_correction, 0, sizeof(double) * n);

@@ -80,9 +80,9 @@ BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
         const double part = x / path->steps_per_period;
         X[0] += part;
         for (int l = 1; l <= path->n_harm; ++l) {
-            const double turned = re * c - im * s;
+            const double next_re = re * c - im * s;
             im = re * s + im * c;
-            re = turned;
+            re = next_re;
             X[2 * l] += part * re;
             X[2 * l + 1] -= part * im;
         }
@@ -132,28 +132,29 @@ static int take_step(bd_time *t, const bd_time_path *path, double h, const doubl
     const size_t n = t->n_coordinate;
     double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a, *restrict Q = t->q_next, *restrict A = t->a_next;
     const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness,
-                           *restrict beta = t->displacement_compliance, *restrict ease = t->acceleration_compliance,
-                           *restrict part = t->fourier_weight, *restrict pressed = t->contact_force,
+                           *restrict beta = t->displacement_compliance, *restrict compliance_a = t->acceleration_compliance,
+                           *restrict part = t->fourier_weight, *restrict contact = t->contact_force,
                            *restrict now = t->load;
-    const double late = 1.0 - w.af;
-    memcpy(t->last_contact_force, pressed, sizeof(double) * n);
+    const double weight = 1.0 - w.af;
+    memcpy(t->last_contact_force, contact, sizeof(double) * n);
     for (size_t j = 0; j < n; ++j) {
-        const double moved = q[j] + late * (h * v[j] + h * h * (0.5 - w.b) * a[j]);
-        const double drag = c[j] * (v[j] + late * h * (1.0 - w.gamma) * a[j]);
-        const double rest =
-            late * next[j] + w.af * (now[j] - part[j] * pressed[j]) - m[j] * w.am * a[j] - drag - K[j] * moved;
-        A[j] = ease[j] / late * rest;
+        const double displaced = q[j] + weight * (h * v[j] + h * h * (0.5 - w.b) * a[j]);
+        const double drag = c[j] * (v[j] + weight * h * (1.0 - w.gamma) * a[j]);
+        const double right_side =
+            weight * next[j] + w.af * (now[j] - part[j] * contact[j]) - m[j] * w.am * a[j] - drag - K[j] * displaced;
+        A[j] = compliance_a[j] / weight * right_side;
         Q[j] = m[j] > 0.0 ? q[j] + h * v[j] + h * h * ((0.5 - w.b) * a[j] + w.b * A[j]) : beta[j] * next[j];
     }
     if (!contact_at_end(t, &t->patterns[1], path->tolerance, 1)) return 0;
     for (size_t j = 0; j < n; ++j) {
-        const double g = part[j] * pressed[j], end = Q[j] - beta[j] * g, faster = A[j] - ease[j] * g, way = end - q[j];
-        const double speed = m[j] > 0.0 ? v[j] + h * ((1.0 - w.gamma) * a[j] + w.gamma * faster) : way / h;
+        const double g = part[j] * contact[j], end = Q[j] - beta[j] * g, faster = A[j] - compliance_a[j] * g,
+                     increment = end - q[j];
+        const double speed = m[j] > 0.0 ? v[j] + h * ((1.0 - w.gamma) * a[j] + w.gamma * faster) : increment / h;
         const double whole = part[j] > 0.0 ? 0.5 / part[j] : 0.0;
-        t->energy[0] += whole * (now[j] + next[j]) * way;
-        t->energy[1] += whole * c[j] * (v[j] + speed) * way;
-        t->energy[2] += 0.5 * (t->last_contact_force[j] + pressed[j]) * way;
-        t->energy[3] += whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * way);
+        t->energy[0] += whole * (now[j] + next[j]) * increment;
+        t->energy[1] += whole * c[j] * (v[j] + speed) * increment;
+        t->energy[2] += 0.5 * (t->last_contact_force[j] + contact[j]) * increment;
+        t->energy[3] += whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * increment);
         v[j] = speed;
         q[j] = end;
         a[j] = faster;
@@ -167,17 +168,17 @@ static void restore(bd_time *t) {
     bd_time_reset_states(t);
 }
 
-/* Advance over step k of length h; *made is the length of the last step, or 0. If the contact forces are not found, the
- * remainder of the step is halved repeatedly. Return 0 if the shortest step also fails. */
-static int advance(bd_time *t, const bd_time_path *path, long k, double h, double *made) {
+/* Advance over step k of length h; *last_length is the length of the last step, or 0. If the contact forces are not
+ * found, the remainder of the step is halved repeatedly. Return 0 if the shortest step also fails. */
+static int advance(bd_time *t, const bd_time_path *path, long k, double h, double *last_length) {
     const int whole = 1 << BD_TIME_HALVINGS;
     for (int done = 0, size = whole; done < whole;) {
         const double part = h * size / whole;
-        if (*made == 0.0 || fabs(part - t->patterns[1].length) > BD_TIME_STEP_CHANGE * part)
+        if (*last_length == 0.0 || fabs(part - t->patterns[1].length) > BD_TIME_STEP_CHANGE * part)
             use_patterns(t, part, path->spectral_radius);
-        if (part != *made)
+        if (part != *last_length)
             bd_time_compliance(t, part, path->spectral_radius, t->displacement_compliance, t->acceleration_compliance);
-        *made = part;
+        *last_length = part;
         if (k % BD_TIME_REFACTOR == BD_TIME_REFACTOR - 1) mark_outdated(t);
         const int end = done + size;
         find_load(t, angle_of(path, path->first_step + k + end / whole, (double)(end % whole) / whole), t->next_load);
@@ -198,7 +199,7 @@ bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path) {
     const double square = path->omega * path->omega;
     const double slope = path->n_step > 0 ? (path->omega_end * path->omega_end - square) / (double)path->n_step : 0.0;
-    double omega = path->omega, made = 0.0;
+    double omega = path->omega, last_length = 0.0;
     if (path->response_harmonics)
         memset(path->response_harmonics, 0,
                sizeof(double) * 2 * (size_t)t->n_row * (size_t)(path->n_harm + 1) *
@@ -210,7 +211,7 @@ bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path
         omega = end;
         if (path->coordinates || path->response_harmonics) record(t, path, k);
         if (k % path->steps_per_period == 0) memset(t->energy, 0, sizeof t->energy);
-        if (!advance(t, path, k, h, &made)) return BD_NOT_CONVERGED;
+        if (!advance(t, path, k, h, &last_length)) return BD_NOT_CONVERGED;
         if (path->energy && (k + 1) % path->steps_per_period == 0)
             memcpy(path->energy + 4 * (k / path->steps_per_period), t->energy, sizeof t->energy);
     }

@@ -141,12 +141,12 @@ static void set_modes(bd_time *t, const bd_time_input *in) {
 static void set_coordinates(bd_time *t, const bd_time_input *in) {
     const size_t n = (size_t)t->n_total;
     double *both = t->work;
-    const double *given[] = {in->stiffness, in->mass, in->damping};
-    double *kept[] = {t->stiffness, t->mass, t->damping};
+    const double *values[] = {in->stiffness, in->mass, in->damping};
+    double *stored[] = {t->stiffness, t->mass, t->damping};
     for (size_t j = 0; j < t->n_coordinate; ++j) t->stiffness[j] = 1.0; /* of the padding */
     for (size_t i = 0; i < 3; ++i) {
-        for (size_t j = 0; j < 2 * n; ++j) both[j] = given[i][j % n];
-        pad(t, both, kept[i]);
+        for (size_t j = 0; j < 2 * n; ++j) both[j] = values[i][j % n];
+        pad(t, both, stored[i]);
     }
     for (int f = 0, j = 0; f < t->n_family; ++f)
         for (const int end = j + t->n_mode[f]; j < end; ++j) {
@@ -169,13 +169,13 @@ bd_time_alpha bd_time_weights(double radius) {
     return out;
 }
 
-void bd_time_compliance(const bd_time *t, double h, double radius, double *beta, double *ease) {
+void bd_time_compliance(const bd_time *t, double h, double radius, double *beta, double *acceleration) {
     const bd_time_alpha w = bd_time_weights(radius);
     for (size_t j = 0; j < t->n_coordinate; ++j) {
         const double m = t->mass[j], c = t->damping[j], K = t->stiffness[j];
         const double inertia = m * (1.0 - w.am) + (1.0 - w.af) * (c * w.gamma * h + K * w.b * h * h);
-        ease[j] = m > 0.0 ? (1.0 - w.af) / inertia : 0.0;
-        beta[j] = m > 0.0 ? w.b * h * h * ease[j] : 1.0 / K;
+        acceleration[j] = m > 0.0 ? (1.0 - w.af) / inertia : 0.0;
+        beta[j] = m > 0.0 ? w.b * h * h * acceleration[j] : 1.0 / K;
     }
 }
 
@@ -364,7 +364,7 @@ static void set_points(bd_time *t, const bd_time_input *in) {
 static void set_laws(bd_time *t) {
     for (int p = 0; p < t->n_point; ++p) {
         if (!t->point_law[p].function) continue;
-        ++t->n_own;
+        ++t->n_user_law;
         if (3 + t->point_law[p].n_state > t->n_memory) t->n_memory = 3 + t->point_law[p].n_state;
     }
 }

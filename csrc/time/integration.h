@@ -50,23 +50,24 @@ typedef struct bd_time {
     size_t n_coordinate; /* padded: each family has a multiple of 8 modes, first real, then imaginary parts */
     size_t stride, rows; /* points, padded to a multiple of 8; three times as many */
     int has_coupled, has_cubic;
-    int n_own, n_memory; /* points with user laws; numbers in the memory of each point, 0 without user laws */
+    int n_user_law, n_memory; /* points with user laws; numbers in the memory of each point, 0 without user laws */
     double *motion_modes, *force_modes; /* modes in the storage order of the products for motion and for forces */
     double *phase;                      /* (n_sector, n_family, 2) cos and sin(2 pi k d/n) */
     double *stiffness, *mass, *damping, *fourier_weight; /* (n_coordinate) each; fourier_weight: 1/N or 2/N */
     double *excitation, *response_row;                   /* (n_force, 2, n_coordinate); (n_row, n_coordinate) */
     double *parameters;                                  /* (BD_TIME_FIELDS, stride) */
-    double *q, *v, *a, *contact_force,
-        *last_contact_force;  /* (n_coordinate); modal contact forces at the latest instant and at the start of the step */
-    double *load, *next_load; /* (n_coordinate) excitation at the start and at the end of a step */
-    double *q_next, *a_next;  /* (n_coordinate) at the end of the step, without its contact forces */
-    double *displacement_compliance,
-        *acceleration_compliance; /* (n_coordinate) displacement and acceleration due to a unit force */
-    double *slider, *next_slider; /* (n_sector, 2, stride) */
-    double *law_memory[2];        /* (n_sector, n_point, n_memory) before and after a step */
-    double *derivatives;          /* work for the derivatives of one law */
-    double *motion, *free_motion,
-        *correction_motion;                     /* (n_sector, rows) motion: latest, without new forces, of a correction */
+    double *q, *v, *a;                                   /* (n_coordinate) */
+    double *contact_force;                               /* (n_coordinate) modal, at the latest instant */
+    double *last_contact_force;                          /* (n_coordinate) modal, at the start of the step */
+    double *load, *next_load;                   /* (n_coordinate) excitation at the start and at the end of a step */
+    double *q_next, *a_next;                    /* (n_coordinate) at the end of the step, without its contact forces */
+    double *displacement_compliance;            /* (n_coordinate) displacement due to a unit force */
+    double *acceleration_compliance;            /* (n_coordinate) acceleration due to a unit force */
+    double *slider, *next_slider;               /* (n_sector, 2, stride) */
+    double *law_memory[2];                      /* (n_sector, n_point, n_memory) before and after a step */
+    double *derivatives;                        /* work for the derivatives of one law */
+    double *motion, *free_motion;               /* (n_sector, rows) latest motion, and motion without new forces */
+    double *correction_motion;                  /* (n_sector, rows) motion of a correction */
     double *point_force, *predicted_force;      /* (n_sector, rows) */
     double *tangent;                            /* (n_sector, 9, stride) derivative of the forces in the preconditioner */
     double *contact_state;                      /* (n_sector, stride) contact state of this derivative */
@@ -158,7 +159,7 @@ bd_time_alpha bd_time_weights(double radius);
 void bd_time_reset_states(bd_time *time);
 
 /* Displacement and acceleration of each coordinate due to a unit force within a step (h = 0: at an instant). */
-void bd_time_compliance(const bd_time *time, double h, double radius, double *beta, double *ease);
+void bd_time_compliance(const bd_time *time, double h, double radius, double *beta, double *acceleration);
 
 /* Integrate the state q, v, a (2, n_total), w (n_sector, n_point, 2 + n_memory) in place and add to the effort. Earlier
  * integrations have no influence; an integration in parts agrees with one at once to the tolerance of the contact

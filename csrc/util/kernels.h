@@ -90,8 +90,8 @@ typedef struct {
     void (*lane_values)(int n_coef, int n_time, const double *power, int n_power, const double *x, double *value);
     /* E (n_power, BD_LANES) = sum of powers over the samples with g > 0. */
     void (*lane_contact)(int n_power, int n_time, const double *power, const double *g, double *E);
-    /* One period of coupled friction. With `kept` the steps are stored, with `tangent` also their derivatives. */
-    void (*coupled_period)(bd_coupled_lanes *lanes, int kept, int tangent);
+    /* One period of coupled friction. With `store` the steps are stored, with `tangent` also their derivatives. */
+    void (*coupled_period)(bd_coupled_lanes *lanes, int store, int tangent);
     void (*coupled_chords)(bd_coupled_lanes *lanes, int tangent); /* fills chord; required before */
     /* Time integration, and the contact forces at one instant; see time/generalised_alpha.c. */
     bd_status (*integrate)(struct bd_time *time, const struct bd_time_path *path);

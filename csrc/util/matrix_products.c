@@ -93,12 +93,12 @@ static void add_product(size_t m, size_t n, size_t k, double alpha, const double
 static int eliminate_columns(int n, int first, int b, double *P, int stride, double *A, int *pivot) {
     int sign = 1;
     for (int k = first; k < first + b; ++k) {
-        double *own = P + (k - first) * stride;
+        double *column = P + (k - first) * stride;
         int p = k;
         for (int i = k + 1; i < n; ++i)
-            if (fabs(own[i]) > fabs(own[p])) p = i;
+            if (fabs(column[i]) > fabs(column[p])) p = i;
         pivot[k] = p;
-        const double found = own[p];
+        const double found = column[p];
         if (!(fabs(found) > 0.0) || isinf(found)) return 0;
         if ((found < 0.0) != (p != k)) sign = -sign;
         for (int j = 0; j < n && p != k; ++j) {
@@ -106,14 +106,14 @@ static int eliminate_columns(int n, int first, int b, double *P, int stride, dou
             A[p * n + j] = A[k * n + j], A[k * n + j] = t;
         }
         for (double *to = P; to < P + b * stride; to += stride) {
-            if (to == own) continue;
+            if (to == column) continue;
             const double f = to[p] / found;
-            for (int i = 0; i < n; i += BD_WIDTH) bd_store(to + i, bd_load(to + i) - f * bd_load(own + i));
+            for (int i = 0; i < n; i += BD_WIDTH) bd_store(to + i, bd_load(to + i) - f * bd_load(column + i));
             to[p] = to[k], to[k] = f;
         }
-        for (int i = 0; i < n; i += BD_WIDTH) bd_store(own + i, bd_load(own + i) / -found);
-        own[p] = own[k];
-        own[k] = 1.0 / found;
+        for (int i = 0; i < n; i += BD_WIDTH) bd_store(column + i, bd_load(column + i) / -found);
+        column[p] = column[k];
+        column[k] = 1.0 / found;
     }
     return sign;
 }
@@ -156,7 +156,7 @@ static int invert(int n, double *restrict A, int *restrict pivot, double *restri
 BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int n_source, const int n_vec, size_t columns,
                             size_t j) {
     const size_t n_coef = (size_t)bd_n_coef(f->n_harm), first = (size_t)f->first[m] + j;
-    const size_t place = m == 0 ? 0 : 2 * (size_t)m - 1;
+    const size_t slot = m == 0 ? 0 : 2 * (size_t)m - 1;
     bd_vec g[6][2];
     for (int s = 0; s < n_source; ++s)
         for (int t = 0; t < n_row; ++t)
@@ -166,7 +166,7 @@ BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int 
         bd_vec sum[2] = {bd_all(0.0), bd_all(0.0)};
         for (int s = 0; s < n_source; ++s)
             for (int t = 0; t < n_row; ++t) {
-                const bd_vec c = bd_all(f->block[s][i * n_coef + place + (size_t)t]);
+                const bd_vec c = bd_all(f->block[s][i * n_coef + slot + (size_t)t]);
                 for (int v = 0; v < n_vec; ++v) sum[v] += c * g[s * n_row + t][v];
             }
         for (int v = 0; v < n_vec; ++v) bd_store(f->z[i] + first + (size_t)(v * BD_WIDTH), sum[v]);
@@ -304,7 +304,7 @@ void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *lanes);
 void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
                                            double *value);
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
-void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *lanes, int kept, int tangent);
+void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *lanes, int store, int tangent);
 void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *lanes, int tangent);
 double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                                int *which);

@@ -223,7 +223,7 @@ static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     return 2;
 }
 
-static void push(const bd_trig_grid *grid, int k, double delta, double *root, double *z, int n) {
+static void append_root(const bd_trig_grid *grid, int k, double delta, double *root, double *z, int n) {
     root[n] = k * (BD_TWO_PI / grid->n_time) + delta;
     rotate(grid, k, delta, z + 2 * n);
 }
@@ -235,8 +235,8 @@ static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double 
     bd_trig_derivative(grid->n_harm, f, df);
     const double extremum = bd_trig_bracketed_root(grid->n_harm, df, a, b);
     if (!(sign * bd_trig_value(grid->n_harm, f, extremum) < 0.0)) return n;
-    push(grid, k, bd_trig_bracketed_root(grid->n_harm, f, a, extremum) - a, root, z, n);
-    push(grid, k, bd_trig_bracketed_root(grid->n_harm, f, extremum, b) - a, root, z, n + 1);
+    append_root(grid, k, bd_trig_bracketed_root(grid->n_harm, f, a, extremum) - a, root, z, n);
+    append_root(grid, k, bd_trig_bracketed_root(grid->n_harm, f, extremum, b) - a, root, z, n + 1);
     return n + 2;
 }
 
@@ -258,7 +258,7 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
         const double f0 = value[k], f1 = value[next];
         const int zero0 = crosses_here(f0, slope[k], size), zero1 = crosses_here(f1, slope[next], size);
         if (zero0) {
-            push(grid, k, k == 0 ? fmax(0.0, -f0 / slope[k]) : -f0 / slope[k], root, z, n);
+            append_root(grid, k, k == 0 ? fmax(0.0, -f0 / slope[k]) : -f0 / slope[k], root, z, n);
             if (++n == most) break;
         }
         /* signs just inside the cell */
@@ -272,7 +272,7 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
             } else {
                 delta = f0 == 0.0 ? 0.0 : f1 == 0.0 ? h : refine(grid, f, k, f0, f1, slope[k], slope[next]);
             }
-            push(grid, k, delta, root, z, n);
+            append_root(grid, k, delta, root, z, n);
             ++n;
             continue;
         }
