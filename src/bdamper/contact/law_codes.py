@@ -1,6 +1,7 @@
 """Contact laws by number, and how contact forces are found over a cycle.
 
-The laws themselves are evaluated by the C core (``csrc/contact/element.c``, ``event_driven.c``, ``aft.c``, ``coupled_friction.c``;
+The laws themselves are evaluated by the C core (``csrc/contact``: ``element.c``, ``event_driven.c``, ``aft.c``,
+``coupled_friction.c``;
 LAW_USER is a function that is supplied by the user, see :mod:`bdamper.contact.user_laws`).
 """
 

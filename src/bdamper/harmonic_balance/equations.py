@@ -32,7 +32,7 @@ STATUS_TEXT = {
 }
 Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel
 WheelCore = _core.Wheel
-"""Equations of all sectors of a wheel (``csrc/bladed_disk/wheel_equations.h``), for :mod:`bdamper.mistuning.wheel_equations`."""
+"""Equations of all sectors of a wheel (``csrc/bladed_disk``), for :mod:`bdamper.mistuning.wheel_equations`."""
 LINE_SEARCH_TRIALS = 15
 """Most evaluations of an iteration with line search."""
 S = TypeVar("S")
@@ -454,7 +454,7 @@ class Equations(Generic[S]):
         return out
 
     def slope_gradient(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[NDArray, NDArray]:
-        """How the slope of ln(amplitude) along the curve changes with the point (``csrc/solver/newton.h``, ``bd_gradient``).
+        """Gradient of the slope of ln(amplitude) along the curve (``csrc/solver/newton.h``, ``bd_gradient``).
 
         Parameters
         ----------

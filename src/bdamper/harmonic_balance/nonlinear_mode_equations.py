@@ -1,4 +1,4 @@
-"""Equations of nonlinear modes: a sector without excitation, its frequency and its damping unknown (``csrc/balance/nonlinear_mode.c``).
+"""Equations of nonlinear modes: a sector with unknown frequency and damping (``csrc/balance/nonlinear_mode.c``).
 
 A point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` has the mean, the vibration ``P`` scaled to the amplitude ``A_0`` of the
 response, frequency, modal damping ratio, and the amplitude ``A`` of the response.
