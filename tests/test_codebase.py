@@ -494,7 +494,7 @@ LONG = {
 }  # fmt: skip
 """Names with longer docstrings, which shall become fewer."""
 NAMED = re.compile(
-    r"\bshipped (?:disk|rig|model)|\b(?:paper|bladed)_disk\b|\btest_rig\b"
+    r"\bshipped (?:disk|rig|model)|(?<!csrc/)\b(?:paper|bladed)_disk\b|\btest_rig\b"
     r"|(?<![\w.])\d[\d.,]* (?:ms|s|seconds?|minutes?)\b"
 )
 """Shipped models and seconds: a measurement on one, which docs/measured.md holds."""
