@@ -50,7 +50,7 @@ static void test_products(void) {
     }
 }
 
-/* Parts that make up a period give the orthogonality relations. */
+/* Parts that fill a period satisfy the orthogonality relations. */
 static void test_whole_period(void) {
     double E[POWER] = {0.0}, products[COEF * COEF];
     integrate_between(0.3, 1.7, 1.0, E);

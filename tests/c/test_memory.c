@@ -1,4 +1,4 @@
-/* Memory that runs out at any allocation: what creates a workspace says so and leaves nothing behind.  The linker sends the
+/* Lack of memory at any allocation: creation returns the status and leaves no memory allocated. The linker redirects the
  * allocations of the core to the functions here. */
 #include "balance/sector.h"
 #include "balance/nonlinear_mode.h"
@@ -84,7 +84,7 @@ static void destroy_sector(workspaces *w) {
     w->sector = NULL;
 }
 
-/* The sector with its eased equations, or with those of its modes; the sector alone is tested on its own. */
+/* The sector with its eased equations or its nonlinear modes; another case tests the sector alone. */
 static bd_status create_eased(workspaces *w) {
     const double ramp[5] = {1.0}, support[25] = {1.0};
     bd_status status = create_sector(w);
@@ -150,7 +150,7 @@ static void test_each_allocation(bd_evaluation evaluation, bd_status (*create)(w
         CHECK(status == BD_NO_MEMORY);
         CHECK(n_live == 0);
         n_live = 0;
-        destroy(&w); /* twice does no harm */
+        destroy(&w); /* a second call is allowed */
         CHECK(n_live == 0);
     }
     CHECK(0);

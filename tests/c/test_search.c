@@ -1,9 +1,9 @@
-/* The search for the settled slider where Newton's method has no step: the ellipse alone leads to it, from anywhere. */
+/* Search for the steady slider if Newton's method has no step: the ellipse alone converges, from anywhere. */
 #include "../../csrc/contact/coupled_friction.c"
 #include "check.h"
 
-/* A period map that turns by an angle about the end and contracts, P(s) - end = q turn(s - end), which Newton's method is told
- * to be the identity. */
+/* A period map that turns by an angle about the end and contracts, P(s) - end = q turn(s - end). Newton's method
+ * receives the identity as its derivative. */
 static void test_ellipse_alone(double q, double angle, const double *end) {
     bd_sampled_work sampled;
     bd_coulomb_work work;

@@ -1,15 +1,15 @@
-/* March in time: one oscillator against its steps in closed form, a slider against the clip, derivatives of the forces against
- * differences, all builds of the loop alike. */
+/* Time integration: an oscillator against its steps in closed form, a slider against the clip, derivatives of the forces
+ * against differences, equality of all builds of the loop. */
 #define BD_VARIANT of_the_test
 #define BD_VARIANT_NAME "of the test"
-#include "time/generalised_alpha.c" /* for the derivatives, which no other file sees */
+#include "time/generalised_alpha.c" /* for the derivatives, which are static */
 #include "check.h"
 
 #include <string.h>
 
 enum { SECTORS = 5, POINTS = 11, FAMILIES = 2, MODES = 12, FORCES = 2 };
 
-/* A mass on a spring, and a unilateral stop that it meets directly or by another spring without mass. */
+/* A mass on a spring with a unilateral stop, in direct contact or through another spring without mass. */
 static void test_oscillator(int with_spring) {
     const int two = 1 + with_spring, zero = 0, law = BD_LAW_NORMAL, held[2] = {0, 0}, order = 1;
     const double ks = 5.0, k[2] = {2.0, ks}, m[2] = {0.5, 0.0}, c[2] = {0.1, 0.0}, kt[2] = {0.0, 0.0}, kn = 3.0,
@@ -86,7 +86,7 @@ static void test_oscillator(int with_spring) {
     bd_time_destroy(&t);
 }
 
-/* The slider of a point that is moved back and forth is u clipped; a bonded one and a held one stay. */
+/* The slider of a point with a reversing motion is u clipped; a bonded and a fixed slider do not move. */
 static void test_sliders(void) {
     const int one = 1, zero = 0, order = 0;
     const int law[POINTS] = {0, BD_LAW_BONDED, 0, BD_LAW_CONSTANT}, held[2 * POINTS] = {0, 0, 0, 0, 1, 0};
@@ -178,7 +178,7 @@ static void create_all(bd_time *t, unsigned long long *seed) {
     CHECK(bd_time_create(t, &in) == BD_OK);
 }
 
-static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) {
+static void integrate_all(const bd_kernel *kernel, double *q, double *v, double *w) {
     unsigned long long seed = 11;
     bd_time t;
     create_all(&t, &seed);
@@ -198,7 +198,7 @@ static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) 
     bd_time_destroy(&t);
 }
 
-/* From motions that no step can be taken from; the next march is as if there had been none. */
+/* Motions without a possible step; they have no influence on the next integration. */
 static void test_failure(void) {
     unsigned long long seed = 13;
     bd_time t;
@@ -222,7 +222,7 @@ static void test_failure(void) {
     bd_time_destroy(&t);
 }
 
-/* Away from places where a point begins to slip, stick, open or close, where differences to both sides part. */
+/* Away from changes of state (slip, stick, separation, closing), at which one-sided differences disagree. */
 static void test_derivatives(void) {
     const double h = 1e-6;
     unsigned long long seed = 12;
@@ -262,7 +262,7 @@ static void test_kernels(void) {
     const bd_kernel *kernel[BD_MOST_KERNELS];
     const int n = bd_kernel_all(kernel);
     for (int i = 0; i < n; ++i) {
-        march_all(kernel[i], q[i], v[i], w[i]);
+        integrate_all(kernel[i], q[i], v[i], w[i]);
         for (int j = 0; j < 2 * MODES; ++j) {
             CHECK_NEAR(q[i][j], q[0][j], 1e-7);
             CHECK_NEAR(v[i][j], v[0][j], 1e-6);

@@ -1,4 +1,5 @@
-/* Contact laws as functions: Jenkins elements beside our friction, tangents by differences, and the march in time. */
+/* Contact laws as functions: Jenkins elements against the friction law of the core, tangents by differences, time
+ * integration. */
 #include "contact/evaluator.h"
 #include "time/integration.h"
 #include "check.h"
@@ -83,9 +84,9 @@ static void test_tangent(const bd_point_law *point_law) {
     bd_evaluator_destroy(&e);
 }
 
-/* One mass on a joint of that law: the energy of a march without excitation only falls, and a free start is that of a whole
- * march in two parts. */
-static void test_march(const bd_point_law *point_law) {
+/* One mass on a joint with the given law. Without excitation the energy decreases monotonically, and an integration in
+ * two parts equals one at once. */
+static void test_time_integration(const bd_point_law *point_law) {
     const int one = 1, none[2] = {0}, user = BD_LAW_USER;
     const double unit[6] = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0}, zero[6] = {0.0};
     const bd_time_input in = {.n_sector = 1,
@@ -122,7 +123,7 @@ static void test_march(const bd_point_law *point_law) {
     CHECK_NEAR(q[1][0], q[0][0], 1e-8);
     for (int i = 0; i < 5 + point_law->n_state; ++i) CHECK_NEAR(w[1][i], w[0][i], 1e-8);
     CHECK(q[0][0] * q[0][0] + v[0][0] * v[0][0] < 0.9);
-    CHECK_NEAR(w[0][2], q[0][0], 1e-12); /* it remembers where it is */
+    CHECK_NEAR(w[0][2], q[0][0], 1e-12); /* the memory contains the position */
     bd_time_destroy(&t);
 }
 
@@ -135,7 +136,7 @@ int main(void) {
     test_one_element_is_ours();
     for (int i = 0; i < 3; ++i) {
         test_tangent(law + i);
-        test_march(law + i);
+        test_time_integration(law + i);
     }
     return check_result();
 }
