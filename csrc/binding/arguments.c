@@ -42,7 +42,8 @@ static int enter(core_arguments *arguments, PyArrayObject *array, const char *na
     for (int i = 0; i < arguments->n; ++i) {
         const int disjoint = end <= arguments->array[i].start || arguments->array[i].end <= start;
         if (disjoint || (!output && !arguments->array[i].output)) continue;
-        PyErr_Format(PyExc_ValueError, "%s: expected memory of its own, found that of %s", name, arguments->array[i].name);
+        PyErr_Format(PyExc_ValueError, "%s: expected a separate array, found memory shared with %s", name,
+                     arguments->array[i].name);
         return 0;
     }
     const int i = arguments->n++;
@@ -137,7 +138,7 @@ int core_check_evaluation(int evaluation, int n_time, int n_harm) {
         return 0;
     }
     if (evaluation == BD_EXACT && n_time != 0) {
-        PyErr_Format(PyExc_ValueError, "n_time: expected none beside evaluation 0 (exact), found %d", n_time);
+        PyErr_Format(PyExc_ValueError, "n_time: expected 0 with evaluation 0 (exact), found %d", n_time);
         return 0;
     }
     if (evaluation != BD_EXACT && (n_time < 4 * n_harm + 4 || n_time > 1 << 20)) {
@@ -155,8 +156,7 @@ int core_check_law(int law, int evaluation) {
     }
     if (bd_evaluation_supports((bd_evaluation)evaluation, (bd_law)law)) return 1;
     PyErr_Format(PyExc_ValueError,
-                 "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 or 2 "
-                 "with them, found 0",
+                 "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 or 2, found 0",
                  BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT);
     return 0;
 }
@@ -238,8 +238,8 @@ int core_check_point_laws(const int *law, const bd_point_law *point_law, npy_int
     for (npy_intp p = 0; p < n; ++p)
         if ((law[p] == BD_LAW_USER) != (point_law && point_law[p].function)) {
             PyErr_Format(PyExc_ValueError,
-                         "own: expected a function under law %d, and under no other, found %d at point %zd", BD_LAW_USER,
-                         law[p], (Py_ssize_t)p);
+                         "own: expected a function for each point with law %d and for no other, found law %d at point %zd",
+                         BD_LAW_USER, law[p], (Py_ssize_t)p);
             return 0;
         }
     return 1;
@@ -271,6 +271,6 @@ int core_check_kernel(void) {
 
 int core_check_status(bd_status status) {
     if (status == BD_NO_MEMORY) PyErr_NoMemory();
-    if (status == BD_BAD_ARGUMENT) PyErr_SetString(PyExc_ValueError, "the core refused the arguments");
+    if (status == BD_BAD_ARGUMENT) PyErr_SetString(PyExc_ValueError, "the core found invalid arguments");
     return status == BD_OK;
 }

@@ -61,7 +61,7 @@ static int read_families(core_arguments *arguments, const ring_objects *o, bd_ti
     npy_intp n = 0;
     for (npy_intp f = 0; f < n_family; ++f) n += in->n_mode[f];
     if (n < 1 || n > 100000) {
-        PyErr_Format(PyExc_ValueError, "n_mode: expected 1 to 100000 in all, found %zd", (Py_ssize_t)n);
+        PyErr_Format(PyExc_ValueError, "n_mode: expected a total of 1 to 100000 modes, found %zd", (Py_ssize_t)n);
         return 0;
     }
     const npy_intp n_G = 3 * n_point * n, n_row = length(o->row, "row", 100000), by_row[2] = {n_row, 2 * n};
@@ -126,7 +126,8 @@ static PyObject *Ring_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) 
 static int check_path(const bd_time_path *path) {
     if (path->n_step < 0 || path->first_step < 0 || path->steps_per_period < 1 || path->n_step > 1000000000 ||
         path->first_step > 1000000000) {
-        PyErr_SetString(PyExc_ValueError, "n_step, first, per_period: expected a path of at least one step per period");
+        PyErr_SetString(PyExc_ValueError,
+                        "n_step, first, per_period: expected 0 to 1000000000 steps, at least one per period");
         return 0;
     }
     if (!(path->spectral_radius >= 0.0 && path->spectral_radius <= 1.0 && path->tolerance > 0.0 &&

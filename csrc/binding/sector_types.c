@@ -130,7 +130,7 @@ static int make_family(core_equations *self, const bd_hbm_input *in, const famil
     if (status == BD_BAD_ARGUMENT)
         PyErr_SetString(PyExc_ValueError,
                         "nodes: expected Sectors of the same sizes and contact laws, with finite sliders, "
-                        "at speeds of which no two are the same");
+                        "at different speeds");
     else if (status != BD_OK)
         core_check_status(status);
     return status == BD_OK;
@@ -242,7 +242,7 @@ static PyObject *Modes_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     core_equations *inner = (core_equations *)sector;
     const npy_intp n = inner->equations->n, n2 = n + 2;
     if (inner->hbm->variation) {
-        PyErr_SetString(PyExc_ValueError, "sector: expected one at a fixed speed, found a family over speed");
+        PyErr_SetString(PyExc_ValueError, "sector: expected a Sector at fixed speed, found a speed family");
         return NULL;
     }
     if (!core_check_number(weight, "weight", BD_POSITIVE)) return NULL;

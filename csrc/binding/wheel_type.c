@@ -35,9 +35,9 @@ static int check_sizes(const bd_wheel_input *in) {
         sector <= 1000.0 && in->n_point >= 0 && in->n_point <= 100000)
         return 1;
     PyErr_SetString(PyExc_ValueError,
-                    "n_sector, n_blade, n_damper, n_root, n_kept, n_point: expected at least 3 sectors, no "
-                    "more root coordinates than the blade has, no more kept than these, and kept "
-                    "coordinates or dampers");
+                    "n_sector, n_blade, n_damper, n_root, n_kept, n_point: expected 3 to 10000 sectors, "
+                    "n_kept <= n_root <= n_blade, n_kept or n_damper above 0, at most 1000 coordinates and "
+                    "100000 points in a sector");
     return 0;
 }
 
