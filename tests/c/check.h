@@ -1,4 +1,4 @@
-/* Checks for the C tests: each one that fails prints a line, and the program then ends with a non-zero code. */
+/* Checks for the C tests. Each failed check prints a line; the program then ends with a nonzero exit code. */
 #ifndef CHECK_H
 #define CHECK_H
 

@@ -1,5 +1,5 @@
-/* Coupled friction: steady circular motion, straight lines, the settled cycle of an ellipse, finite differences. */
-#include "bd_contact.h"
+/* Coupled friction: steady circular motion, straight lines, the steady cycle of an ellipse, finite differences. */
+#include "contact/evaluator.h"
 #include "check.h"
 
 #include <string.h>
@@ -41,7 +41,7 @@ static void test_circle(bd_law law) {
     bd_evaluator_destroy(&e);
 }
 
-/* Along a straight line the coupled law is the 1-D law along that line. */
+/* Along a straight line the coupled law is the 1-D law along this line. */
 static void test_line(void) {
     const double c = cos(0.6), s = sin(0.6);
     const double u[5] = {0.1, 1.4, 0.3, 0.2, -0.4}, v[5] = {0.2, 0.5, -0.7, 0.3, 0.1};
@@ -69,7 +69,7 @@ static void test_line(void) {
     bd_evaluator_destroy(&exact);
 }
 
-/* The ellipse 1 x 0.5 takes thousands of periods to settle at b = 0.999; Newton takes a handful. */
+/* The ellipse 1 x 0.5 takes thousands of periods to become steady at b = 0.999; Newton's method takes a few. */
 static void test_ellipse(void) {
     const double limit[4] = {0.5, 0.9, 0.99, 0.999};
     bd_evaluator e;
@@ -81,16 +81,16 @@ static void test_ellipse(void) {
         evaluate(&e, &element, x, &r);
         CHECK(e.coulomb.n_period <= 10);
         CHECK(r.share.slip[0] > 0.0);
-        CHECK_NEAR(r.F[0], 0.0, 1e-10); /* symmetric under half a turn once it has settled */
+        CHECK_NEAR(r.F[0], 0.0, 1e-10); /* the steady cycle is symmetric under half a turn */
         CHECK_NEAR(r.F[3], 0.0, 1e-10);
-        element.w[0] = 0.3, element.w[1] = -0.2; /* wherever it starts */
+        element.w[0] = 0.3, element.w[1] = -0.2; /* from any initial slider */
         evaluate(&e, &element, x, &again);
         for (int k = 0; k < 6; ++k) CHECK_NEAR(again.F[k], r.F[k], 1e-10);
     }
     bd_evaluator_destroy(&e);
 }
 
-/* Towards the onset of slip the derivative goes to its limit, although the distance that is slipped sinks into rounding. */
+/* Towards the onset of slip the derivative approaches its limit, although the slip distance falls below rounding. */
 static void test_tangent_at_onset(void) {
     bd_evaluator e;
     static result near, r;
@@ -149,7 +149,7 @@ static void test_tangent(bd_law law, bd_evaluation evaluation) {
     bd_evaluator_destroy(&e);
 }
 
-/* Eight points beside each other, of which some rest, slip, open or follow another law, are the same as one by one. */
+/* Eight points together (stick, slip, separation and other laws) equal the same points one by one. */
 static void test_lanes(void) {
     unsigned long long seed = 5;
     bd_evaluator e;
@@ -186,20 +186,21 @@ static void test_lanes(void) {
     bd_evaluator_destroy(&e);
 }
 
-/* All builds of the inner loop move the sliders alike, and through whole steps of slip as the closed form says. */
+/* All builds of the inner loop move the sliders equally, and through whole slip steps as in the closed form. */
 static void test_slide(void) {
     enum { N = 64, SIZE = N * BD_LANES };
     static double memory[BD_MOST_KERNELS][(4 + 7 + 18) * SIZE];
     static unsigned char kind[BD_MOST_KERNELS][SIZE];
-    bd_slide l[BD_MOST_KERNELS];
+    bd_coupled_lanes l[BD_MOST_KERNELS];
     const bd_kernel *kernel[BD_MOST_KERNELS];
     const int n = bd_kernel_all(kernel);
     int slips = 0, opens = 0, closes = 0, sticks = 0;
     for (int v = 0; v < n; ++v) {
         unsigned long long seed = 8;
         double *m = memory[v];
-        l[v] = (bd_slide){.n_time = N, .interpolate = 1, .x = m, .y = m + SIZE, .R = m + 2 * SIZE, .g = m + 3 * SIZE};
-        l[v].way = m + 4 * SIZE, l[v].step = m + 11 * SIZE, l[v].kind = kind[v];
+        l[v] =
+            (bd_coupled_lanes){.n_time = N, .interpolate = 1, .x = m, .y = m + SIZE, .R = m + 2 * SIZE, .g = m + 3 * SIZE};
+        l[v].chord = m + 4 * SIZE, l[v].step = m + 11 * SIZE, l[v].step_kind = kind[v];
         for (int lane = 0; lane < BD_LANES; ++lane) {
             const double a = uniform(&seed), b = uniform(&seed), c = 2.0 * uniform(&seed), swing = lane < 2 ? 1e-6 : lane;
             l[v].mu[lane] = 0.4;
@@ -212,15 +213,15 @@ static void test_slide(void) {
                 l[v].R[at] = 0.4 * fmax(g, 0.0);
             }
         }
-        kernel[v]->slide_ways(l + v, 1);
-        kernel[v]->slide(l + v, 0, 0); /* from zero to where the limits allow */
+        kernel[v]->coupled_chords(l + v, 1);
+        kernel[v]->coupled_period(l + v, 0, 0); /* from zero to the limits */
         memcpy(l[v].s, l[v].end, sizeof l[v].s);
-        kernel[v]->slide(l + v, 1, 1);
+        kernel[v]->coupled_period(l + v, 1, 1);
         for (int i = 0; i < 4 * BD_LANES; ++i) {
-            CHECK_NEAR(l[v].slope[i], l[0].slope[i], 1e-12);
+            CHECK_NEAR(l[v].period_derivative[i], l[0].period_derivative[i], 1e-12);
             if (i >= 2 * BD_LANES) continue;
             CHECK_NEAR(l[v].end[i], l[0].end[i], 1e-13);
-            CHECK_NEAR(l[v].moved[i], l[v].end[i] - l[v].s[i], 1e-11);
+            CHECK_NEAR(l[v].net_motion[i], l[v].end[i] - l[v].s[i], 1e-11);
         }
         for (int i = 0; i < SIZE; ++i) CHECK(kind[v][i] == kind[0][i]);
         for (int part = 0; part < 18; ++part)
@@ -249,8 +250,8 @@ static void test_slide(void) {
 }
 
 static void test_refusal(void) {
-    CHECK(!bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED) && !bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
-    CHECK(bd_evaluation_serves(BD_EXACT, BD_LAW_BONDED) && bd_evaluation_serves(BD_SAMPLED, BD_LAW_COUPLED));
+    CHECK(!bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED) && !bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
+    CHECK(bd_evaluation_supports(BD_EXACT, BD_LAW_BONDED) && bd_evaluation_supports(BD_SAMPLED, BD_LAW_COUPLED));
     bd_coulomb_destroy(NULL);
 }
 

@@ -1,6 +1,6 @@
 /* Sums over a cycle against Gauss-Legendre quadrature, and the linear limits of the element. */
-#include "bd_element.h"
-#include "bd_trig.h"
+#include "contact/element.h"
+#include "util/trig_polynomial.h"
 #include "check.h"
 
 enum { HARM = 3, COEF = 2 * HARM + 1, POWER = 4 * HARM + 2 };
@@ -50,7 +50,7 @@ static void test_products(void) {
     }
 }
 
-/* Parts that make up a period give the orthogonality relations. */
+/* Parts that fill a period satisfy the orthogonality relations. */
 static void test_whole_period(void) {
     double E[POWER] = {0.0}, products[COEF * COEF];
     integrate_between(0.3, 1.7, 1.0, E);
@@ -68,8 +68,8 @@ static void test_hold(void) {
     bd_cycle cycle = {HARM, stick, slip, held, held_u, held_v};
     bd_cycle_clear(&cycle);
     for (int i = 0; i < COEF; ++i) g[i] = 1.0 + i, du[i] = 0.1 * i, dv[i] = -0.2 * i;
-    bd_cycle_hold(&cycle, g, 2.0, du, dv);
-    bd_cycle_hold(&cycle, g, 3.0, NULL, NULL); /* a slider without derivative */
+    bd_cycle_add_stick(&cycle, g, 2.0, du, dv);
+    bd_cycle_add_stick(&cycle, g, 3.0, NULL, NULL); /* a slider without derivative */
     for (int i = 0; i < COEF; ++i) {
         CHECK_NEAR(held[i], 5.0 * g[i], 1e-14);
         for (int j = 0; j < COEF; ++j) {
@@ -79,7 +79,7 @@ static void test_hold(void) {
     }
     bd_cycle without = {HARM, stick, slip, held, NULL, NULL};
     bd_cycle_clear(&without);
-    bd_cycle_hold(&without, g, 2.0, du, dv);
+    bd_cycle_add_stick(&without, g, 2.0, du, dv);
     CHECK_NEAR(held[1], 4.0, 1e-15);
 }
 

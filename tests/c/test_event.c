@@ -1,7 +1,7 @@
-/* Event-exact evaluation: closed forms at one harmonic, the marched law at three, and finite differences. */
-#include "bd_event.h"
+/* Event-driven evaluation: closed forms at one harmonic, the sampled law at three, and finite differences. */
+#include "contact/event_driven.h"
 #include "check.h"
-#include "march.h"
+#include "sampled_law.h"
 
 #include <string.h>
 
@@ -95,11 +95,11 @@ static bd_element random_element(unsigned long long *seed) {
     return e;
 }
 
-static void test_against_march(int n_harm) {
+static void test_against_sampled_law(int n_harm) {
     enum { FINE = 1 << 16 };
     unsigned long long seed = 10 + (unsigned long long)n_harm;
     const int n_coef = bd_n_coef(n_harm);
-    double x[21], marched[21], n_slip = 0.0, n_open = 0.0;
+    double x[21], reference[21], n_slip = 0.0, n_open = 0.0;
     bd_event_work work;
     CHECK(bd_event_create(&work, n_harm) == BD_OK);
     for (int trial = 0; trial < 30; ++trial) {
@@ -107,15 +107,15 @@ static void test_against_march(int n_harm) {
         for (int i = 0; i < 3 * n_coef; ++i) x[i] = uniform(&seed);
         result r = make_result(n_coef);
         bd_event_evaluate(&element, x, &r.out, &r.share, &work);
-        march(&element, n_harm, x, FINE, 1, marched);
-        for (int i = 0; i < 3 * n_coef; ++i) CHECK_NEAR(r.F[i], marched[i], 1e-6);
+        sampled_law(&element, n_harm, x, FINE, 1, reference);
+        for (int i = 0; i < 3 * n_coef; ++i) CHECK_NEAR(r.F[i], reference[i], 1e-6);
         for (int d = 0; d < 2; ++d) {
             CHECK_NEAR(r.share.stick[d] + r.share.slip[d] + r.share.open, 1.0, 1e-12);
             check_segments(&work, d);
         }
         n_slip += r.share.slip[0] > 0.0;
         n_open += r.share.open > 0.0;
-        /* force alone, without tangent, is the same to the last bit */
+        /* the force without tangent is equal to the last bit */
         double *alone = not_numbers(3 * (size_t)n_coef);
         bd_response force_only = {.F = alone};
         bd_event_evaluate(&element, x, &force_only, NULL, &work);
@@ -123,7 +123,7 @@ static void test_against_march(int n_harm) {
         free(alone);
         free_result(&r);
     }
-    CHECK(n_slip > 5 && n_open > 5); /* the states do occur */
+    CHECK(n_slip > 5 && n_open > 5); /* the states occur */
     bd_event_destroy(&work);
 }
 
@@ -163,7 +163,7 @@ static void test_tangent(int n_harm) {
         free_result(&plus);
         free_result(&minus);
     }
-    CHECK(n_compared > 300); /* neither zero nor itself a difference */
+    CHECK(n_compared > 300); /* neither zero nor a difference itself */
     bd_event_destroy(&work);
 }
 
@@ -175,14 +175,14 @@ static void test_refusals(void) {
     bd_event_destroy(&work);
     CHECK(bd_event_create(&work, BD_MAX_HARM) == BD_OK);
     bd_event_destroy(&work);
-    bd_event_destroy(&work); /* twice is allowed */
+    bd_event_destroy(&work); /* a second call is allowed */
 }
 
 int main(void) {
     test_jenkins();
     test_partial_separation();
     for (int n_harm = 1; n_harm <= 3; n_harm += 2) {
-        test_against_march(n_harm);
+        test_against_sampled_law(n_harm);
         test_tangent(n_harm);
     }
     test_refusals();

@@ -1,5 +1,6 @@
-/* Harmonic balance equations: a stuck system by hand, finite differences, life and death of the workspace. */
-#include "bd_hbm.h"
+/* Harmonic balance equations: a stuck system in closed form, finite differences, creation and destruction of the
+ * workspace. */
+#include "balance/harmonic_balance.h"
 #include "check.h"
 
 #include <string.h>
@@ -54,7 +55,7 @@ static void make_structure(structure *s, unsigned long long *seed, double mu, bd
                               .n_time = 64};
 }
 
-/* With so much friction and preload that nothing slips or opens the contact is a set of springs. */
+/* With high friction and preload nothing slips or opens: the contact is a set of springs. */
 static void test_stuck_by_hand(void) {
     unsigned long long seed = 60;
     structure s;
@@ -139,7 +140,7 @@ static void test_derivatives(bd_evaluation evaluation) {
     CHECK(n_compared > 500);
 }
 
-/* No contact at all, and many points so that the assembly takes several chunks. */
+/* No contact at all, and many points, so that the assembly takes several chunks. */
 static void test_sizes(void) {
     unsigned long long seed = 80;
     structure s;
@@ -152,7 +153,7 @@ static void test_sizes(void) {
     for (int i = 0; i < UNKNOWN; ++i) CHECK(r[i] == -s.force[i]);
     bd_hbm_destroy(&hbm);
 
-    enum { MANY = 5000 }; /* the same three points over and over: forces add up */
+    enum { MANY = 5000 }; /* the same three points repeated: forces add up */
     const size_t n_G = 2 * 3 * (size_t)MANY * MODES;
     double *G = malloc(sizeof(double) * n_G), *big = malloc(sizeof(double) * 10 * MANY);
     int *law = malloc(sizeof(int) * MANY);
@@ -189,7 +190,7 @@ static void test_sizes(void) {
     CHECK(bd_hbm_evaluate(&hbm, u, 1.0, r, J0, NULL) == BD_OK);
     CHECK(bd_hbm_evaluate(&one, u, 1.0, r1, J1, NULL) == BD_OK);
     CHECK(bd_hbm_evaluate(&all, u, 1.0, r2, J2, NULL) == BD_OK);
-    /* 5000 = 3 * 1666 + 2: points 0 and 1 occur once more than point 2, whose share is the difference */
+    /* 5000 = 3 * 1666 + 2: the contribution of point 2 is the difference, since points 0 and 1 occur once more */
     bd_hbm_destroy(&one);
     s.input.n_point = POINTS;
     s.mu[2] = 0.0;
@@ -234,7 +235,7 @@ static void test_refusals(void) {
     CHECK(bd_hbm_evaluate(&hbm, u, 1.0, r, NULL, NULL) == BD_NOT_FINITE);
     u[3] = 0.0;
     CHECK(bd_hbm_evaluate(&hbm, u, NAN, r, NULL, NULL) == BD_NOT_FINITE);
-    u[3] = 1e308; /* overflows on the way */
+    u[3] = 1e308; /* overflows during the evaluation */
     CHECK(bd_hbm_evaluate(&hbm, u, 1e200, r, NULL, NULL) == BD_NOT_FINITE);
     u[3] = 0.0;
     CHECK(bd_hbm_evaluate(&hbm, u, 1.0, r, NULL, NULL) == BD_OK);

@@ -1,5 +1,5 @@
-/* Inner loops of every build that this machine runs against plain loops, for every remainder of the tiles. */
-#include "bd_kernel.h"
+/* Inner loops of every build on this processor against plain loops, for every remainder of the tiles. */
+#include "util/kernels.h"
 #include "check.h"
 
 #include <string.h>
@@ -15,7 +15,7 @@ static void test_product(const bd_kernel *kernel, size_t m, size_t n, size_t k, 
     CHECK(stride >= n + 7 && stride < n + 15 && stride % 8 == 0);
     double *A = random_numbers(k * m, seed), *B = random_numbers(k * stride, seed), *C = random_numbers(m * stride_c, seed);
     double *expected = not_numbers(m * stride_c);
-    memcpy(expected, C, sizeof(double) * m * stride_c); /* what lies between the rows must stay as it is */
+    memcpy(expected, C, sizeof(double) * m * stride_c); /* the memory between the rows must not change */
     for (size_t i = 0; i < m; ++i)
         for (size_t j = 0; j < n; ++j)
             for (size_t p = 0; p < k; ++p) expected[i * stride_c + j] += A[p * m + i] * B[p * stride + j];
@@ -43,7 +43,7 @@ static void test_add_product(const bd_kernel *kernel, size_t m, size_t n, size_t
     free(expected);
 }
 
-/* A permutation beside random numbers a thousand times as small: rows must be exchanged. */
+/* A permutation plus random numbers a thousand times smaller: rows must be exchanged. */
 static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed) {
     double *A = random_numbers((size_t)(n * n), seed), *inverse = not_numbers((size_t)(n * n));
     double *work = not_numbers(2 * BD_KERNEL_BLOCK * (size_t)(n + 8));
@@ -59,7 +59,7 @@ static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed
             for (int p = 0; p < n; ++p) sum += A[i * n + p] * inverse[p * n + j];
             CHECK_NEAR(sum, i == j ? 1.0 : 0.0, 1e-12);
         }
-    /* A column of zeros, one that is no number, and a second that is twice the first. */
+    /* A column of zeros, a column with a NaN, and a column that is twice the first. */
     for (int lost = 0; lost < 3; ++lost) {
         const int at = lost < 2 ? n / 2 : 1;
         memcpy(inverse, A, sizeof(double) * (size_t)(n * n));
@@ -103,7 +103,7 @@ static void test_vectors(const bd_kernel *kernel, size_t pairs, size_t columns, 
     free(both);
 }
 
-/* Modes in numbers that leave every remainder, one harmonic without any. */
+/* Numbers of modes with every remainder, one harmonic without modes. */
 static void test_fill(const bd_kernel *kernel, int n_source, unsigned long long *seed) {
     enum { HARM = 3, COEF = 7 };
     const int n_mode[HARM + 1] = {5, 11, 0, 9}, first[HARM + 2] = {0, 5, 27, 27, 45};

@@ -1,8 +1,8 @@
-/* Memory that runs out at any allocation: what creates a workspace says so and leaves nothing behind.  The linker sends the
+/* Lack of memory at any allocation: creation returns the status and leaves no memory allocated. The linker redirects the
  * allocations of the core to the functions here. */
-#include "bd_dense.h"
-#include "bd_modes.h"
-#include "bd_time.h"
+#include "balance/sector.h"
+#include "balance/nonlinear_mode.h"
+#include "time/integration.h"
 #include "check.h"
 
 #include <limits.h>
@@ -41,7 +41,7 @@ typedef struct {
 } workspaces;
 
 static const double own_numbers[6] = {1.0, 1.0, 0.5, 1.0, 0.5, 1.0};
-static const bd_own own_law = {
+static const bd_point_law own_law = {
     .function = bd_law_bouc_wen, .n_parameter = 6, .n_state = 2, .parameter = own_numbers, .memory = own_numbers};
 
 static bd_status create_evaluator(workspaces *w) {
@@ -74,7 +74,7 @@ static bd_status create_sector(workspaces *w) {
                                 .force = none,
                                 .evaluation = w->evaluation,
                                 .n_time = 64,
-                                .own = w->evaluation == BD_EXACT ? NULL : &own_law};
+                                .point_law = w->evaluation == BD_EXACT ? NULL : &own_law};
     const bd_lapack lapack = bd_lapack_system();
     return bd_sector_create(&w->sector, &input, NULL, &lapack);
 }
@@ -84,7 +84,7 @@ static void destroy_sector(workspaces *w) {
     w->sector = NULL;
 }
 
-/* The sector with its eased equations, or with those of its modes; the sector alone is tested on its own. */
+/* The sector with its eased equations or its nonlinear modes; another case tests the sector alone. */
 static bd_status create_eased(workspaces *w) {
     const double ramp[5] = {1.0}, support[25] = {1.0};
     bd_status status = create_sector(w);
@@ -126,9 +126,9 @@ static bd_status create_time(workspaces *w) {
                                  .load = unit,
                                  .shift = unit,
                                  .law = &user,
-                                 .own = &own_law,
-                                 .held = none,
-                                 .row = unit};
+                                 .point_law = &own_law,
+                                 .fixed_slider = none,
+                                 .response_row = unit};
     return bd_time_create(&w->time, &input);
 }
 
@@ -150,7 +150,7 @@ static void test_each_allocation(bd_evaluation evaluation, bd_status (*create)(w
         CHECK(status == BD_NO_MEMORY);
         CHECK(n_live == 0);
         n_live = 0;
-        destroy(&w); /* twice does no harm */
+        destroy(&w); /* a second call is allowed */
         CHECK(n_live == 0);
     }
     CHECK(0);

@@ -1,7 +1,7 @@
-/* Sampled evaluation against the law marched in plain C, and its approach to the exact evaluation. */
-#include "bd_contact.h"
+/* Sampled evaluation against the law in plain C, and its convergence to the event-driven evaluation. */
+#include "contact/evaluator.h"
 #include "check.h"
-#include "march.h"
+#include "sampled_law.h"
 
 static bd_element random_element(unsigned long long *seed) {
     bd_element e = {.kt = {1.5 + uniform(seed), 1.5 + uniform(seed)},
@@ -18,10 +18,10 @@ static void evaluate(bd_evaluator *evaluator, const bd_element *element, const d
     bd_contact_evaluate(element, x, &out, share, evaluator);
 }
 
-static void test_against_march(bd_evaluation evaluation, int n_harm, int n_time) {
+static void test_against_sampled_law(bd_evaluation evaluation, int n_harm, int n_time) {
     unsigned long long seed = 30 + (unsigned long long)n_time;
     const int n_coef = bd_n_coef(n_harm);
-    double x[33], marched[33];
+    double x[33], reference[33];
     bd_evaluator evaluator;
     CHECK(bd_evaluator_create(&evaluator, evaluation, n_harm, n_time) == BD_OK);
     for (int trial = 0; trial < 100; ++trial) {
@@ -30,8 +30,8 @@ static void test_against_march(bd_evaluation evaluation, int n_harm, int n_time)
         double *F = not_numbers(3 * (size_t)n_coef);
         bd_status_share share;
         evaluate(&evaluator, &element, x, F, &share);
-        march(&element, n_harm, x, n_time, evaluation == BD_SAMPLED, marched);
-        for (int i = 0; i < 3 * n_coef; ++i) CHECK_NEAR(F[i], marched[i], 1e-12);
+        sampled_law(&element, n_harm, x, n_time, evaluation == BD_SAMPLED, reference);
+        for (int i = 0; i < 3 * n_coef; ++i) CHECK_NEAR(F[i], reference[i], 1e-12);
         const bd_segment *segment;
         for (int d = 0; d < 2; ++d) {
             CHECK_NEAR(share.stick[d] + share.slip[d] + share.open, 1.0, 1e-12);
@@ -65,10 +65,10 @@ static void test_approach(void) {
 }
 
 int main(void) {
-    test_against_march(BD_SAMPLED, 1, 32);
-    test_against_march(BD_SAMPLED, 3, 64);
-    test_against_march(BD_SAMPLED, 5, 128);
-    test_against_march(BD_SAMPLED_PLAIN, 3, 64);
+    test_against_sampled_law(BD_SAMPLED, 1, 32);
+    test_against_sampled_law(BD_SAMPLED, 3, 64);
+    test_against_sampled_law(BD_SAMPLED, 5, 128);
+    test_against_sampled_law(BD_SAMPLED_PLAIN, 3, 64);
     test_approach();
     bd_sampled_work work;
     CHECK(bd_sampled_create(&work, 3, 7, 1) == BD_BAD_ARGUMENT);

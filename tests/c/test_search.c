@@ -1,28 +1,28 @@
-/* The search for the settled slider where Newton's method has no step: the ellipse alone leads to it, from anywhere. */
-#include "../../csrc/bd_coulomb.c"
+/* Search for the steady slider if Newton's method has no step: the ellipse alone converges, from anywhere. */
+#include "../../csrc/contact/coupled_friction.c"
 #include "check.h"
 
-/* A period map that turns by an angle about the end and contracts, P(s) - end = q turn(s - end), which Newton's method is told
- * to be the identity. */
+/* A period map that turns by an angle about the end and contracts, P(s) - end = q turn(s - end). Newton's method
+ * receives the identity as its derivative. */
 static void test_ellipse_alone(double q, double angle, const double *end) {
     bd_sampled_work sampled;
     bd_coulomb_work work;
     CHECK(bd_sampled_create(&sampled, 1, 8, 1) == BD_OK && bd_coulomb_create(&work, &sampled) == BD_OK);
-    memset(work.point, 0, sizeof(double) * 4 * (size_t)work.n_padded * BD_LANES);
-    take_lane(&work, 0);
+    memset(work.point_samples, 0, sizeof(double) * 4 * (size_t)work.n_padded * BD_LANES);
+    select_lane(&work, 0);
     for (int k = 0; k < work.n_time; ++k) work.R[k] = 3.0;
-    const bd_hold centre = {.n = 1, .s = {-1.0, 0.5}, .value = 1.0};
-    bd_search search;
+    const bd_disk_point centre = {.n = 1, .s = {-1.0, 0.5}, .value = 1.0};
+    bd_slider_search search;
     start_search(&work, &centre, 1.0, &search);
-    memset(work.lanes.slope, 0, sizeof work.lanes.slope);
-    work.lanes.slope[0] = work.lanes.slope[3 * BD_LANES] = 1.0;
+    memset(work.lanes.period_derivative, 0, sizeof work.lanes.period_derivative);
+    work.lanes.period_derivative[0] = work.lanes.period_derivative[3 * BD_LANES] = 1.0;
     double error = INFINITY;
     for (int period = 0; period < 400 && search.state == BD_SEARCHING; ++period) {
         const double d[2] = {search.s[0] - end[0], search.s[1] - end[1]};
         error = bd_norm(d[0], d[1]);
         work.lanes.end[0] = end[0] + q * (cos(angle) * d[0] - sin(angle) * d[1]);
         work.lanes.end[BD_LANES] = end[1] + q * (sin(angle) * d[0] + cos(angle) * d[1]);
-        go_on(&work, &search, 0);
+        next_guess(&work, &search, 0);
     }
     CHECK(search.state != BD_LOST);
     CHECK_NEAR(error, 0.0, 1e-10);

@@ -1,7 +1,7 @@
-/* Newton's method on systems of one and two modes: a hardening contact, a neutral direction, a peak, bad input; the order
- * of the calls on equations. */
-#include "bd_dense.h"
-#include "bd_solver.h"
+/* Newton's method on systems of one and two modes: a hardening contact, a neutral direction, a peak, bad input; the
+ * order of the calls on equations. */
+#include "balance/sector.h"
+#include "solver/newton.h"
 #include "check.h"
 
 #include <limits.h>
@@ -118,7 +118,7 @@ static void test_singular(void) {
     double tangent[4];
     CHECK(correct(o.equations, &usual, y, at_frequency, ones, tangent, &report) == BD_OK);
     CHECK(report.factored.rank == 3);
-    CHECK_NEAR(y[0], 0.3, 1e-12); /* least norm leaves it where it was */
+    CHECK_NEAR(y[0], 0.3, 1e-12); /* the least-norm solution does not move it */
     CHECK_NEAR(tangent[0], 0.0, 1e-12);
     finish(&o);
 }
@@ -172,7 +172,7 @@ static void test_support(void) {
     CHECK_NEAR(hypot(y[1], y[2]), 1.0 / hypot(5.0 - 0.25, 0.71), 1e-12);
     CHECK(correct(eased, &usual, near, at_frequency, ones, NULL, &report) == BD_OK);
     for (int i = 1; i < 3; ++i) CHECK_NEAR((near[i] - y[i]) / 1e-4, tangent[i] / tangent[3], 1e-3);
-    /* nothing is left of it at 1 */
+    /* no effect at s = 1 */
     double end[4] = {0.0, 0.5, 1.5, 1.0}, plain[4] = {0.0, 0.5, 1.5, 0.5};
     CHECK(correct(eased, &usual, end, at_frequency, ones, NULL, &report) == BD_OK);
     CHECK(correct(o.equations, &usual, plain, at_frequency, ones, NULL, &report) == BD_OK);
@@ -181,7 +181,7 @@ static void test_support(void) {
     finish(&o);
 }
 
-/* The peak of a linear oscillator in closed form: |x|^2 has its maximum where (k - w^2)^2 + (c w)^2 has its minimum. */
+/* The peak of a linear oscillator in closed form: |x|^2 has its maximum at the minimum of (k - w^2)^2 + (c w)^2. */
 static void test_peak(void) {
     oscillator o;
     make(&o, 3.0, 0.01); /* it sticks: stiffness 2, damping 0.02 */
@@ -204,7 +204,7 @@ static void test_peak(void) {
     CHECK_NEAR(found[3], w, 1e-10);
     CHECK(report.curvature < 0.0 && fabs(report.slope) < 1e-8 && report.residual <= 1e-12);
     CHECK_NEAR(report.slope, bd_slope(&peak, found, t, scale, 3), 1e-15);
-    /* a linear curve has no fold, and no peak where phi rises */
+    /* a linear curve has no fold, and no peak with increasing phi */
     const bd_condition fold = {.kind = BD_STATIONARY, .curvature = -1.0, .tolerance = 1e-9, .max_step = 0.2};
     memcpy(found, y, sizeof y);
     memcpy(t, tangent, sizeof t);
@@ -216,7 +216,7 @@ static void test_peak(void) {
     finish(&o);
 }
 
-/* Nothing is solved with factors that are not those of the point evaluated last. */
+/* Nothing is solved with factors of another point. */
 static void test_order(void) {
     oscillator o;
     make(&o, 3.0, 1.0);
@@ -234,7 +234,7 @@ static void test_order(void) {
     CHECK(bd_solve_linear(e, 0.0, b) == BD_OK);
     CHECK(bd_solve_transposed(e, b) == BD_OK);
     CHECK(bd_factor(e, &no_border) != BD_OK);
-    CHECK(bd_solve_linear(e, 0.0, b) == BD_BAD_STATE); /* not with half of what failed */
+    CHECK(bd_solve_linear(e, 0.0, b) == BD_BAD_STATE); /* not with an incomplete factorisation */
     CHECK(bd_factor(e, &border) == BD_OK);             /* but again at the same point */
     CHECK(bd_evaluate(e, bad, 1) == BD_NOT_FINITE);
     CHECK(bd_factor(e, &border) == BD_BAD_STATE);
@@ -242,7 +242,7 @@ static void test_order(void) {
     finish(&o);
 }
 
-/* A product that fails, as one of equations that do not form J may. */
+/* A product that fails, as is possible for equations without a stored J. */
 static bd_status no_product(bd_equations *e, int transposed, const double *x, double *out) {
     (void)e, (void)transposed, (void)x, (void)out;
     return BD_SINGULAR;
@@ -250,7 +250,7 @@ static bd_status no_product(bd_equations *e, int transposed, const double *x, do
 
 static bd_equations_type forming;
 
-/* Forms J for the factors, and has it no more at the points beside. */
+/* Provide J for the factors only, not at trial points. */
 static bd_status evaluate_once(bd_equations *e, const double *y, int derivative) {
     static double *J = NULL;
     if (e->J) J = e->J;

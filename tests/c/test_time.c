@@ -1,15 +1,15 @@
-/* March in time: one oscillator against its steps in closed form, a slider against the clip, derivatives of the forces against
- * differences, all builds of the loop alike. */
+/* Time integration: an oscillator against its steps in closed form, a slider against the clip, derivatives of the forces
+ * against differences, equality of all builds of the loop. */
 #define BD_VARIANT of_the_test
 #define BD_VARIANT_NAME "of the test"
-#include "bd_time_loop.c" /* for the derivatives, which no other file sees */
+#include "time/generalised_alpha.c" /* for the derivatives, which are static */
 #include "check.h"
 
 #include <string.h>
 
 enum { SECTORS = 5, POINTS = 11, FAMILIES = 2, MODES = 12, FORCES = 2 };
 
-/* A mass on a spring, and a unilateral stop that it meets directly or by another spring without mass. */
+/* A mass on a spring with a unilateral stop, in direct contact or through another spring without mass. */
 static void test_oscillator(int with_spring) {
     const int two = 1 + with_spring, zero = 0, law = BD_LAW_NORMAL, held[2] = {0, 0}, order = 1;
     const double ks = 5.0, k[2] = {2.0, ks}, m[2] = {0.5, 0.0}, c[2] = {0.1, 0.0}, kt[2] = {0.0, 0.0}, kn = 3.0,
@@ -33,29 +33,29 @@ static void test_oscillator(int with_spring) {
                               .load = &n0,
                               .shift = none,
                               .law = &law,
-                              .held = held,
+                              .fixed_slider = held,
                               .n_force = 1,
-                              .order = &order,
-                              .force = force,
+                              .force_order = &order,
+                              .excitation = force,
                               .n_row = 1,
-                              .row = row};
+                              .response_row = row};
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK);
     double q[4] = {0.3}, v[4] = {-0.2}, a[4] = {0.0}, w[2] = {0.0, 0.0}, X[2 * 2 * 3], trace[4 * 150];
     const bd_time_path path = {.n_step = 150,
-                               .first = 10,
-                               .per_period = 70,
+                               .first_step = 10,
+                               .steps_per_period = 70,
                                .n_harm = 2,
                                .omega = 1.7,
                                .omega_end = 1.7,
-                               .radius = 0.6,
+                               .spectral_radius = 0.6,
                                .tolerance = 1e-12,
-                               .fresh = 1,
-                               .harmonic = X,
-                               .trace = trace};
+                               .find_acceleration = 1,
+                               .response_harmonics = X,
+                               .coordinates = trace};
     bd_time_effort effort = {0};
-    CHECK(bd_time_march(&t, &path, q, v, a, w, &effort) == BD_OK);
-    CHECK(effort.n_solved == 150 + with_spring && effort.n_iteration <= 15 * effort.n_solved);
+    CHECK(bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK);
+    CHECK(effort.n_solution == 150 + with_spring && effort.n_evaluation <= 15 * effort.n_solution);
     const double h = BD_TWO_PI / 1.7 / 70, give = with_spring ? 1.0 + kn / ks : 1.0, am = 0.2 / 1.6, af = 0.6 / 1.6,
                  late = 1.0 - af, gamma = 0.5 - am + af, b = 0.25 * (1.0 - am + af) * (1.0 - am + af),
                  inertia = m[0] * (1.0 - am) + late * (c[0] * gamma * h + k[0] * b * h * h);
@@ -86,7 +86,7 @@ static void test_oscillator(int with_spring) {
     bd_time_destroy(&t);
 }
 
-/* The slider of a point that is moved back and forth is u clipped; a bonded one and a held one stay. */
+/* The slider of a point with a reversing motion is u clipped; a bonded and a fixed slider do not move. */
 static void test_sliders(void) {
     const int one = 1, zero = 0, order = 0;
     const int law[POINTS] = {0, BD_LAW_BONDED, 0, BD_LAW_CONSTANT}, held[2 * POINTS] = {0, 0, 0, 0, 1, 0};
@@ -112,22 +112,22 @@ static void test_sliders(void) {
                               .load = load,
                               .shift = none,
                               .law = law,
-                              .held = held,
+                              .fixed_slider = held,
                               .n_force = 0,
-                              .order = &order,
-                              .force = none,
+                              .force_order = &order,
+                              .excitation = none,
                               .n_row = 1,
-                              .row = row};
+                              .response_row = row};
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK);
     const double q[3 * 2] = {0.2, 0.0, 3.0, 0.0, -0.1, 0.0};
     double w[2 * POINTS] = {0.0};
-    bd_time_follow(&t, 1, q, w);
+    bd_time_update_sliders(&t, 1, q, w);
     CHECK_NEAR(w[0], 0.0, 1e-15); /* half width mu N/kt = 1/4 */
-    bd_time_follow(&t, 2, q, w);
+    bd_time_update_sliders(&t, 2, q, w);
     CHECK_NEAR(w[0], 2.75, 1e-15);
     CHECK_NEAR(w[6], 2.0, 1e-15); /* mu load/kt = 1 */
-    bd_time_follow(&t, 3, q, w);
+    bd_time_update_sliders(&t, 3, q, w);
     CHECK_NEAR(w[0], 0.15, 1e-15);
     CHECK_NEAR(w[2 * POINTS - 2], 0.15, 1e-15);
     CHECK_NEAR(w[6], 0.9, 1e-15);
@@ -169,50 +169,60 @@ static void create_all(bd_time *t, unsigned long long *seed) {
                               .load = load,
                               .shift = shift,
                               .law = law,
-                              .held = held,
+                              .fixed_slider = held,
                               .n_force = FORCES,
-                              .order = order,
-                              .force = force,
+                              .force_order = order,
+                              .excitation = force,
                               .n_row = 1,
-                              .row = row};
+                              .response_row = row};
     CHECK(bd_time_create(t, &in) == BD_OK);
 }
 
-static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) {
+static void integrate_all(const bd_kernel *kernel, double *q, double *v, double *w) {
     unsigned long long seed = 11;
     bd_time t;
     create_all(&t, &seed);
     t.kernel = kernel;
-    const bd_time_path path = {
-        .n_step = 300, .per_period = 200, .omega = 1.1, .omega_end = 1.3, .radius = 0.5, .tolerance = 1e-12, .fresh = 1};
+    const bd_time_path path = {.n_step = 300,
+                               .steps_per_period = 200,
+                               .omega = 1.1,
+                               .omega_end = 1.3,
+                               .spectral_radius = 0.5,
+                               .tolerance = 1e-12,
+                               .find_acceleration = 1};
     double a[2 * MODES] = {0.0};
     for (int j = 0; j < 2 * MODES; ++j) q[j] = v[j] = j >= MODES && j < MODES + 3 ? 0.0 : uniform(&seed);
     for (int i = 0; i < 2 * SECTORS * POINTS; ++i) w[i] = 0.1 * uniform(&seed);
     bd_time_effort effort = {0};
-    CHECK(bd_time_march(&t, &path, q, v, a, w, &effort) == BD_OK);
+    CHECK(bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK);
     bd_time_destroy(&t);
 }
 
-/* From motions that no step can be taken from; the next march is as if there had been none. */
+/* Motions without a possible step; they have no influence on the next integration. */
 static void test_failure(void) {
     unsigned long long seed = 13;
     bd_time t;
     create_all(&t, &seed);
-    const bd_time_path path = {
-        .n_step = 20, .per_period = 20, .omega = 1.1, .omega_end = 1.1, .radius = 0.5, .tolerance = 1e-6, .fresh = 1};
+    const bd_time_path path = {.n_step = 20,
+                               .steps_per_period = 20,
+                               .omega = 1.1,
+                               .omega_end = 1.1,
+                               .spectral_radius = 0.5,
+                               .tolerance = 1e-6,
+                               .find_acceleration = 1};
     double end[2][2 * MODES];
     for (int i = 0; i < 4; ++i) {
         double q[2 * MODES] = {0.3}, v[2 * MODES] = {i % 2 ? 1e307 : 0.1}, a[2 * MODES] = {0.0},
                      w[2 * SECTORS * POINTS] = {0.0};
         bd_time_effort effort = {0};
-        CHECK((bd_time_march(&t, &path, q, v, a, w, &effort) == BD_OK) == (i % 2 == 0));
+        CHECK((bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK) == (i % 2 == 0));
         if (i % 2 == 0) memcpy(end[i / 2], q, sizeof q);
     }
     CHECK(memcmp(end[0], end[1], sizeof *end) == 0);
     bd_time_destroy(&t);
 }
 
-/* Away from places where a point begins to slip, stick, open or close, where differences to both sides part. */
+/* Away from changes of state (slip, stick, separation, closing), at which one-sided differences disagree. */
 static void test_derivatives(void) {
     const double h = 1e-6;
     unsigned long long seed = 12;
@@ -221,19 +231,19 @@ static void test_derivatives(void) {
     const size_t s = t.stride;
     int smooth = 0, pressed = 0;
     for (int draw = 0; draw < 200; ++draw) {
-        for (size_t i = 0; i < (size_t)SECTORS * t.rows; ++i) t.x[i] = uniform(&seed);
-        for (size_t i = 0; i < (size_t)SECTORS * 2 * s; ++i) t.w[i] = uniform(&seed);
+        for (size_t i = 0; i < (size_t)SECTORS * t.rows; ++i) t.motion[i] = uniform(&seed);
+        for (size_t i = 0; i < (size_t)SECTORS * 2 * s; ++i) t.slider[i] = uniform(&seed);
         for (size_t p = 0; p < POINTS; ++p) {
             double D[9], F[3][3];
-            const double x[3] = {t.x[p], t.x[s + p], t.x[2 * s + p]}, w[2] = {t.w[p], t.w[s + p]};
-            differentiate(&t, 0, p, x, w, D);
+            const double x[3] = {t.motion[p], t.motion[s + p], t.motion[2 * s + p]}, w[2] = {t.slider[p], t.slider[s + p]};
+            contact_tangent(&t, 0, p, x, w, D);
             for (size_t e = 0; e < 3; ++e) {
                 for (int side = 0; side < 3; ++side) {
-                    t.x[e * s + p] = x[e] + (side - 1) * h;
-                    press_all(&t, t.x, t.F);
-                    for (size_t d = 0; d < 3; ++d) F[side][d] = t.F[d * s + p];
+                    t.motion[e * s + p] = x[e] + (side - 1) * h;
+                    all_contact_forces(&t, t.motion, t.point_force);
+                    for (size_t d = 0; d < 3; ++d) F[side][d] = t.point_force[d * s + p];
                 }
-                t.x[e * s + p] = x[e];
+                t.motion[e * s + p] = x[e];
                 for (size_t d = 0; d < 3; ++d) {
                     if (fabs(F[2][d] - 2.0 * F[1][d] + F[0][d]) > 1e-3 * h) continue;
                     CHECK_NEAR((F[2][d] - F[0][d]) / (2.0 * h), D[3 * d + e], 1e-6);
@@ -252,7 +262,7 @@ static void test_kernels(void) {
     const bd_kernel *kernel[BD_MOST_KERNELS];
     const int n = bd_kernel_all(kernel);
     for (int i = 0; i < n; ++i) {
-        march_all(kernel[i], q[i], v[i], w[i]);
+        integrate_all(kernel[i], q[i], v[i], w[i]);
         for (int j = 0; j < 2 * MODES; ++j) {
             CHECK_NEAR(q[i][j], q[0][j], 1e-7);
             CHECK_NEAR(v[i][j], v[0][j], 1e-6);

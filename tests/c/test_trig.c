@@ -1,5 +1,5 @@
 /* Trigonometric polynomials against sums of sines and cosines, and against polynomials made from their roots. */
-#include "bd_trig.h"
+#include "util/trig_polynomial.h"
 #include "check.h"
 
 #include <string.h>
@@ -118,18 +118,18 @@ static void test_close_pairs(void) {
         polynomial_of_roots(n_harm, root, x);
         qsort(root, (size_t)n, sizeof(double), compare);
         CHECK(roots_of(n_harm, x, found) == n);
-        /* at a distance d a change of the value by its rounding error e moves the roots by about e/d */
+        /* at a distance d, a rounding error e of the value moves the roots by about e/d */
         for (int i = 0; i < n; ++i) CHECK_NEAR(found[i], root[i], 1e-12 / distance);
     }
 }
 
-/* A touch without a crossing gives no root or both of a pair, in order and finite. */
+/* A touch without a crossing yields no root or a pair of roots, in order and finite. */
 static void test_exact_double_root(void) {
     for (int n_harm = 2; n_harm <= 6; ++n_harm)
         for (int k = 0; k < 20; ++k) {
             double x[13] = {0.0}, found[12];
             const double at = 0.1 + 0.31 * k;
-            /* 1 - cos(theta - at), written with harmonics that do not matter */
+            /* 1 - cos(theta - at), with negligible higher harmonics */
             x[0] = 1.0, x[1] = -cos(at), x[2] = -sin(at);
             const int n = roots_of(n_harm, x, found);
             CHECK(n == 0 || n == 2);
@@ -137,7 +137,8 @@ static void test_exact_double_root(void) {
         }
 }
 
-/* (2 s + 1)(s - 1) touches zero on a sample, cos 2 theta - cos theta at the ends of the period: twice the same or none. */
+/* (2 s + 1)(s - 1) touches zero on a sample, cos 2 theta - cos theta at the ends of the period: a pair of equal roots or
+ * none. */
 static void test_double_root_on_a_sample(void) {
     const double touch_at_90[5] = {0.0, 0.0, -1.0, -1.0, 0.0}, touch_at_0[5] = {0.0, -1.0, 0.0, 1.0, 0.0};
     for (int sign = -1; sign <= 1; sign += 2) {
@@ -184,7 +185,7 @@ static void test_one_harmonic(void) {
     }
 }
 
-/* Roots that lie exactly on the samples, the ends of the period included, are found once. */
+/* Roots exactly on the samples, including the ends of the period, are found once. */
 static void test_roots_on_samples(void) {
     const double x[5] = {0.0, 0.0, 0.0, 0.0, 1.0}; /* sin 2 theta */
     double found[4];
@@ -193,7 +194,7 @@ static void test_roots_on_samples(void) {
         CHECK_NEAR(remainder(found[i] - (found[0] < 1.0 ? 0.5 * BD_PI * i : 0.5 * BD_PI * (i + 1)), BD_TWO_PI), 0.0, 1e-14);
 }
 
-/* One root exactly on a sample and another in a cell beside it. */
+/* A root exactly on a sample and another root in an adjacent cell. */
 static void test_root_beside_a_sample(void) {
     for (int n_harm = 2; n_harm <= 6; ++n_harm) {
         const int n = 2 * n_harm, n_time = 16 * n_harm + 16;
@@ -219,12 +220,12 @@ static void test_bracketed_root(void) {
     const double x[3] = {0.0, 1.0, 0.0}; /* cos theta */
     CHECK_NEAR(bd_trig_bracketed_root(1, x, 1.0, 2.0), 0.5 * BD_PI, 4e-16);
     CHECK_NEAR(bd_trig_bracketed_root(1, x, 0.0, BD_PI), 0.5 * BD_PI, 4e-16);
-    const double sine[3] = {0.0, 0.0, 1.0}; /* ends that should be roots, but are not for rounding */
+    const double sine[3] = {0.0, 0.0, 1.0}; /* ends that are roots except for rounding */
     CHECK_NEAR(bd_trig_bracketed_root(1, sine, 1e-16, 1.0), 0.0, 1e-15);
     CHECK_NEAR(bd_trig_bracketed_root(1, sine, -1.0, -1e-16), 0.0, 1e-15);
     const double shifted[3] = {-1.0, 1.0, 0.0};
-    CHECK(bd_trig_bracketed_root(1, shifted, 0.0, 1.0) == 0.0); /* a root at an end is that end */
-    /* a triple root, where Newton's method alone is slow: (1 - cos) sin */
+    CHECK(bd_trig_bracketed_root(1, shifted, 0.0, 1.0) == 0.0); /* a root at an end is this end */
+    /* a triple root, for which Newton's method alone is slow: (1 - cos) sin */
     const double triple[5] = {0.0, 0.0, 1.0, 0.0, -0.5};
     CHECK_NEAR(bd_trig_bracketed_root(2, triple, -1.0, 1.5), 0.0, 1e-5);
 }

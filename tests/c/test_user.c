@@ -1,6 +1,7 @@
-/* Contact laws as functions: Jenkins elements beside our friction, tangents by differences, and the march in time. */
-#include "bd_contact.h"
-#include "bd_time.h"
+/* Contact laws as functions: Jenkins elements against the friction law of the core, tangents by differences, time
+ * integration. */
+#include "contact/evaluator.h"
+#include "time/integration.h"
 #include "check.h"
 
 #include <string.h>
@@ -26,20 +27,22 @@ static void evaluate(bd_evaluator *e, const bd_element *element, const double *x
     bd_element_write_blocks(element, HARM, &r->out);
 }
 
-static bd_element with_law(const bd_own *own) { return (bd_element){.law = BD_LAW_USER, .kt = {1.0, 1.0}, .own = own}; }
+static bd_element with_law(const bd_point_law *point_law) {
+    return (bd_element){.law = BD_LAW_USER, .kt = {1.0, 1.0}, .point_law = point_law};
+}
 
 static void test_one_element_is_ours(void) {
     unsigned long long seed = 3;
     bd_evaluator e;
-    const bd_own room = {.function = bd_law_jenkins, .n_state = 2};
+    const bd_point_law room = {.function = bd_law_jenkins, .n_state = 2};
     CHECK(bd_evaluator_create(&e, BD_SAMPLED, HARM, TIME) == BD_OK && bd_evaluator_add_laws(&e, 1, &room) == BD_OK);
     for (int trial = 0; trial < 200; ++trial) {
         const double k = 1.5 + uniform(&seed), kn = 1.5 + uniform(&seed), mu = 0.5 + 0.4 * uniform(&seed);
         const double n0 = 2.0 * uniform(&seed), w[2] = {uniform(&seed), uniform(&seed)};
         const double p[5] = {1.0, kn, k, 0.0, mu}, memory[5] = {0.0, 0.0, 0.0, w[0], w[1]};
-        const bd_own own = {bd_law_jenkins, NULL, 5, 2, p, memory};
+        const bd_point_law point_law = {bd_law_jenkins, NULL, 5, 2, p, memory};
         const bd_element ours = {.kt = {k, k}, .kn = kn, .mu = mu, .n0 = n0, .w = {w[0], w[1]}};
-        bd_element user = with_law(&own);
+        bd_element user = with_law(&point_law);
         user.kn = kn, user.n0 = n0;
         double x[3 * COEF];
         for (int i = 0; i < 3 * COEF; ++i) x[i] = uniform(&seed);
@@ -53,11 +56,11 @@ static void test_one_element_is_ours(void) {
     bd_evaluator_destroy(&e);
 }
 
-static void test_tangent(const bd_own *own) {
+static void test_tangent(const bd_point_law *point_law) {
     unsigned long long seed = 11;
     bd_evaluator e;
-    CHECK(bd_evaluator_create(&e, BD_SAMPLED, HARM, TIME) == BD_OK && bd_evaluator_add_laws(&e, 1, own) == BD_OK);
-    const bd_element element = with_law(own);
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, HARM, TIME) == BD_OK && bd_evaluator_add_laws(&e, 1, point_law) == BD_OK);
+    const bd_element element = with_law(point_law);
     double x[3 * COEF], d[3 * COEF], moved[3 * COEF], difference[3 * COEF] = {0.0};
     for (int i = 0; i < 3 * COEF; ++i) x[i] = uniform(&seed), d[i] = uniform(&seed);
     x[2 * COEF] += 8.0;
@@ -81,9 +84,9 @@ static void test_tangent(const bd_own *own) {
     bd_evaluator_destroy(&e);
 }
 
-/* One mass on a joint of that law: the energy of a march without excitation only falls, and a free start is that of a whole
- * march in two parts. */
-static void test_march(const bd_own *own) {
+/* One mass on a joint with the given law. Without excitation the energy decreases monotonically, and an integration in
+ * two parts equals one at once. */
+static void test_time_integration(const bd_point_law *point_law) {
     const int one = 1, none[2] = {0}, user = BD_LAW_USER;
     const double unit[6] = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0}, zero[6] = {0.0};
     const bd_time_input in = {.n_sector = 1,
@@ -102,38 +105,38 @@ static void test_march(const bd_own *own) {
                               .load = zero,
                               .shift = zero,
                               .law = &user,
-                              .held = none,
-                              .row = unit,
-                              .own = own};
+                              .fixed_slider = none,
+                              .response_row = unit,
+                              .point_law = point_law};
     bd_time t;
-    CHECK(bd_time_create(&t, &in) == BD_OK && t.n_memory == 3 + own->n_state);
+    CHECK(bd_time_create(&t, &in) == BD_OK && t.n_memory == 3 + point_law->n_state);
     double w[2][2 + 3 + 64] = {{0.0}}, q[2][2] = {{1.0, 0.0}, {1.0, 0.0}}, v[2][2] = {{0.0}}, a[2][2] = {{0.0}};
     bd_time_effort effort = {0, 0};
     bd_time_path path = {
-        .n_step = 128, .per_period = 64, .omega = 1.0, .omega_end = 1.0, .radius = 0.8, .tolerance = 1e-10};
-    path.fresh = 1;
-    CHECK(bd_time_march(&t, &path, q[0], v[0], a[0], w[0], &effort) == BD_OK);
+        .n_step = 128, .steps_per_period = 64, .omega = 1.0, .omega_end = 1.0, .spectral_radius = 0.8, .tolerance = 1e-10};
+    path.find_acceleration = 1;
+    CHECK(bd_time_integrate(&t, &path, q[0], v[0], a[0], w[0], &effort) == BD_OK);
     path.n_step = 64;
-    CHECK(bd_time_march(&t, &path, q[1], v[1], a[1], w[1], &effort) == BD_OK);
-    path.fresh = 0;
-    CHECK(bd_time_march(&t, &path, q[1], v[1], a[1], w[1], &effort) == BD_OK);
+    CHECK(bd_time_integrate(&t, &path, q[1], v[1], a[1], w[1], &effort) == BD_OK);
+    path.find_acceleration = 0;
+    CHECK(bd_time_integrate(&t, &path, q[1], v[1], a[1], w[1], &effort) == BD_OK);
     CHECK_NEAR(q[1][0], q[0][0], 1e-8);
-    for (int i = 0; i < 5 + own->n_state; ++i) CHECK_NEAR(w[1][i], w[0][i], 1e-8);
+    for (int i = 0; i < 5 + point_law->n_state; ++i) CHECK_NEAR(w[1][i], w[0][i], 1e-8);
     CHECK(q[0][0] * q[0][0] + v[0][0] * v[0][0] < 0.9);
-    CHECK_NEAR(w[0][2], q[0][0], 1e-12); /* it remembers where it is */
+    CHECK_NEAR(w[0][2], q[0][0], 1e-12); /* the memory contains the position */
     bd_time_destroy(&t);
 }
 
 int main(void) {
     const double zero[16] = {0.0}, joint[11] = {3.0, 1.2, 0.5, 0.05, 0.1, 0.4, 0.2, 0.0, 0.3, 0.4, 0.05};
     const double linear[6] = {1.5, 2.0, 0.1, 0.8, 0.3, 1.0}, round[6] = {0.0, 2.0, 0.1, 0.8, -0.3, 2.5};
-    const bd_own law[3] = {{bd_law_jenkins, NULL, 11, 6, joint, zero},
-                           {bd_law_bouc_wen, NULL, 6, 2, linear, zero},
-                           {bd_law_bouc_wen, NULL, 6, 2, round, zero}};
+    const bd_point_law law[3] = {{bd_law_jenkins, NULL, 11, 6, joint, zero},
+                                 {bd_law_bouc_wen, NULL, 6, 2, linear, zero},
+                                 {bd_law_bouc_wen, NULL, 6, 2, round, zero}};
     test_one_element_is_ours();
     for (int i = 0; i < 3; ++i) {
         test_tangent(law + i);
-        test_march(law + i);
+        test_time_integration(law + i);
     }
     return check_result();
 }

@@ -297,11 +297,11 @@ class TestArguments:
         memory, arguments = np.zeros(100), dict(self.good)
         for name, start in ((first, 0), (second, arguments[first].size - 1)):
             arguments[name] = memory[start : start + arguments[name].size].reshape(arguments[name].shape)
-        with pytest.raises(ValueError, match=f"^{second}: expected memory of its own, found that of {first}$"):
+        with pytest.raises(ValueError, match=f"^{second}: expected a separate array, found memory shared with {first}$"):
             _core.evaluate_contact(**arguments)
 
     def test_samples_have_no_effect_on_the_exact_evaluation(self):
-        with pytest.raises(ValueError, match=r"^n_time: expected none beside evaluation 0"):
+        with pytest.raises(ValueError, match=r"^n_time: expected 0 with evaluation 0"):
             _core.evaluate_contact(**self.good, n_time=64)
 
     def test_number_of_samples(self):

@@ -263,8 +263,8 @@ def test_all_blocks_of_the_tangent():
 @pytest.mark.parametrize(
     ("laws", "message"),
     [
-        (None, "own: expected a function under law 7"),
-        ((None,), "own: expected a function under law 7"),
+        (None, "own: expected a function for each point with law 7"),
+        ((None,), "own: expected a function for each point with law 7"),
         ((1, 2), "tuple of 1 laws"),
         ((("f", np.zeros(1), np.zeros(3)),), "expected a capsule"),
         (((_core.jenkins, np.zeros(1, int), np.zeros(3)),), "parameters as a vector"),

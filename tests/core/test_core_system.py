@@ -244,7 +244,7 @@ def test_outputs_that_share_memory_are_refused(method, first, second):
         arguments[name] = view.reshape(shape)
         assert np.shares_memory(arguments[name], memory)
     before = memory.copy()
-    with pytest.raises(ValueError, match=rf"^{second}: expected memory of its own, found that of {first}$"):
+    with pytest.raises(ValueError, match=rf"^{second}: expected a separate array, found memory shared with {first}$"):
         call(method, arguments)
     np.testing.assert_array_equal(memory, before)
 
@@ -312,7 +312,7 @@ def test_arrays_that_are_not_finite_are_named(method, name):
 
 
 def test_an_argument_without_effect_is_refused():
-    with pytest.raises(ValueError, match=r"^n_time: expected none beside evaluation 0 \(exact\), found 64$"):
+    with pytest.raises(ValueError, match=r"^n_time: expected 0 with evaluation 0 \(exact\), found 64$"):
         _core.Sector(**GOOD, n_time=64)
 
 

@@ -130,7 +130,7 @@ def test_there_are_no_nonlinear_modes_of_a_family():
     nodes = arrays(LAW_SEPARABLE, 0.1)
     motion = np.ones((2, UNKNOWNS))
     assert _core.Modes(_core.Sector(**nodes[0]), *motion, 1.0).n_unknown == UNKNOWNS + 2
-    with pytest.raises(ValueError, match=r"^sector: expected one at a fixed speed, found a family over speed$"):
+    with pytest.raises(ValueError, match=r"^sector: expected a Sector at fixed speed, found a speed family$"):
         _core.Modes(family(nodes), *motion, 1.0)
 
 
@@ -142,7 +142,7 @@ def test_nodes_that_do_not_fit_are_refused():
     for given in ((*systems[:3], other), (*systems[:3], infinite), (*systems[:3], family(nodes))):
         with pytest.raises(ValueError, match="nodes: expected Sectors of the same sizes and contact laws"):
             _core.Sector(**nodes[0], nodes=given, squares=SPEEDS**2, order=ORDER)
-    with pytest.raises(ValueError, match="at speeds of which no two are the same"):
+    with pytest.raises(ValueError, match="at different speeds"):
         _core.Sector(**nodes[0], nodes=systems, squares=np.array([1.0, 1.0, 2.0, 3.0]), order=ORDER)
     with pytest.raises(TypeError, match="nodes: expected a tuple of two or more Sectors"):
         _core.Sector(**nodes[0], nodes=systems[:1], squares=SPEEDS[:1], order=ORDER)

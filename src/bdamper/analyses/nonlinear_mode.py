@@ -6,7 +6,7 @@ harmonic meets another mode; from its upper end, too, where it does not get ther
 
 A nonlinear mode as a result.
 
-Equations of nonlinear modes: a sector without excitation, its frequency and its damping unknown (``csrc/bd_modes.c``).
+Equations of nonlinear modes: a sector without excitation, its frequency and its damping unknown (``csrc/balance/nonlinear_mode.c``).
 
 A point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` has the mean, the vibration ``P`` scaled to the amplitude ``A_0`` of the
 response, frequency, modal damping ratio, and the amplitude ``A`` of the response.

@@ -1,6 +1,6 @@
 r"""Contact laws by number, and how contact forces are found over a cycle.
 
-The laws themselves are evaluated by the C core (``csrc/bd_element.c``, ``bd_event.c``, ``bd_sampled.c``, ``bd_coulomb.c``;
+The laws themselves are evaluated by the C core (``csrc/contact/element.c``, ``event_driven.c``, ``aft.c``, ``coupled_friction.c``;
 LAW_USER is a function that is supplied by the user, see :mod:`bdamper.contact.laws`).
 
 Parameters of the contact points, as the equations take them.
@@ -12,8 +12,8 @@ one instant earlier and the state there; the forces :math:`F = (T_1, T_2, N)` fo
 
 .. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
 
-The function has the signature ``bd_user_law`` of ``csrc/bd_law.h``.  The core calls it without the interpreter, in harmonic
-balance (``csrc/bd_user.c``), in the static analysis and in the march in time.
+The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``.  The core calls it without the interpreter,
+in harmonic balance (``csrc/contact/user_law_aft.c``), in the static analysis and in the march in time.
 
 The four parameters of Segalman (J. Appl. Mech. 72, 2005, 752-760) are a strength :math:`F_S`, a stiffness :math:`K_T`, an
 exponent :math:`\chi` and a ratio :math:`\beta`.  They stand for Jenkins elements of unit stiffness density that slip at
@@ -203,8 +203,8 @@ SHIPPED = {"jenkins": _core.jenkins, "iwan": _core.jenkins, "bouc_wen": _core.bo
 class ContactLaw:
     """A contact law as a compiled function, for ``friction_law=`` of a study.
 
-    The function has the signature ``bd_user_law`` of ``csrc/bd_law.h``: eleven pointers and no value.  It must not call
-    Python, and must do the same in every call with the same arguments: threads call it side by side.
+    The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers and no value.
+    It must not call Python, and must do the same in every call with the same arguments: threads call it side by side.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ their springs, and as slipping in between.
 Friction acts along each of the two contact axes independently here, whatever law the vibration follows; this keeps the
 equations linear between changes of state.  Where a point slips along both axes its friction may then be larger than
 ``mu N``, by up to the root of two, and its slider is not admissible under the coupled law; the evaluation of that law moves
-such a slider to the edge of the admissible disk (``csrc/bd_coulomb.c``).
+such a slider to the edge of the admissible disk (``csrc/contact/coupled_friction.c``).
 """
 
 from __future__ import annotations

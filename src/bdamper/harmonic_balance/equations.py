@@ -8,7 +8,7 @@ solves; small objects say what else differs: rows of the response (:class:`Rows`
 What is asked of a point beside the equations: one condition for the one free parameter.
 
 A linear one is a plane in scaled unknowns; a stationary one holds where something has no slope along the curve, which
-Newton's method on the curve and a secant along it find together (``csrc/bd_solver.c``).
+Newton's method on the curve and a secant along it find together (``csrc/solver/newton.c``).
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ STATUS_TEXT = {
 }
 Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel
 WheelCore = _core.Wheel
-"""Equations of all sectors of a wheel (``csrc/bd_wheel.h``), for :mod:`bdamper.mistuning.wheel_equations`."""
+"""Equations of all sectors of a wheel (``csrc/bladed_disk``), for :mod:`bdamper.mistuning.wheel_equations`."""
 LINE_SEARCH_TRIALS = 15
 """Most evaluations of an iteration with line search."""
 S = TypeVar("S")
@@ -526,7 +526,7 @@ class Equations(Generic[S]):
         return out
 
     def slope_gradient(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[NDArray, NDArray]:
-        """How the slope of ln(amplitude) along the curve changes with the point (``csrc/bd_solver.h``, ``bd_gradient``).
+        """Gradient of the slope of ln(amplitude) along the curve (``csrc/solver/newton.h``, ``bd_gradient``).
 
         Parameters
         ----------

@@ -3,7 +3,8 @@
     R(u, omega) = r(u, omega; K(Omega), G(Omega), k(Omega), P(Omega), ...) = 0
 
 Every array of the equations is the polynomial of the squared speed through those of the equations at a few speeds, and so
-is the row of the response; the derivative along the line is exactly that of the polynomials (``csrc/bd_family.c``).
+is the row of the response; its derivative along the line is the exact derivative of the polynomials
+(``csrc/balance/speed_family.c``).
 """
 
 from __future__ import annotations

@@ -7,8 +7,9 @@ For every sector, with the coordinates of its blade and its damper (:mod:`bdampe
     (K - (l\omega)^2 M + i l \omega C) X_l + P^T F_l - E_l ,
 
 in which the disk and the damping C of the tuned wheel act by a Fourier transform over the sectors and everything else
-sector by sector.  Residual, products and linear equations are those of the core (``csrc/bd_wheel.c``); unknowns are laid
-out as those of a sector, the mean of all sectors first, so that whoever solves or follows equations serves a wheel as well.
+sector by sector.  Residual, products and linear equations are in the core
+(``csrc/bladed_disk/wheel_equations.c``); unknowns are laid out as those of a sector, the mean of all sectors first, so that
+whoever solves or follows equations serves a wheel as well.
 
 **Springs** that hold the mean of dampers at its static place make the equations easier: a damper that slips fully is free
 along its axis.  Their solutions lead to those of the wheel itself (:mod:`bdamper.mistuning.peak`).

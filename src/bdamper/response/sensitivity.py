@@ -6,8 +6,8 @@ Let ``B`` be ``[J r_omega; t^T]`` with the tangent ``t`` of the response curve. 
 
 one adjoint solution serves all parameters.  The peak itself moves by ``z_p + s t`` with
 ``s = -(d phi along (z_p, 1))/(grad(phi) . t)``, ``phi`` the slope of ln(amplitude) along the curve.  Its gradient takes
-one more adjoint solution, nu, and differences of Jacobians along the curve (``csrc/bd_solver.c``); along (z_p, 1) ``phi``
-changes with the response and by ``-nu . d[J r_omega] t``.
+one more adjoint solution, nu, and differences of Jacobians along the curve (``csrc/solver/newton.c``); along (z_p, 1)
+``phi`` changes with the response and by ``-nu . d[J r_omega] t``.
 
 A point of a curve moves by ``z_p``, across the curve in scaled unknowns: the bordered matrix is regular at folds, where the
 derivative at a fixed frequency is infinite.

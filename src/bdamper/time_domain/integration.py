@@ -13,8 +13,8 @@ radially to the disk of radius ``mu N``; under those of constant load a given lo
 normal spring is two-sided; bonded points keep their slider.
 
 A step is implicit: generalised alpha, with the contact forces of all sectors at its end from one Newton's method
-(``csrc/bd_time_loop.c``).  So its length follows the motion and not the stiffest contact: :data:`STEPS` a period.  Its
-error is of second order.  The start is the harmonic-balance solution, so what is measured is where the motion goes from
+(``csrc/time/generalised_alpha.c``).  So its length follows the motion and not the stiffest contact: :data:`STEPS` a period.
+Its error is of second order.  The start is the harmonic-balance solution, so what is measured is where the motion goes from
 there.  The nodal diameters are those of the study's harmonics, or all that the model carries (:func:`every_diameter`).
 """
 

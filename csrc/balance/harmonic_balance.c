@@ -1,0 +1,482 @@
+/* Residual and Jacobian of the harmonic balance equations in modal coordinates (paper, Eq. (16)).
+ *
+ * With the modal amplitudes q_l = c_l - i s_l of harmonic l, the relative motion at the contact points and the residual
+ * are
+ *
+ *     (u1, u2, v)_l = G_l q_l
+ *     r_l = (K - (l omega)^2 M + i l omega C) q_l + G_l^H F_l - E_l,
+ *
+ * with diagonal K, M, C. In real numbers, with one row for the cosine and one for the sine part of each component,
+ *
+ *     Gr_l = [  Re G   Im G ]        acts on [c; s] and gives (cosine, sine);
+ *            [ -Im G   Re G ]        its transpose gives modal forces, since G^H F = (Re G^T Fc - Im G^T Fs, ...).
+ *
+ * The contact law couples the harmonics at a point by a tangent B = dF/dX, hence J_lm = Gr_l^T B_lm Gr_m + linear part.
+ * First Z = B Gr is computed for a chunk of components that fits the cache, then one matrix product for each harmonic.
+ *
+ * Only components with a full B need these products. A component that sticks (or stays in contact) through the cycle has
+ * B = k I and couples no harmonics. The sum K = Gr^T k Gr over all points is computed once for each of the three
+ * components of motion. An evaluation either starts from K and subtracts the components that are not linear, or starts
+ * from zero and adds the linear ones, depending on which are fewer. Thus open components cost nothing, and without
+ * sticking points J contains no rounding error of K - K. */
+#include "balance/harmonic_balance.h"
+
+#include "util/clock.h"
+#include "contact/force_derivative.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int n_row(int l) { return l == 0 ? 1 : 2; } /* rows for each component of motion */
+
+static void copy(double *to, const double *from, size_t n) {
+    if (n > 0) memcpy(to, from, sizeof(double) * n);
+}
+
+/* Gr_l from the complex interleaved G_l (n_rows, n_mode). */
+static void expand_modes(double *real, const double *complex_G, size_t n_component, int n_mode, int l) {
+    const size_t n = (size_t)n_mode;
+    for (size_t i = 0; i < n_component; ++i)
+        for (size_t j = 0; j < n; ++j) {
+            const double re = complex_G[2 * (i * n + j)], im = complex_G[2 * (i * n + j) + 1];
+            if (l == 0) {
+                real[i * n + j] = re;
+            } else {
+                double *row = real + i * 4 * n;
+                row[j] = re;
+                row[n + j] = im;
+                row[2 * n + j] = -im;
+                row[3 * n + j] = re;
+            }
+        }
+}
+
+static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
+    for (int p = 0; p < in->n_point; ++p)
+        hbm->element[p] = (bd_element){.law = (bd_law)in->law[p],
+                                       .kt = {in->kt[2 * p], in->kt[2 * p + 1]},
+                                       .kn = in->kn[p],
+                                       .mu = in->mu[p],
+                                       .n0 = in->n0[p],
+                                       .w = {in->w[2 * p], in->w[2 * p + 1]},
+                                       .load = in->load ? in->load[p] : in->n0[p],
+                                       .point_law = hbm->point_law + p};
+}
+
+/* Stiffness of the spring of component a of a point, 0 if it has none. */
+static double spring(const bd_element *element, int a) {
+    if (element->law == BD_LAW_USER) return 0.0; /* unknown without a call of the law */
+    if (a == 2) return element->kn;
+    return element->law == BD_LAW_BONDED || bd_element_has_friction(element, a) ? element->kt[a] : 0.0;
+}
+
+static size_t columns_of(const bd_hbm *hbm, int l) { return (size_t)(n_row(l) * hbm->n_mode[l]); }
+
+static const double *rows_of(const bd_hbm *hbm, int l, size_t component) {
+    return hbm->G[l] + component * (size_t)n_row(l) * columns_of(hbm, l);
+}
+
+static int linear_create(bd_hbm *hbm) {
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        const size_t n = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(n);
+        hbm->spring_stiffness[l] = calloc(3 * n * n + 1, sizeof(double));
+        double *scaled = calloc(rows * stride + BD_KERNEL_PAD, sizeof(double));
+        if (!hbm->spring_stiffness[l] || !scaled) {
+            free(scaled);
+            return 0;
+        }
+        for (size_t p = 0; p < (size_t)hbm->n_point; ++p)
+            for (int a = 0; a < 3; ++a) {
+                const double k = spring(hbm->element + p, a), *g = rows_of(hbm, l, 3 * p + (size_t)a);
+                for (size_t i = 0; i < rows; ++i)
+                    for (size_t j = 0; j < n; ++j) scaled[i * stride + j] = k * g[i * n + j];
+                hbm->kernel->product(n, n, rows, g, scaled, stride, hbm->spring_stiffness[l] + (size_t)a * n * n, n);
+            }
+        free(scaled);
+    }
+    return 1;
+}
+
+bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
+    memset(hbm, 0, sizeof *hbm);
+    hbm->kernel = bd_kernel_get();
+    if (!hbm->kernel || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
+    for (int p = 0; p < in->n_point; ++p)
+        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_supports(in->evaluation, (bd_law)in->law[p]) ||
+            (in->law[p] == BD_LAW_USER && !(in->point_law && in->point_law[p].function)))
+            return BD_BAD_ARGUMENT;
+    bd_status status = bd_evaluator_create(&hbm->evaluator, in->evaluation, in->n_harm, in->n_time);
+    if (status == BD_OK) status = bd_evaluator_add_laws(&hbm->evaluator, in->n_point, in->point_law);
+    if (status != BD_OK) {
+        bd_evaluator_destroy(&hbm->evaluator);
+        return status;
+    }
+    const size_t n_coef = (size_t)bd_n_coef(in->n_harm), n_component = 3 * (size_t)in->n_point;
+    const size_t n_group = (size_t)in->n_harm + 1;
+    hbm->n_point = in->n_point;
+    hbm->n_harm = in->n_harm;
+    hbm->n_coef = (int)n_coef;
+    hbm->n_mode = malloc(sizeof(int) * n_group);
+    hbm->first_unknown = malloc(sizeof(int) * (n_group + 1));
+    hbm->G = calloc(n_group, sizeof(double *));
+    if (!hbm->n_mode || !hbm->first_unknown || !hbm->G) goto no_memory;
+    size_t n_modes = 0;
+    hbm->first_unknown[0] = 0;
+    for (int l = 0; l <= in->n_harm; ++l) {
+        hbm->n_mode[l] = in->n_mode[l];
+        hbm->first_unknown[l + 1] = hbm->first_unknown[l] + n_row(l) * in->n_mode[l];
+        n_modes += (size_t)in->n_mode[l];
+    }
+    const size_t n_unknown = (size_t)hbm->first_unknown[n_group];
+    hbm->n_unknown = (int)n_unknown;
+    size_t n_column = 1; /* of G over all harmonics */
+    for (int l = 0; l <= in->n_harm; ++l) n_column += (size_t)(n_row(l) * n_row(l) * in->n_mode[l]);
+    /* some 256 kB of Z at a time */
+    const size_t per_component = n_coef * bd_kernel_stride(n_unknown);
+    hbm->chunk = (int)(32768 / per_component) + 4;
+    const size_t chunk = (size_t)hbm->chunk;
+
+    hbm->stiffness = malloc(sizeof(double) * (n_modes + 1));
+    hbm->mass = malloc(sizeof(double) * (n_modes + 1));
+    hbm->damping = malloc(sizeof(double) * (n_modes + 1));
+    hbm->force = malloc(sizeof(double) * (n_unknown + 1));
+    hbm->element = malloc(sizeof(bd_element) * ((size_t)in->n_point + 1));
+    hbm->point_law = bd_point_laws_create(in->n_point, in->point_law);
+    hbm->share = calloc((size_t)in->n_point + 1, sizeof(bd_status_share));
+    hbm->shift = malloc(sizeof(double) * (n_component + 1));
+    hbm->X = calloc(n_component * n_coef + 1, sizeof(double));
+    hbm->F = calloc(n_component * n_coef + 1, sizeof(double));
+    hbm->harmonic_values = malloc(sizeof(double) * (2 * n_component + 1));
+    hbm->shifted_amplitudes = malloc(sizeof(double) * (n_unknown + 1));
+    hbm->tangent_kind = calloc(n_component + 1, 1);
+    hbm->spring_stiffness = calloc(n_group, sizeof(double *));
+    hbm->tangent_blocks = malloc(sizeof(double) * BD_LANES * 9 * n_coef * n_coef);
+    hbm->tangent_modes = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
+    hbm->chunk_modes = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
+    if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element || !hbm->point_law || !hbm->share ||
+        !hbm->shift || !hbm->X || !hbm->F || !hbm->harmonic_values || !hbm->shifted_amplitudes || !hbm->tangent_kind ||
+        !hbm->spring_stiffness || !hbm->tangent_blocks || !hbm->tangent_modes || !hbm->chunk_modes)
+        goto no_memory;
+    copy(hbm->stiffness, in->stiffness, n_modes);
+    copy(hbm->mass, in->mass, n_modes);
+    copy(hbm->damping, in->damping, n_modes);
+    copy(hbm->force, in->force, n_unknown);
+    copy(hbm->shift, in->shift, n_component);
+    set_elements(hbm, in);
+    const double *G = in->G;
+    for (int l = 0; l <= in->n_harm; ++l) {
+        const size_t n = (size_t)in->n_mode[l], rows = (size_t)n_row(l);
+        hbm->G[l] = calloc(n_component * rows * rows * n + BD_KERNEL_PAD, sizeof(double));
+        if (!hbm->G[l]) goto no_memory;
+        expand_modes(hbm->G[l], G, n_component, in->n_mode[l], l);
+        G += 2 * n_component * n;
+    }
+    if (!linear_create(hbm)) goto no_memory;
+    return BD_OK;
+no_memory:
+    bd_hbm_destroy(hbm);
+    return BD_NO_MEMORY;
+}
+
+void bd_hbm_destroy(bd_hbm *hbm) {
+    if (!hbm) return;
+    if (hbm->variation) hbm->variation->destroy(hbm->variation);
+    if (hbm->G)
+        for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->G[l]);
+    if (hbm->spring_stiffness)
+        for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->spring_stiffness[l]);
+    free(hbm->spring_stiffness);
+    free(hbm->shifted_amplitudes);
+    free(hbm->tangent_kind);
+    free(hbm->chunk_modes);
+    free(hbm->G);
+    free(hbm->n_mode);
+    free(hbm->first_unknown);
+    free(hbm->stiffness);
+    free(hbm->mass);
+    free(hbm->damping);
+    free(hbm->force);
+    free(hbm->element);
+    free(hbm->point_law);
+    free(hbm->share);
+    free(hbm->shift);
+    free(hbm->X);
+    free(hbm->F);
+    free(hbm->harmonic_values);
+    free(hbm->tangent_blocks);
+    free(hbm->tangent_modes);
+    bd_evaluator_destroy(&hbm->evaluator);
+    memset(hbm, 0, sizeof *hbm);
+}
+
+/* ---- motion and force ---- */
+
+void bd_hbm_motion(bd_hbm *hbm, const double *u) {
+    const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        const double *q = u + hbm->first_unknown[l];
+        const size_t n_mode = (size_t)hbm->n_mode[l];
+        if (l == 0) {
+            hbm->kernel->multiply(n_component, n_mode, hbm->G[0], q, hbm->harmonic_values);
+        } else { /* the sine row of Gr on [c; s] is the cosine row on [s; -c] */
+            for (size_t j = 0; j < n_mode; ++j) {
+                hbm->shifted_amplitudes[j] = q[n_mode + j];
+                hbm->shifted_amplitudes[n_mode + j] = -q[j];
+            }
+            hbm->kernel->multiply_pairs(n_component, 2 * n_mode, hbm->G[l], q, hbm->shifted_amplitudes,
+                                        hbm->harmonic_values);
+        }
+        for (size_t i = 0; i < n_component; ++i) {
+            double *X = hbm->X + i * n_coef;
+            if (l == 0) {
+                X[0] = hbm->harmonic_values[i] + hbm->shift[i];
+            } else {
+                X[2 * l - 1] = hbm->harmonic_values[2 * i];
+                X[2 * l] = hbm->harmonic_values[2 * i + 1];
+            }
+        }
+    }
+}
+
+void bd_hbm_add_force(bd_hbm *hbm, const double *F, double *r) {
+    const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        for (size_t i = 0; i < n_component; ++i) {
+            const double *f = F + i * n_coef;
+            if (l == 0) {
+                hbm->harmonic_values[i] = f[0];
+            } else {
+                hbm->harmonic_values[2 * i] = f[2 * l - 1];
+                hbm->harmonic_values[2 * i + 1] = f[2 * l];
+            }
+        }
+        hbm->kernel->multiply_transposed(n_component * (size_t)n_row(l), columns_of(hbm, l), hbm->G[l],
+                                         hbm->harmonic_values, r + hbm->first_unknown[l]);
+    }
+}
+
+void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+    const size_t n = (size_t)hbm->n_unknown;
+    const double *k = hbm->stiffness, *m = hbm->mass, *c = hbm->damping;
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        const size_t n_mode = (size_t)hbm->n_mode[l], first = (size_t)hbm->first_unknown[l];
+        for (size_t j = 0; j < n_mode; ++j, ++k, ++m, ++c) {
+            const size_t a = first + j, b = a + n_mode;
+            const double w = l * omega, dynamic = *k - w * w * *m, loss = w * *c;
+            if (l == 0) {
+                r[a] = *k * u[a] - hbm->force[a];
+                if (J) J[a * n + a] += *k;
+                if (r_omega) r_omega[a] = 0.0;
+                continue;
+            }
+            r[a] = dynamic * u[a] + loss * u[b] - hbm->force[a];
+            r[b] = dynamic * u[b] - loss * u[a] - hbm->force[b];
+            if (J) {
+                J[a * n + a] += dynamic;
+                J[a * n + b] += loss;
+                J[b * n + b] += dynamic;
+                J[b * n + a] -= loss;
+            }
+            if (r_omega) {
+                const double d_dynamic = -2.0 * l * w * *m, d_loss = l * *c;
+                r_omega[a] = d_dynamic * u[a] + d_loss * u[b];
+                r_omega[b] = d_dynamic * u[b] - d_loss * u[a];
+            }
+        }
+    }
+}
+
+/* ---- Jacobian ---- */
+
+/* Z and its rows of G hold, harmonic after harmonic, the rows (component of the chunk, cosine/sine). */
+static double *z_row(const bd_hbm *hbm, int l, size_t slot, int part) {
+    const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1); /* rows for each component in lower harmonics */
+    const size_t index = before * (size_t)hbm->chunk + slot * (size_t)n_row(l) + (size_t)part;
+    return hbm->tangent_modes + index * bd_kernel_stride((size_t)hbm->n_unknown);
+}
+
+static double *a_rows(const bd_hbm *hbm, int l) {
+    size_t before = 0;
+    for (int m = 0; m < l; ++m) before += (size_t)n_row(m) * columns_of(hbm, m);
+    return hbm->chunk_modes + before * (size_t)hbm->chunk;
+}
+
+/* J += Gr^T Z for the components of the chunk, then empty the chunk. */
+static void flush_chunk(bd_hbm *hbm, double *J) {
+    const size_t n = (size_t)hbm->n_unknown, stride = bd_kernel_stride(n);
+    if (hbm->n_chunk == 0) return;
+    for (int l = 0; l <= hbm->n_harm; ++l)
+        hbm->kernel->product(columns_of(hbm, l), n, (size_t)(hbm->n_chunk * n_row(l)), a_rows(hbm, l), z_row(hbm, l, 0, 0),
+                             stride, J + (size_t)hbm->first_unknown[l] * n, n);
+    hbm->n_chunk = 0;
+}
+
+/* Add component a of point p, whose tangent is full, to the chunk. */
+static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *response, double *J) {
+    const double *g[(BD_MAX_HARM + 1) * 3];
+    double *z[BD_MAX_COEF];
+    bd_fill fill = {.n_harm = hbm->n_harm, .n_mode = hbm->n_mode, .first = hbm->first_unknown, .g = g, .z = z};
+    size_t source[3];
+    if (a == 2) {
+        fill.block[0] = response->dN, source[0] = 2, fill.n_source = 1;
+        for (size_t d = 0; d < 2 && response->with_tangential; ++d)
+            fill.block[fill.n_source] = response->dNt[d], source[fill.n_source++] = d;
+    } else {
+        fill.block[0] = response->dT[a], source[0] = (size_t)a, fill.n_source = 1;
+        if (response->with_normal[a]) fill.block[fill.n_source] = response->dTv[a], source[fill.n_source++] = 2;
+        if (response->coupled) fill.block[fill.n_source] = response->dTc[a], source[fill.n_source++] = (size_t)(1 - a);
+    }
+    const size_t slot = (size_t)hbm->n_chunk++;
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        const size_t size = (size_t)n_row(l) * columns_of(hbm, l);
+        for (int s = 0; s < fill.n_source; ++s) g[l * fill.n_source + s] = rows_of(hbm, l, 3 * p + source[s]);
+        for (int part = 0; part < n_row(l); ++part) z[l == 0 ? 0 : 2 * l - 1 + part] = z_row(hbm, l, slot, part);
+        copy(a_rows(hbm, l) + slot * size, rows_of(hbm, l, 3 * p + (size_t)a), size);
+    }
+    hbm->kernel->fill_rows(&fill);
+    if (hbm->n_chunk == hbm->chunk) flush_chunk(hbm, J);
+}
+
+/* J += sign * k g g^T, harmonic by harmonic, for the components a whose tangent is linear (or, with sign -1, is not). */
+static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) {
+    const size_t n = (size_t)hbm->n_unknown;
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        const size_t columns = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(columns);
+        double *to = J + (size_t)hbm->first_unknown[l] * n + (size_t)hbm->first_unknown[l];
+        size_t slot = 0;
+        for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
+            const double k = sign * spring(hbm->element + p, a);
+            if (k != 0.0 && (hbm->tangent_kind[3 * p + (size_t)a] == BD_BLOCK_LINEAR) == linear) {
+                const double *g = rows_of(hbm, l, 3 * p + (size_t)a);
+                copy(hbm->chunk_modes + slot * rows * columns, g, rows * columns);
+                for (size_t i = 0; i < rows; ++i)
+                    for (size_t j = 0; j < columns; ++j)
+                        hbm->tangent_modes[(slot * rows + i) * stride + j] = k * g[i * columns + j];
+                ++slot;
+            }
+            if (slot == (size_t)hbm->chunk || p + 1 == (size_t)hbm->n_point) {
+                hbm->kernel->product(columns, columns, slot * rows, hbm->chunk_modes, hbm->tangent_modes, stride, to, n);
+                slot = 0;
+            }
+        }
+    }
+}
+
+/* Add the components that are linear through the cycle. In a speed family the sums over all points change with the
+ * parameter and are not computed. */
+static void add_linear_components(bd_hbm *hbm, double *J) {
+    const size_t n = (size_t)hbm->n_unknown;
+    for (int a = 0; a < 3; ++a) {
+        int n_linear = 0, n_spring = 0;
+        for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
+            const int has = spring(hbm->element + p, a) != 0.0;
+            n_spring += has;
+            n_linear += has && hbm->tangent_kind[3 * p + (size_t)a] == BD_BLOCK_LINEAR;
+        }
+        if (hbm->variation || 2 * n_linear <= n_spring) {
+            if (n_linear > 0) add_springs(hbm, a, 1, 1.0, J);
+            continue;
+        }
+        for (int l = 0; l <= hbm->n_harm; ++l) {
+            const size_t columns = columns_of(hbm, l), first = (size_t)hbm->first_unknown[l];
+            const double *K = hbm->spring_stiffness[l] + (size_t)a * columns * columns;
+            for (size_t i = 0; i < columns; ++i)
+                for (size_t j = 0; j < columns; ++j) J[(first + i) * n + first + j] += K[i * columns + j];
+        }
+        if (n_linear < n_spring) add_springs(hbm, a, 0, -1.0, J);
+    }
+}
+
+static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int tangent) {
+    const size_t nn = (size_t)hbm->n_coef * (size_t)hbm->n_coef;
+    double *block = hbm->tangent_blocks + lane * 9 * nn;
+    bd_response out = {.F = hbm->F + 3 * p * (size_t)hbm->n_coef};
+    if (tangent) {
+        for (int d = 0; d < 2; ++d) {
+            out.dT[d] = block + (size_t)d * nn;
+            out.dTv[d] = block + (size_t)(2 + d) * nn;
+            out.dTc[d] = block + (size_t)(4 + d) * nn;
+            out.dNt[d] = block + (size_t)(7 + d) * nn;
+        }
+        out.dN = block + 6 * nn;
+    }
+    return out;
+}
+
+/* Derivatives of the forces of a group of points, from its tangents. */
+static void find_derivatives(bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
+    const size_t size = 3 * (size_t)hbm->n_coef;
+    for (size_t p = first; p < first + n; ++p)
+        bd_force_derivative(hbm->element + p, hbm->derivative->element + p, hbm->n_harm, hbm->X + p * size,
+                            hbm->derivative->X + p * size, response + (p - first), hbm->derivative->F + p * size);
+}
+
+/* Contact forces of all points and their contribution to J. */
+static void contact_part(bd_hbm *hbm, double *J) {
+    bd_response response[BD_LANES];
+    const int tangent = J || hbm->derivative;
+    double assembly = 0.0;
+    const double started = bd_seconds();
+    for (size_t first = 0; first < (size_t)hbm->n_point; first += BD_LANES) {
+        const size_t left = (size_t)hbm->n_point - first, n = left < BD_LANES ? left : BD_LANES;
+        for (size_t i = 0; i < n; ++i) response[i] = response_of(hbm, first + i, i, tangent);
+        bd_contact_evaluate_many((int)n, hbm->element + first, hbm->X + 3 * first * (size_t)hbm->n_coef, response,
+                                 hbm->share + first, &hbm->evaluator);
+        if (hbm->derivative) find_derivatives(hbm, first, n, response);
+        if (!J) continue;
+        const double evaluated = bd_seconds();
+        for (size_t i = 0; i < n; ++i)
+            for (int a = 0; a < 3; ++a) {
+                const bd_block kind = a < 2 ? response[i].tangential[a] : response[i].normal;
+                hbm->tangent_kind[3 * (first + i) + (size_t)a] = (unsigned char)kind;
+                if (kind == BD_BLOCK_FULL) add_component(hbm, first + i, a, response + i, J);
+            }
+        assembly += bd_seconds() - evaluated;
+    }
+    const double evaluated = bd_seconds();
+    hbm->cost.contact += evaluated - started - assembly;
+    if (J) {
+        flush_chunk(hbm, J);
+        add_linear_components(hbm, J);
+    }
+    hbm->cost.assembly += assembly + bd_seconds() - evaluated;
+}
+
+static int all_finite(const double *x, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; ++i) sum += x[i] * 0.0; /* preserves NaN and infinity */
+    return sum == 0.0;
+}
+
+/* Invalidate motion, forces and shares at a point without evaluation. */
+static void set_not_finite(bd_hbm *hbm) {
+    const size_t n = 3 * (size_t)hbm->n_point * (size_t)hbm->n_coef;
+    for (size_t i = 0; i < n; ++i) hbm->X[i] = hbm->F[i] = NAN;
+    for (int p = 0; p < hbm->n_point; ++p) hbm->share[p] = (bd_status_share){{NAN, NAN}, {NAN, NAN}, NAN};
+}
+
+bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+    return hbm->variation ? hbm->variation->evaluate(hbm, u, omega, r, J, r_omega)
+                          : bd_hbm_evaluate_at(hbm, u, omega, r, J, r_omega);
+}
+
+bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+    const size_t n = (size_t)hbm->n_unknown;
+    if (!all_finite(u, n) || !isfinite(omega)) {
+        set_not_finite(hbm);
+        return BD_NOT_FINITE;
+    }
+    const double started = bd_seconds();
+    if (J) memset(J, 0, sizeof(double) * n * n);
+    bd_hbm_motion(hbm, u);
+    bd_hbm_linear_part(hbm, u, omega, r, J, r_omega);
+    hbm->cost.assembly += bd_seconds() - started;
+    contact_part(hbm, J);
+    const double evaluated = bd_seconds();
+    bd_hbm_add_force(hbm, hbm->F, r);
+    hbm->cost.assembly += bd_seconds() - evaluated;
+    ++hbm->cost.n_evaluation;
+    if (J) ++hbm->cost.n_jacobian;
+    return all_finite(r, n) && (!J || all_finite(J, n * n)) ? BD_OK : BD_NOT_FINITE;
+}

@@ -1,0 +1,166 @@
+/* Nonlinear modes by extended periodic motion: a force proportional to mass times velocity balances the losses of the
+ * autonomous system,
+ *
+ *     M q'' + (C - xi M) q' + K q + f_c(q) = f_static,      xi = 2 omega zeta,
+ *
+ * with the modal damping zeta (Krack 2015). Let Q_l = a P_l for the harmonics l > 0. Q_0 is not scaled. The equations of
+ * l > 0 are divided by a, so small vibration under a large static force loses no digits:
+ *
+ *     R_0 = K Q_0 + F_0(Q) - f_static,
+ *     R_l/a = [K - (l omega)^2 M + i l omega (C - xi M)] P_l + F_l(Q)/a,
+ *     weight (re . P - 1) = 0,  weight im . P = 0.
+ *
+ * The last two equations make a the amplitude of a selected motion and fix its phase. With the Jacobian S + J of the
+ * sector at Q,
+ *
+ *     d(R_l/a)/dP_k = (S + J)_lk             d(R_l/a)/dQ_0 = J_l0/a
+ *     dR_0/dP_k = a J_0k                     dR_0/d ln a = a sum_k J_0k P_k
+ *     d(R_l/a)/dxi = -i l omega M P_l        d(R_l/a)/d ln a = sum_k (S + J)_lk P_k - R_l/a,      k > 0.
+ *
+ * d(R_l/a)/domega is the derivative of the sector with C - xi M instead of C, plus 2 zeta d(R_l/a)/dxi. The unknown is
+ * zeta. Coordinates without mass carry none of this force. */
+#include "balance/nonlinear_mode.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct {
+    bd_dense dense;
+    bd_sector *sector;
+    double weight;
+    double *re, *im; /* (n) */
+    double *u;       /* (n) unknowns of the sector */
+    double *r, *C;   /* (n) its residual and derivative with respect to omega */
+    double *J;       /* (n, n) */
+    double *force;   /* (n) its static forces */
+    double *by_xi;   /* (n) */
+    double *damping; /* C - xi M for each mode */
+    double *memory;
+} modes_equations;
+
+static double dot(const double *x, const double *y, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; ++i) sum += x[i] * y[i];
+    return sum;
+}
+
+/* Evaluate the sector at Q with the damping C - xi M and without excitation. */
+static bd_status evaluate_sector(modes_equations *modes, double omega, double xi, int derivative) {
+    bd_hbm *hbm = &modes->sector->hbm;
+    double *damping = hbm->damping, *force = hbm->force;
+    size_t mode = 0;
+    for (int l = 0; l <= hbm->n_harm; ++l)
+        for (int j = 0; j < hbm->n_mode[l]; ++j, ++mode) modes->damping[mode] = damping[mode] - xi * hbm->mass[mode];
+    hbm->damping = modes->damping;
+    hbm->force = modes->force;
+    const bd_status status =
+        bd_hbm_evaluate(hbm, modes->u, omega, modes->r, derivative ? modes->J : NULL, derivative ? modes->C : NULL);
+    hbm->damping = damping;
+    hbm->force = force;
+    return status;
+}
+
+/* by_xi: -i l omega M P_l, with P_l = c - i s. */
+static void differentiate_by_xi(modes_equations *modes, const double *y, double omega) {
+    const bd_hbm *hbm = &modes->sector->hbm;
+    const double *mass = hbm->mass + hbm->n_mode[0];
+    memset(modes->by_xi, 0, sizeof(double) * (size_t)hbm->n_mode[0]);
+    for (int l = 1; l <= hbm->n_harm; ++l) {
+        const size_t first = (size_t)hbm->first_unknown[l], n = (size_t)hbm->n_mode[l];
+        for (size_t j = 0; j < n; ++j) {
+            modes->by_xi[first + j] = -l * omega * mass[j] * y[first + n + j];
+            modes->by_xi[first + n + j] = l * omega * mass[j] * y[first + j];
+        }
+        mass += n;
+    }
+}
+
+static void fill_jacobian(modes_equations *modes, const double *y, double omega, double zeta, double a) {
+    bd_equations *e = &modes->dense.base;
+    const size_t n = (size_t)modes->sector->dense.base.n, n2 = n + 2, mean = (size_t)modes->sector->hbm.n_mode[0];
+    for (size_t i = 0; i < n; ++i) {
+        const double *from = modes->J + i * n;
+        double *to = e->J + i * n2;
+        const double unit = i < mean ? 1.0 : 1.0 / a;
+        for (size_t j = 0; j < mean; ++j) to[j] = unit * from[j];
+        for (size_t j = mean; j < n; ++j) to[j] = unit * a * from[j];
+        to[n] = unit * modes->C[i] + 2.0 * zeta * modes->by_xi[i];
+        to[n + 1] = 2.0 * omega * modes->by_xi[i];
+        e->C[i] = dot(to + mean, y + mean, n - mean) - (i < mean ? 0.0 : e->r[i]);
+    }
+    memset(e->J + n * n2, 0, sizeof(double) * 2 * n2);
+    for (size_t j = 0; j < n; ++j) {
+        e->J[n * n2 + j] = modes->weight * modes->re[j];
+        e->J[(n + 1) * n2 + j] = modes->weight * modes->im[j];
+    }
+    e->C[n] = e->C[n + 1] = 0.0;
+}
+
+static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
+    modes_equations *modes = (modes_equations *)e;
+    const size_t n = (size_t)modes->sector->dense.base.n, mean = (size_t)modes->sector->hbm.n_mode[0];
+    const double omega = y[n], zeta = y[n + 1], a = exp(y[n + 2]);
+    for (size_t i = 0; i < n; ++i) modes->u[i] = i < mean ? y[i] : a * y[i];
+    const bd_status status = evaluate_sector(modes, omega, 2.0 * omega * zeta, derivative);
+    if (status != BD_OK) return status;
+    for (size_t i = 0; i < n; ++i) e->r[i] = i < mean ? modes->r[i] : modes->r[i] / a;
+    e->r[n] = modes->weight * (dot(modes->re, y, n) - 1.0);
+    e->r[n + 1] = modes->weight * dot(modes->im, y, n);
+    if (derivative) {
+        differentiate_by_xi(modes, y, omega);
+        fill_jacobian(modes, y, omega, zeta, a);
+    }
+    double sum = 0.0;
+    for (size_t i = 0; i < n + 2; ++i) sum += e->r[i] * 0.0; /* preserves NaN and infinity */
+    return sum == 0.0 ? BD_OK : BD_NOT_FINITE;
+}
+
+static void destroy(bd_equations *e) {
+    modes_equations *modes = (modes_equations *)e;
+    bd_dense_destroy(&modes->dense);
+    free(modes->memory);
+    free(modes);
+}
+
+static const bd_equations_type MODES = {evaluate, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed,
+                                        NULL,     destroy};
+
+bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *re, const double *im, double weight,
+                          const double *row_scale) {
+    const bd_hbm *hbm = &sector->hbm;
+    const size_t n = (size_t)hbm->n_unknown, mean = (size_t)hbm->n_mode[0];
+    *out = NULL;
+    if (hbm->variation) return BD_BAD_ARGUMENT; /* the arrays of a family are undefined before an evaluation */
+    modes_equations *modes = calloc(1, sizeof *modes);
+    if (!modes) return BD_NO_MEMORY;
+    bd_status status =
+        bd_dense_create(&modes->dense, &MODES, (int)n + 2, row_scale, &sector->dense.lapack, sector->dense.base.cost);
+    size_t n_mode = 0;
+    for (int l = 0; l <= hbm->n_harm; ++l) n_mode += (size_t)hbm->n_mode[l];
+    modes->memory = calloc(7 * n + n * n + n_mode, sizeof(double));
+    if (status == BD_OK && !modes->memory) status = BD_NO_MEMORY;
+    if (status != BD_OK) {
+        destroy(&modes->dense.base);
+        return status;
+    }
+    double *p = modes->memory;
+    modes->sector = sector;
+    modes->weight = weight;
+    modes->re = p, p += n;
+    modes->im = p, p += n;
+    modes->u = p, p += n;
+    modes->r = p, p += n;
+    modes->C = p, p += n;
+    modes->force = p, p += n;
+    modes->by_xi = p, p += n;
+    modes->J = p, p += n * n;
+    modes->damping = p;
+    if (n > mean) {
+        memcpy(modes->re + mean, re + mean, sizeof(double) * (n - mean));
+        memcpy(modes->im + mean, im + mean, sizeof(double) * (n - mean));
+    }
+    if (mean > 0) memcpy(modes->force, hbm->force, sizeof(double) * mean);
+    *out = &modes->dense.base;
+    return BD_OK;
+}

@@ -1,0 +1,249 @@
+/* Force coefficients (paper, Eq. (15)) and tangent from the sums over a cycle.
+ *
+ * At every instant, one tangential direction is in one of the states
+ *
+ *     stick   T = kt (u - w)                w constant since it was set at theta*
+ *     slip+-  T = +- mu N,   N = n0 + kn v
+ *     open    T = 0
+ *
+ * Projection on the basis b needs the integrals of b b^T over the parts in each state. Products of sines and cosines are
+ * sums of exponentials. With E_n = int exp(i n theta) over such parts,
+ *
+ *     int cos_l cos_m = Re(E_{l-m} + E_{l+m})/2
+ *     int sin_l sin_m = Re(E_{l-m} - E_{l+m})/2
+ *     int cos_l sin_m = Im(E_{l+m} + E_{m-l})/2,      E_{-n} = conj E_n.
+ *
+ * Let Gs and Gp - Gm be these matrices over the sticking and slipping parts, and gs, gp - gm the integrals of b. Then
+ *
+ *     T  = kt (Gs u - sum_parts g w) + mu n0 (gp - gm) + mu kn (Gp - Gm) v
+ *     dT = kt (Gs - sum_parts g dw/du^T) du + (mu kn (Gp - Gm) - kt sum_parts g dw/dv^T) dv.
+ *
+ * The force is continuous at a change of state, so moving such an instant has no first-order effect. Rows are scaled by
+ * 1/(2 pi) for the mean and 1/pi for the harmonics. A quadrature instead of the integrals yields the sampled evaluation
+ * with the same formulas.
+ *
+ * A cubic spring T = k u^3 has dT = 3 k u^2 du. Its tangent is three times the matrix of products with the weight k u^2,
+ * E_n = int k u^2 exp(i n theta). With u = sum_n a_n exp(i n theta), the weight has the coefficients k sum_m a_m
+ * a_{n-m}; those beyond 2 n_harm are zero. */
+#include "contact/element.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void bd_cycle_clear(bd_cycle *cycle) {
+    const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm), n_power = (size_t)bd_n_power(cycle->n_harm);
+    memset(cycle->stick, 0, sizeof(double) * n_power);
+    memset(cycle->slip, 0, sizeof(double) * n_power);
+    memset(cycle->stick_slider, 0, sizeof(double) * n_coef);
+    if (cycle->stick_slider_u) {
+        memset(cycle->stick_slider_u, 0, sizeof(double) * n_coef * n_coef);
+        memset(cycle->stick_slider_v, 0, sizeof(double) * n_coef * n_coef);
+    }
+}
+
+void bd_cycle_integrate(int n_harm, double *E, double length, const double *start, const double *end, double sign) {
+    E[0] += sign * length;
+    E[1] = E[0];
+    for (int n = 1; n <= 2 * n_harm; ++n) {
+        const double factor = sign / n;
+        E[2 * n] += factor * (end[2 * n + 1] - start[2 * n + 1]);
+        E[2 * n + 1] -= factor * (end[2 * n] - start[2 * n]);
+    }
+}
+
+void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part) {
+    const int n_coef = bd_n_coef(cycle->n_harm);
+    for (int i = 0; i < n_coef; ++i) cycle->stick_slider[i] += w * g[i];
+    if (!cycle->stick_slider_u || !du_part) return;
+    for (int i = 0; i < n_coef; ++i) {
+        double *restrict row_u = cycle->stick_slider_u + (size_t)i * (size_t)n_coef;
+        double *restrict row_v = cycle->stick_slider_v + (size_t)i * (size_t)n_coef;
+        for (int j = 0; j < n_coef; ++j) {
+            row_u[j] += g[i] * du_part[j];
+            row_v[j] += g[i] * dv_part[j];
+        }
+    }
+}
+
+void bd_cycle_products(int n_harm, const double *E, double *products) {
+    const size_t n_coef = (size_t)bd_n_coef(n_harm);
+    const double *g = E + 1;
+    for (size_t j = 0; j < n_coef; ++j) products[j] = products[j * n_coef] = g[j];
+    for (int l = 1; l <= n_harm; ++l) {
+        double *cos_row = products + (size_t)(2 * l - 1) * n_coef, *sin_row = cos_row + n_coef;
+        for (int m = 1; m <= n_harm; ++m) {
+            const int d = l > m ? l - m : m - l, s = l + m;
+            const double re_d = E[2 * d], im_d = d == 0 ? 0.0 : (m > l ? E[2 * d + 1] : -E[2 * d + 1]);
+            const double re_s = E[2 * s], im_s = E[2 * s + 1];
+            cos_row[2 * m - 1] = 0.5 * (re_d + re_s);
+            cos_row[2 * m] = 0.5 * (im_s + im_d);
+            sin_row[2 * m - 1] = 0.5 * (im_s - im_d);
+            sin_row[2 * m] = 0.5 * (re_d - re_s);
+        }
+    }
+}
+
+static double row_scale(int i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; }
+
+void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u, const double *v,
+                       bd_response *out, double *scratch) {
+    const int n_coef = bd_n_coef(cycle->n_harm), constant = bd_law_is_constant(element->law);
+    const size_t n = (size_t)n_coef;
+    const double kt = element->kt[d], mu = element->mu, mu_kn = constant ? 0.0 : element->mu * element->kn;
+    const double load = constant ? fmax(element->load, 0.0) : element->n0;
+    double *F = out->F + (size_t)d * n;
+    double *dT = out->dT[d], *dTv = out->dTv[d];
+    const int tangent = cycle->stick_slider_u != NULL;
+
+    bd_cycle_products(cycle->n_harm, cycle->stick, scratch);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const double *row = scratch + (size_t)i * n;
+        double sum = -cycle->stick_slider[i];
+        for (int j = 0; j < n_coef; ++j) sum += row[j] * u[j];
+        F[i] = scale * kt * sum;
+        if (tangent)
+            for (int j = 0; j < n_coef; ++j)
+                dT[(size_t)i * n + (size_t)j] = scale * kt * (row[j] - cycle->stick_slider_u[(size_t)i * n + (size_t)j]);
+    }
+    out->tangential[d] = BD_BLOCK_FULL;
+    out->with_normal[d] = mu_kn > 0.0;
+    for (int i = 0; i < n_coef; ++i) F[i] += row_scale(i) * mu * load * cycle->slip[1 + i];
+    if (mu_kn == 0.0) return;
+    bd_cycle_products(cycle->n_harm, cycle->slip, scratch);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const double *row = scratch + (size_t)i * n;
+        double sum = 0.0;
+        for (int j = 0; j < n_coef; ++j) sum += row[j] * v[j];
+        F[i] += scale * mu_kn * sum;
+        if (tangent)
+            for (int j = 0; j < n_coef; ++j)
+                dTv[(size_t)i * n + (size_t)j] =
+                    scale * (mu_kn * row[j] - kt * cycle->stick_slider_v[(size_t)i * n + (size_t)j]);
+    }
+}
+
+void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v, bd_response *out,
+                     double *scratch) {
+    const int n_coef = bd_n_coef(n_harm);
+    const size_t n = (size_t)n_coef;
+    bd_cycle_products(n_harm, contact, scratch);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const double *row = scratch + (size_t)i * n;
+        double sum = element->n0 * contact[1 + i];
+        for (int j = 0; j < n_coef; ++j) sum += element->kn * row[j] * v[j];
+        out->F[2 * n + (size_t)i] = scale * sum;
+        if (out->dN)
+            for (int j = 0; j < n_coef; ++j) out->dN[(size_t)i * n + (size_t)j] = scale * element->kn * row[j];
+    }
+    out->normal = BD_BLOCK_FULL;
+}
+
+void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out) {
+    const int n_coef = bd_n_coef(n_harm);
+    double *N = out->F + 2 * (size_t)n_coef;
+    for (int i = 0; i < n_coef; ++i) N[i] = element->kn * v[i];
+    N[0] += element->n0;
+    out->normal = BD_BLOCK_LINEAR;
+}
+
+void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u, bd_response *out) {
+    const int n_coef = bd_n_coef(n_harm);
+    double *T = out->F + (size_t)d * (size_t)n_coef;
+    for (int i = 0; i < n_coef; ++i) T[i] = element->kt[d] * u[i];
+    T[0] -= element->kt[d] * element->w[d];
+    out->tangential[d] = BD_BLOCK_LINEAR;
+}
+
+void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
+    (void)element;
+    memset(out->F, 0, sizeof(double) * 3 * (size_t)bd_n_coef(n_harm));
+    out->tangential[0] = out->tangential[1] = out->normal = BD_BLOCK_ZERO;
+    out->coupled = out->with_normal[0] = out->with_normal[1] = out->with_tangential = 0;
+}
+
+/* Real and imaginary part of a_n = conj a_{-n}; zero beyond n_harm. */
+static double real_part(const double *u, int n_harm, int n) {
+    const int l = abs(n);
+    return l > n_harm ? 0.0 : l == 0 ? u[0] : 0.5 * u[2 * l - 1];
+}
+
+static double imaginary_part(const double *u, int n_harm, int n) {
+    const int l = abs(n);
+    return l > n_harm || l == 0 ? 0.0 : (n > 0 ? -0.5 : 0.5) * u[2 * l];
+}
+
+/* E_n of the weight k u^2: 2 pi times the conjugate of its coefficient n. */
+static void weight_of_cubic(double k, int n_harm, const double *u, double *E) {
+    for (int n = 0; n <= 2 * n_harm; ++n) {
+        double re = 0.0, im = 0.0;
+        for (int m = n - n_harm; m <= n_harm; ++m) {
+            const double a = real_part(u, n_harm, m), b = imaginary_part(u, n_harm, m);
+            const double c = real_part(u, n_harm, n - m), d = imaginary_part(u, n_harm, n - m);
+            re += a * c - b * d;
+            im += a * d + b * c;
+        }
+        E[2 * n] = k * BD_TWO_PI * re;
+        E[2 * n + 1] = -k * BD_TWO_PI * im;
+    }
+    E[1] = E[0];
+}
+
+/* Projection of the weight times u, row by row of the products. */
+static void force_of_weight(int n_harm, const double *E, const double *u, double *F) {
+    for (int l = 0; l <= n_harm; ++l) {
+        double re = 0.0, im = 0.0; /* coefficient l of the product, times 2 pi */
+        for (int m = -n_harm; m <= n_harm; ++m) {
+            const int k = l - m, at = 2 * abs(k); /* at most 2 n_harm */
+            const double a = E[at], b = k == 0 ? 0.0 : (k > 0 ? -E[at + 1] : E[at + 1]);
+            const double c = real_part(u, n_harm, m), d = imaginary_part(u, n_harm, m);
+            re += a * c - b * d;
+            im += a * d + b * c;
+        }
+        if (l == 0) {
+            F[0] = re / BD_TWO_PI;
+        } else {
+            F[2 * l - 1] = re / BD_PI;
+            F[2 * l] = -im / BD_PI;
+        }
+    }
+}
+
+void bd_element_cubic(const bd_element *element, int n_harm, const double *x, bd_response *out) {
+    const size_t n = (size_t)bd_n_coef(n_harm);
+    double E[4 * BD_MAX_HARM + 2];
+    bd_element_open(element, n_harm, out);
+    for (int d = 0; d < 2; ++d) {
+        const double *u = x + (size_t)d * n;
+        double *F = out->F + (size_t)d * n;
+        if (element->kt[d] == 0.0) continue;
+        weight_of_cubic(element->kt[d], n_harm, u, E);
+        force_of_weight(n_harm, E, u, F);
+        if (!out->dT[d]) continue;
+        bd_cycle_products(n_harm, E, out->dT[d]);
+        for (size_t i = 0; i < n; ++i)
+            for (size_t j = 0; j < n; ++j) out->dT[d][i * n + j] *= 3.0 * row_scale((int)i);
+        out->tangential[d] = BD_BLOCK_FULL;
+    }
+}
+
+static void set_diagonal(double *block, int n_coef, double value) {
+    memset(block, 0, sizeof(double) * (size_t)n_coef * (size_t)n_coef);
+    for (int i = 0; i < n_coef; ++i) block[(size_t)i * (size_t)n_coef + (size_t)i] = value;
+}
+
+void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out) {
+    const int n_coef = bd_n_coef(n_harm);
+    for (int d = 0; d < 2; ++d) {
+        if (out->tangential[d] != BD_BLOCK_FULL)
+            set_diagonal(out->dT[d], n_coef, out->tangential[d] == BD_BLOCK_LINEAR ? element->kt[d] : 0.0);
+        if (out->tangential[d] != BD_BLOCK_FULL || !out->with_normal[d]) set_diagonal(out->dTv[d], n_coef, 0.0);
+        if (out->dTc[d] && (out->tangential[d] != BD_BLOCK_FULL || !out->coupled)) set_diagonal(out->dTc[d], n_coef, 0.0);
+    }
+    if (out->normal != BD_BLOCK_FULL) set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
+    for (int d = 0; d < 2; ++d)
+        if (out->dNt[d] && !out->with_tangential) set_diagonal(out->dNt[d], n_coef, 0.0);
+}

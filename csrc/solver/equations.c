@@ -1,0 +1,46 @@
+/* Order of the calls: y -> r, J, C -> factors of B -> solutions. */
+#include "solver/equations.h"
+
+bd_status bd_evaluate(bd_equations *e, const double *y, int derivative) {
+    e->stage = BD_EMPTY;
+    const bd_status status = e->type->evaluate(e, y, derivative);
+    if (status == BD_OK) e->stage = derivative ? BD_DERIVED : BD_EVALUATED;
+    return status;
+}
+
+bd_status bd_trial_residual(bd_equations *e, const double *y) {
+    const bd_status status = e->type->evaluate(e, y, 0);
+    if (status != BD_OK) e->stage = BD_EMPTY;
+    return status;
+}
+
+bd_status bd_product(bd_equations *e, int transposed, const double *x, double *out) {
+    if (e->stage < BD_DERIVED) return BD_BAD_STATE;
+    if (!e->J) return e->type->product(e, transposed, x, out);
+    const size_t n = (size_t)e->n;
+    for (size_t i = 0; i < n; ++i) out[i] = 0.0;
+    for (size_t i = 0; i < n; ++i)
+        for (size_t j = 0; j < n; ++j) out[transposed ? j : i] += e->J[i * n + j] * x[transposed ? i : j];
+    return BD_OK;
+}
+
+bd_status bd_factor(bd_equations *e, const bd_border *border) {
+    if (e->stage < BD_DERIVED) return BD_BAD_STATE;
+    e->stage = BD_DERIVED;
+    const bd_status status = e->type->factor(e, border);
+    if (status == BD_OK) e->stage = BD_FACTORED;
+    return status;
+}
+
+bd_status bd_solve_linear(bd_equations *e, double tolerance, double *b) {
+    return e->stage < BD_FACTORED ? BD_BAD_STATE : e->type->solve(e, tolerance, b);
+}
+
+bd_status bd_solve_transposed(bd_equations *e, double *b) {
+    if (e->stage < BD_FACTORED || !e->type->solve_transposed) return BD_BAD_STATE;
+    return e->type->solve_transposed(e, b);
+}
+
+void bd_equations_destroy(bd_equations *e) {
+    if (e) e->type->destroy(e);
+}

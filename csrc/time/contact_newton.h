@@ -1,0 +1,280 @@
+/* Contact forces of all sectors at the end of a step, by Newton's method. generalised_alpha.c includes this file, once
+ * for each instruction set.
+ *
+ * The forces of all sectors are coupled. The motion is x = x* - V C V' F. The columns of V are patterns of the motion of
+ * one sector (integration.c), and C couples the sectors through their nodal diameters. The unknowns are the pattern
+ * forces p_k = V' F_k, a few in each sector, with the equation
+ *
+ *     R(p) = V' F(x* - V C p) - p = 0,     with the Jacobian -(I + T C),     T = V' D V.
+ *
+ * D holds the 3 x 3 derivatives of the law in the present state of each point. The predictor uses the states of the last
+ * step. The corrections use GMRES with the preconditioner M = (I + T)^-1 of each sector, where
+ *
+ *     M (I + T C) x = y - M (y - x),     y = C x.
+ *
+ * A point that changes its state changes T by terms of rank one, and M by the Sherman-Morrison formula. If the full
+ * correction increases the residual, the best of four lengths is used. */
+#ifndef BD_TIME_CONTACT_NEWTON_H
+#define BD_TIME_CONTACT_NEWTON_H
+
+#include "time/contact_law.h"
+#include "time/modal_motion.h"
+
+/* ---- M = (I + T)^-1 of each sector ---- */
+
+/* Compute M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on the transposed matrix. */
+static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k) {
+    const size_t r = (size_t)patterns->rank, s = t->stride;
+    double *A = t->work, *M = t->preconditioner + k * r * r;
+    int pivot[BD_TIME_MAX_RANK];
+    memset(A, 0, sizeof(double) * r * r);
+    for (size_t i = 0; i < r; ++i) A[i * r + i] = 1.0;
+    for (size_t p = 0; p < (size_t)t->n_point; ++p) {
+        const double *D = t->tangent + 9 * s * k + p;
+        for (size_t d = 0; d < 3; ++d) {
+            const double a = D[3 * d * s], b = D[(3 * d + 1) * s], c = D[(3 * d + 2) * s];
+            if (a == 0.0 && b == 0.0 && c == 0.0) continue;
+            const double *V0 = patterns->pattern_transposed + p * r, *V1 = V0 + s * r, *V2 = V1 + s * r,
+                         *row_pattern = patterns->pattern_transposed + (d * s + p) * r;
+            for (size_t j = 0; j < r; ++j) add(r, a * V0[j] + b * V1[j] + c * V2[j], row_pattern, A + j * r);
+        }
+    }
+    for (size_t c = 0; c < r; ++c) {
+        size_t best = c;
+        for (size_t i = c + 1; i < r; ++i)
+            if (fabs(A[i * r + c]) > fabs(A[best * r + c])) best = i;
+        pivot[c] = (int)best;
+        for (size_t j = 0; best != c && j < r; ++j) {
+            const double x = A[c * r + j];
+            A[c * r + j] = A[best * r + j], A[best * r + j] = x;
+        }
+        const double inverse = 1.0 / A[c * r + c];
+        A[c * r + c] = 1.0;
+        for (size_t j = 0; j < r; ++j) A[c * r + j] *= inverse;
+        for (size_t i = 0; i < r; ++i) {
+            const double x = A[i * r + c];
+            if (i == c || x == 0.0) continue;
+            A[i * r + c] = 0.0;
+            add(r, -x, A + c * r, A + i * r);
+        }
+    }
+    for (size_t c = r; c-- > 0;)
+        for (size_t i = 0; (size_t)pivot[c] != c && i < r; ++i) {
+            const double x = A[i * r + c];
+            A[i * r + c] = A[i * r + (size_t)pivot[c]], A[i * r + (size_t)pivot[c]] = x;
+        }
+    for (size_t i = 0; i < r; i += 8)
+        for (size_t j = 0; j < r; ++j, M += 8) memcpy(M, A + j * r + i, 8 * sizeof *M);
+    t->outdated[k] = 0;
+}
+
+/* Update M of a sector after a change (3) of one row of D of a point. */
+static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t row, const double *change) {
+    const size_t r = (size_t)patterns->rank, p = row % t->stride;
+    const double *v = patterns->pattern_transposed + row * r;
+    double *M = t->preconditioner + k * r * r, a[BD_TIME_MAX_RANK], b[BD_TIME_MAX_RANK], u[BD_TIME_MAX_RANK] = {0.0};
+    for (size_t d = 0; d < 3; ++d)
+        if (change[d] != 0.0) add(r, change[d], patterns->pattern_transposed + (d * t->stride + p) * r, u);
+    multiply_blocks(r, M, v, a);
+    const double below = 1.0 + dot(r, u, a);
+    if (!(fabs(below) > BD_TIME_SINGULAR)) {
+        t->outdated[k] = 1;
+        return;
+    }
+    for (size_t j = 0; j < r; ++j) {
+        const double *m = M + 8 * j;
+        bd_vec sum = bd_all(0.0);
+        for (size_t i = 0; i < r; i += 8, m += 8 * r)
+            for (size_t l = 0; l < 8; l += BD_WIDTH) sum += bd_load(u + i + l) * bd_load(m + l);
+        b[j] = -total(sum) / below;
+    }
+    for (size_t i = 0; i < r; i += 8)
+        for (size_t j = 0; j < r; ++j, M += 8) add(8, b[j], a + i, M);
+}
+
+/* Update the derivatives of points to their present states; changes below a twentieth are ignored. */
+BD_NOT_INLINE void update_points(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t p, const bd_vec *x,
+                                 const double *w, bd_mask differs) {
+    const size_t s = t->stride;
+    for (size_t i = 0; i < BD_WIDTH && p + i < (size_t)t->n_point; ++i) {
+        if (!bd_entry_int(differs, i)) continue;
+        const double at[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)}, before[2] = {w[i], w[s + i]};
+        double D[9], *known = t->tangent + 9 * s * k + p + i, change = 0.0, largest = 0.0;
+        contact_tangent(t, k, p + i, at, before, D);
+        for (size_t j = 0; j < 9; ++j) {
+            change = larger(fabs(D[j] - known[j * s]), change);
+            largest = larger(fabs(known[j * s]), largest);
+        }
+        if (!(change > 0.05 * largest)) continue;
+        for (size_t d = 0; d < 3; ++d) {
+            double by[3];
+            for (size_t e = 0; e < 3; ++e) {
+                double *of = known + (3 * d + e) * s;
+                by[e] = D[3 * d + e] - *of;
+                *of = D[3 * d + e];
+            }
+            if ((by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0) && !t->outdated[k])
+                update_inverse(t, patterns, k, d * s + p + i, by);
+        }
+    }
+}
+
+/* Update states and derivatives of all points at the motion x. */
+static void update_states(bd_time *t, const bd_time_patterns *patterns, const double *x) {
+    const size_t s = t->stride;
+    for (size_t p = 0; p < (size_t)t->n_point; p += BD_WIDTH) {
+        const points at = load_parameters(t, p);
+        for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
+            const double *w = t->slider + 2 * s * k + p;
+            double *known = t->contact_state + s * k + p;
+            bd_vec now[3];
+            for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
+            const bd_vec state = contact_state_of(t, &at, now, w);
+            const bd_mask differs = bd_differ(state, bd_load(known)) | bd_at_least(state, bd_all(SLIDES_IN_PLANE));
+            bd_store(known, state);
+            if (bd_any(differs)) update_points(t, patterns, k, p, now, w, differs);
+        }
+    }
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k)
+        if (t->outdated[k]) invert_sector(t, patterns, k);
+}
+
+static void mark_outdated(bd_time *t) {
+    for (int k = 0; k < t->n_sector; ++k) t->outdated[k] = 1;
+}
+
+/* ---- Newton's method for the contact forces of all sectors ---- */
+
+/* out = M in, sector by sector. */
+BD_INLINE void precondition(const bd_time *t, size_t r, const double *in, double *out) {
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k)
+        multiply_blocks(r, t->preconditioner + k * r * r, in + k * r, out + k * r);
+}
+
+/* Solve (I + T C) change = residual to a tenth by GMRES; pattern_motion = C change. */
+static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
+    enum { M = BD_TIME_VECTORS };
+    const size_t r = (size_t)patterns->rank, n = r * (size_t)t->n_sector;
+    double H[M + 1][M], c[M], s[M], g[M + 1];
+    double *v = t->krylov;
+    precondition(t, r, t->residual, v);
+    const double size = sqrt(dot(n, v, v));
+    for (size_t i = 0; size > 0.0 && i < n; ++i) v[i] /= size;
+    g[0] = size;
+    int m = 0;
+    while (m < M && fabs(g[m]) > BD_TIME_LINEAR_TOLERANCE * size) {
+        double *now = v + (size_t)m * n, *next = now + n, *compliant = t->krylov_motion + (size_t)m * n;
+        compliance_times(t, patterns, now, compliant);
+        for (size_t i = 0; i < n; ++i) t->pattern_correction[i] = compliant[i] - now[i];
+        precondition(t, r, t->pattern_correction, next);
+        for (size_t i = 0; i < n; ++i) next[i] = compliant[i] - next[i];
+        for (int i = 0; i <= m; ++i) {
+            H[i][m] = dot(n, v + (size_t)i * n, next);
+            add(n, -H[i][m], v + (size_t)i * n, next);
+        }
+        const double length = sqrt(dot(n, next, next));
+        for (int i = 0; i < m; ++i) {
+            const double x = H[i][m];
+            H[i][m] = c[i] * x + s[i] * H[i + 1][m];
+            H[i + 1][m] = c[i] * H[i + 1][m] - s[i] * x;
+        }
+        const double norm = sqrt(H[m][m] * H[m][m] + length * length);
+        if (!(norm > 0.0)) break;
+        c[m] = H[m][m] / norm, s[m] = length / norm;
+        H[m][m] = norm;
+        g[m + 1] = -s[m] * g[m];
+        g[m] *= c[m];
+        ++m;
+        if (!(length > 1e-14 * norm)) break;
+        for (size_t i = 0; i < n; ++i) next[i] /= length;
+    }
+    memset(t->pattern_correction, 0, sizeof(double) * n);
+    memset(t->pattern_motion, 0, sizeof(double) * n);
+    for (int i = m - 1; i >= 0; --i) {
+        for (int j = i + 1; j < m; ++j) g[i] -= H[i][j] * g[j];
+        g[i] /= H[i][i];
+        add(n, g[i], v + (size_t)i * n, t->pattern_correction);
+        add(n, g[i], t->krylov_motion + (size_t)i * n, t->pattern_motion);
+    }
+}
+
+/* Forces at the motion x, and the residual of the patterns; return its norm. */
+static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
+    const size_t n = (size_t)patterns->rank * (size_t)t->n_sector;
+    all_contact_forces(t, t->motion, t->point_force);
+    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force, patterns->pattern_transposed,
+             t->residual);
+    add(n, -1.0, t->pattern_force, t->residual);
+    ++t->effort.n_evaluation;
+    return sqrt(dot(n, t->residual, t->residual));
+}
+
+/* Apply a fraction of the correction (negative: undo) and return the norm of the residual. */
+static double apply_correction(bd_time *t, const bd_time_patterns *patterns, double share) {
+    add(t->rows * (size_t)t->n_sector, -share, t->correction_motion, t->motion);
+    add((size_t)patterns->rank * (size_t)t->n_sector, share, t->pattern_correction, t->pattern_force);
+    return pattern_residual(t, patterns);
+}
+
+/* Apply the correction with the best of four lengths; return the norm of the residual. */
+static double search_length(bd_time *t, const bd_time_patterns *patterns, double size) {
+    double best = 1.0, gone = 1.0, least = apply_correction(t, patterns, 1.0);
+    if (least < size) return least;
+    for (double share = 0.5; share > 0.1; share *= 0.5) {
+        const double here = apply_correction(t, patterns, share - gone);
+        gone = share;
+        if (here < least) best = share, least = here;
+        if (here < size) break;
+    }
+    return best == gone ? least : apply_correction(t, patterns, best - gone);
+}
+
+/* Find the contact forces at the end of a step, from the motion x* without them in free_motion. Results are the motion
+ * and the forces. Return 0 if they were not found. */
+static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
+    const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors, rows = t->rows, s = t->stride;
+    compliance_times(t, patterns, t->pattern_force, t->pattern_motion);
+    multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
+    for (size_t i = 0; i < rows * sectors; ++i) t->free_motion[i] -= t->correction_motion[i];
+    if (predict) {
+        for (size_t k = 0; k < sectors; ++k)
+            for (size_t p = 0; p < s; p += BD_WIDTH) {
+                bd_vec by[3];
+                for (size_t d = 0; d < 3; ++d) {
+                    const size_t at = k * rows + d * s + p;
+                    by[d] = bd_load(t->free_motion + at) - bd_load(t->motion + at);
+                }
+                for (size_t d = 0; d < 3; ++d) {
+                    const double *D = t->tangent + (9 * k + 3 * d) * s + p;
+                    bd_store(t->predicted_force + k * rows + d * s + p,
+                             bd_load(D) * by[0] + bd_load(D + s) * by[1] + bd_load(D + 2 * s) * by[2]);
+                }
+            }
+        multiply(sectors, r, rows, t->predicted_force, patterns->pattern_transposed, t->residual);
+        solve_correction(t, patterns);
+        multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
+        memcpy(t->motion, t->free_motion, sizeof(double) * rows * sectors);
+    } else {
+        memcpy(t->motion, t->free_motion, sizeof(double) * rows * sectors);
+        memset(t->correction_motion, 0, sizeof(double) * rows * sectors);
+        memset(t->pattern_correction, 0, sizeof(double) * n);
+    }
+    const double before = t->largest_force;
+    double size = apply_correction(t, patterns, 1.0);
+    for (int i = 0;; ++i) {
+        update_states(t, patterns, t->motion);
+        const double force = sqrt(dot(n, t->pattern_force, t->pattern_force));
+        t->largest_force = larger(force, t->largest_force);
+        const double scale = larger(force, 1e-6 * t->largest_force);
+        if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_MAX_ITERATIONS) {
+            const int found = force < HUGE_VAL && size <= BD_TIME_UNSOLVED * scale;
+            if (!found) t->largest_force = before;
+            return found;
+        }
+        solve_correction(t, patterns);
+        multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
+        size = search_length(t, patterns, size);
+    }
+}
+
+#endif

@@ -1,0 +1,222 @@
+/* Time steps of all sectors; compiled once for each instruction set.
+ *
+ * The motion is a superposition of families, one for each nodal diameter d, x_k = shift + sum_d Re[G_d q_d exp(i k d
+ * phi)], phi = 2 pi/N, and obeys
+ *
+ *     m q_d'' + c q_d' + K q_d + g_d = E_d(t),     g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi).
+ *
+ * c_d is 2, or 1 for the real coordinates of d = 0 and d = N/2. A step h uses the generalised alpha method (Chung and
+ * Hulbert 1993),
+ *
+ *     m [(1 - am) a+ + am a] + (1 - af) [c v+ + K q+ + g+ - E+] + af [c v + K q + g - E] = 0,
+ *     q+ = q + h v + h^2 [(1/2 - b) a + b a+],     v+ = v + h [(1 - gamma) a + gamma a+].
+ *
+ * Hence q+ = q* - beta g+, and q* follows from known values. A coordinate without mass has K q+ + g+ = E+, that is beta
+ * = 1/K. Products are in modal_motion.h, the law in contact_law.h, the solution for the forces g+ in contact_newton.h. */
+#include "time/contact_newton.h"
+
+/* Accept the sliders of the latest contact forces. */
+static void move_sliders(bd_time *t) {
+    double *w = t->slider;
+    t->slider = t->next_slider, t->next_slider = w;
+    double *memory = t->law_memory[0];
+    t->law_memory[0] = t->law_memory[1], t->law_memory[1] = memory;
+}
+
+/* Contact forces and modal forces at the end of a step; accepts the sliders. If the forces are not found, return 0 and
+ * leave modal forces and sliders unchanged. */
+static int contact_at_end(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
+    find_motion(t, t->free_motion);
+    if (patterns->rank) {
+        ++t->effort.n_solution;
+        if (!solve_contact(t, patterns, tolerance, predict)) return 0;
+    } else {
+        memcpy(t->motion, t->free_motion, sizeof(double) * t->rows * (size_t)t->n_sector);
+        all_contact_forces(t, t->motion, t->point_force);
+    }
+    find_modal_forces(t);
+    move_sliders(t);
+    return 1;
+}
+
+/* Motion and contact forces at the present coordinates; accepts the sliders. */
+static void contact_at_start(bd_time *t) {
+    memcpy(t->q_next, t->q, sizeof(double) * t->n_coordinate);
+    find_motion(t, t->motion);
+    all_contact_forces(t, t->motion, t->point_force);
+    move_sliders(t);
+}
+
+/* ---- integration ---- */
+
+/* Excitation e at an angle. */
+BD_INLINE void find_load(const bd_time *t, double angle, double *e) {
+    memset(e, 0, sizeof(double) * t->n_coordinate);
+    for (int i = 0; i < t->n_force; ++i) {
+        const double c = cos(t->force_order[i] * angle), s = sin(t->force_order[i] * angle);
+        const double *restrict C = t->excitation + 2 * (size_t)i * t->n_coordinate, *restrict S = C + t->n_coordinate;
+        for (size_t j = 0; j < t->n_coordinate; ++j) e[j] += c * C[j] + s * S[j];
+    }
+}
+
+/* Angle at step k plus a fraction of a step. */
+BD_INLINE double angle_of(const bd_time_path *path, long k, double part) {
+    return BD_TWO_PI * ((double)(k % path->steps_per_period) + part) / path->steps_per_period;
+}
+
+/* Write the coordinates at step k, and add the response to the harmonics of its period. */
+BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
+    if (path->coordinates) bd_time_unpad(t, t->q, path->coordinates + 2 * (size_t)t->n_total * (size_t)k);
+    const long period = k / path->steps_per_period;
+    if (!path->response_harmonics || period >= path->n_step / path->steps_per_period) return;
+    const double angle = angle_of(path, path->first_step + k, 0.0), c = cos(angle), s = sin(angle);
+    const double *restrict row = t->response_row;
+    double *X = path->response_harmonics + 2 * (size_t)period * (size_t)t->n_row * (size_t)(path->n_harm + 1);
+    for (int i = 0; i < t->n_row; ++i, row += t->n_coordinate, X += 2 * (path->n_harm + 1)) {
+        double sums[8] = {0.0}, re = 2.0, im = 0.0;
+        for (size_t j = 0; j < t->n_coordinate; j += 8)
+            for (size_t d = 0; d < 8; ++d) sums[d] += row[j + d] * t->q[j + d];
+        const double x = sums[0] + sums[1] + sums[2] + sums[3] + sums[4] + sums[5] + sums[6] + sums[7];
+        const double part = x / path->steps_per_period;
+        X[0] += part;
+        for (int l = 1; l <= path->n_harm; ++l) {
+            const double next_re = re * c - im * s;
+            im = re * s + im * c;
+            re = next_re;
+            X[2 * l] += part * re;
+            X[2 * l + 1] -= part * im;
+        }
+    }
+}
+
+/* Contact forces at the first instant. With find_acceleration, also the coordinates without mass and the accelerations.
+ * Return 0 if the forces were not found. */
+static int start(bd_time *t, const bd_time_path *path, double angle) {
+    const size_t n = t->n_coordinate;
+    if (path->find_acceleration) bd_time_make_patterns(t, &t->patterns[0], 0.0, 0.0);
+    find_load(t, angle, t->load);
+    if (!path->find_acceleration) {
+        contact_at_start(t);
+        find_modal_forces(t);
+        return 1;
+    }
+    memcpy(t->q_next, t->q, sizeof(double) * n);
+    bd_time_compliance(t, 0.0, 0.0, t->displacement_compliance, t->acceleration_compliance);
+    for (size_t j = 0; j < n; ++j)
+        if (!(t->mass[j] > 0.0)) t->q_next[j] = t->load[j] / t->stiffness[j];
+    mark_outdated(t);
+    if (!contact_at_end(t, &t->patterns[0], larger(1e-3 * path->tolerance, 1e-13), 0)) return 0;
+    for (size_t j = 0; j < n; ++j) {
+        const double g = t->fourier_weight[j] * t->contact_force[j];
+        t->q[j] = t->q_next[j] - t->displacement_compliance[j] * g;
+        t->a[j] =
+            t->mass[j] > 0.0 ? (t->load[j] - t->damping[j] * t->v[j] - t->stiffness[j] * t->q[j] - g) / t->mass[j] : 0.0;
+    }
+    return 1;
+}
+
+/* Patterns for a step, and the pattern forces of the last contact forces. */
+static void use_patterns(bd_time *t, double h, double radius) {
+    bd_time_patterns *patterns = &t->patterns[1];
+    bd_time_make_patterns(t, patterns, h, radius);
+    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force, patterns->pattern_transposed,
+             t->pattern_force);
+    mark_outdated(t);
+    update_states(t, patterns, t->motion);
+}
+
+/* Take one step, first without contact forces at its end, then with them; `next` is the excitation there. If the forces
+ * are not found, return 0 and leave the state unchanged. */
+static int take_step(bd_time *t, const bd_time_path *path, double h, const double *restrict next) {
+    const bd_time_alpha w = bd_time_weights(path->spectral_radius);
+    const size_t n = t->n_coordinate;
+    double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a, *restrict Q = t->q_next, *restrict A = t->a_next;
+    const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness,
+                           *restrict beta = t->displacement_compliance, *restrict compliance_a = t->acceleration_compliance,
+                           *restrict part = t->fourier_weight, *restrict contact = t->contact_force,
+                           *restrict now = t->load;
+    const double weight = 1.0 - w.af;
+    memcpy(t->last_contact_force, contact, sizeof(double) * n);
+    for (size_t j = 0; j < n; ++j) {
+        const double displaced = q[j] + weight * (h * v[j] + h * h * (0.5 - w.b) * a[j]);
+        const double drag = c[j] * (v[j] + weight * h * (1.0 - w.gamma) * a[j]);
+        const double right_side =
+            weight * next[j] + w.af * (now[j] - part[j] * contact[j]) - m[j] * w.am * a[j] - drag - K[j] * displaced;
+        A[j] = compliance_a[j] / weight * right_side;
+        Q[j] = m[j] > 0.0 ? q[j] + h * v[j] + h * h * ((0.5 - w.b) * a[j] + w.b * A[j]) : beta[j] * next[j];
+    }
+    if (!contact_at_end(t, &t->patterns[1], path->tolerance, 1)) return 0;
+    for (size_t j = 0; j < n; ++j) {
+        const double g = part[j] * contact[j], end = Q[j] - beta[j] * g, faster = A[j] - compliance_a[j] * g,
+                     increment = end - q[j];
+        const double speed = m[j] > 0.0 ? v[j] + h * ((1.0 - w.gamma) * a[j] + w.gamma * faster) : increment / h;
+        const double whole = part[j] > 0.0 ? 0.5 / part[j] : 0.0;
+        t->energy[0] += whole * (now[j] + next[j]) * increment;
+        t->energy[1] += whole * c[j] * (v[j] + speed) * increment;
+        t->energy[2] += 0.5 * (t->last_contact_force[j] + contact[j]) * increment;
+        t->energy[3] += whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * increment);
+        v[j] = speed;
+        q[j] = end;
+        a[j] = faster;
+    }
+    return 1;
+}
+
+/* Restore motion, forces and states at the start of a step without a solution. */
+static void restore(bd_time *t) {
+    contact_at_start(t);
+    bd_time_reset_states(t);
+}
+
+/* Advance over step k of length h; *last_length is the length of the last step, or 0. If the contact forces are not
+ * found, the remainder of the step is halved repeatedly. Return 0 if the shortest step also fails. */
+static int advance(bd_time *t, const bd_time_path *path, long k, double h, double *last_length) {
+    const int whole = 1 << BD_TIME_HALVINGS;
+    for (int done = 0, size = whole; done < whole;) {
+        const double part = h * size / whole;
+        if (*last_length == 0.0 || fabs(part - t->patterns[1].length) > BD_TIME_STEP_CHANGE * part)
+            use_patterns(t, part, path->spectral_radius);
+        if (part != *last_length)
+            bd_time_compliance(t, part, path->spectral_radius, t->displacement_compliance, t->acceleration_compliance);
+        *last_length = part;
+        if (k % BD_TIME_REFACTOR == BD_TIME_REFACTOR - 1) mark_outdated(t);
+        const int end = done + size;
+        find_load(t, angle_of(path, path->first_step + k + end / whole, (double)(end % whole) / whole), t->next_load);
+        if (take_step(t, path, part, t->next_load)) {
+            double *e = t->load;
+            t->load = t->next_load, t->next_load = e;
+            done = end;
+        } else {
+            restore(t);
+            if (size == 1) return 0;
+            size /= 2;
+        }
+    }
+    return 1;
+}
+
+bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path);
+bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path) {
+    const double square = path->omega * path->omega;
+    const double slope = path->n_step > 0 ? (path->omega_end * path->omega_end - square) / (double)path->n_step : 0.0;
+    double omega = path->omega, last_length = 0.0;
+    if (path->response_harmonics)
+        memset(path->response_harmonics, 0,
+               sizeof(double) * 2 * (size_t)t->n_row * (size_t)(path->n_harm + 1) *
+                   (size_t)(path->n_step / path->steps_per_period));
+    if (!start(t, path, angle_of(path, path->first_step, 0.0))) return BD_NOT_CONVERGED;
+    for (long k = 0; k < path->n_step; ++k) {
+        const double end = sqrt(square + slope * (double)(k + 1)),
+                     h = 2.0 * BD_TWO_PI / path->steps_per_period / (omega + end);
+        omega = end;
+        if (path->coordinates || path->response_harmonics) record(t, path, k);
+        if (k % path->steps_per_period == 0) memset(t->energy, 0, sizeof t->energy);
+        if (!advance(t, path, k, h, &last_length)) return BD_NOT_CONVERGED;
+        if (path->energy && (k + 1) % path->steps_per_period == 0)
+            memcpy(path->energy + 4 * (k / path->steps_per_period), t->energy, sizeof t->energy);
+    }
+    return BD_OK;
+}
+
+void BD_JOIN(bd_time_contact_, BD_VARIANT)(bd_time *t);
+void BD_JOIN(bd_time_contact_, BD_VARIANT)(bd_time *t) { contact_at_start(t); }

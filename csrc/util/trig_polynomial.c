@@ -1,0 +1,301 @@
+/* Trigonometric polynomials.
+ *
+ * The polynomial x(theta) = x0 + sum_l c_l cos(l theta) + s_l sin(l theta) has the derivative coefficients c'_l = l s_l,
+ * s'_l = -l c_l. Values follow from the powers of z = exp(i theta): one sine, one cosine and a complex recurrence yield
+ * all harmonics.
+ *
+ * Roots. A polynomial of degree H has at most 2 H roots in a period. For H = 1,
+ *     x0 + A cos(theta - phi) = 0  <=>  theta = phi +- acos(-x0/A).
+ * For H > 1 the period is divided into cells. A sign change over a cell brackets a root. A cell without a sign change
+ * may hide a pair of roots if the polynomial has an extremum inside that crosses zero. Such a cell has a slope towards
+ * zero at its left end and away from zero at its right end. The extremum is the bracketed root of the derivative; the
+ * sign of the polynomial there decides.
+ *
+ * A sample that is a root except for rounding has no reliable sign. It counts as a root, and the slope determines the
+ * signs in the adjacent cells.
+ *
+ * Newton's method refines a bracketed root; bisection confines it to a shrinking bracket. */
+#include "util/trig_polynomial.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+bd_status bd_trig_grid_create(bd_trig_grid *grid, int n_harm, int n_time) {
+    const int n_coef = bd_n_coef(n_harm);
+    grid->n_harm = n_harm;
+    grid->n_time = n_time;
+    grid->basis = malloc(sizeof(double) * (size_t)n_coef * (size_t)n_time);
+    if (!grid->basis) return BD_NO_MEMORY;
+    for (int k = 0; k < n_time; ++k) {
+        for (int i = 0; i < n_coef; ++i) {
+            const int l = (i + 1) / 2;
+            /* an integer reduction of the argument makes the grid exact for every harmonic */
+            const double angle = BD_TWO_PI * (double)(((long)l * k) % n_time) / n_time;
+            grid->basis[(size_t)i * (size_t)n_time + (size_t)k] = i == 0 ? 1.0 : (i % 2 ? cos(angle) : sin(angle));
+        }
+    }
+    return BD_OK;
+}
+
+void bd_trig_grid_destroy(bd_trig_grid *grid) {
+    if (!grid) return;
+    free(grid->basis);
+    grid->basis = NULL;
+}
+
+void bd_trig_grid_values(const bd_trig_grid *grid, const double *x, double *restrict value) {
+    const int n_time = grid->n_time, n_coef = bd_n_coef(grid->n_harm);
+    for (int k = 0; k < n_time; ++k) value[k] = x[0];
+    for (int i = 1; i < n_coef; ++i) {
+        const double xi = x[i];
+        const double *restrict b = grid->basis + (size_t)i * (size_t)n_time;
+        if (xi == 0.0) continue;
+        for (int k = 0; k < n_time; ++k) value[k] += xi * b[k];
+    }
+}
+
+void bd_trig_powers(int n_max, double theta, double *power) {
+    const double z[2] = {cos(theta), sin(theta)};
+    bd_trig_powers_of(n_max, z, power);
+}
+
+void bd_trig_powers_of(int n_max, const double *z, double *power) {
+    const double c = z[0], s = z[1];
+    double re = 1.0, im = 0.0;
+    power[0] = 1.0;
+    power[1] = 1.0;
+    for (int n = 1; n <= n_max; ++n) {
+        const double re_next = re * c - im * s;
+        im = re * s + im * c;
+        re = re_next;
+        power[2 * n] = re;
+        power[2 * n + 1] = im;
+    }
+}
+
+/* Value and derivative at exp(i theta) = z. */
+static double value_and_slope_at(int n_harm, const double *x, const double *z, double *slope) {
+    const double c = z[0], s = z[1];
+    double re = c, im = s, value = x[0], d = 0.0;
+    for (int l = 1; l <= n_harm; ++l) {
+        const double cl = x[2 * l - 1], sl = x[2 * l];
+        value += cl * re + sl * im;
+        d += l * (sl * re - cl * im);
+        const double re_next = re * c - im * s;
+        im = re * s + im * c;
+        re = re_next;
+    }
+    *slope = d;
+    return value;
+}
+
+static double value_and_slope(int n_harm, const double *x, double theta, double *slope) {
+    const double z[2] = {cos(theta), sin(theta)};
+    return value_and_slope_at(n_harm, x, z, slope);
+}
+
+double bd_trig_value(int n_harm, const double *x, double theta) {
+    double slope;
+    return value_and_slope(n_harm, x, theta, &slope);
+}
+
+void bd_trig_derivative(int n_harm, const double *x, double *dx) {
+    dx[0] = 0.0;
+    for (int l = 1; l <= n_harm; ++l) {
+        dx[2 * l - 1] = l * x[2 * l];
+        dx[2 * l] = -l * x[2 * l - 1];
+    }
+}
+
+double bd_trig_amplitude(int n_harm, const double *x) {
+    double sum = 0.0;
+    for (int l = 1; l <= n_harm; ++l) sum += sqrt(x[2 * l - 1] * x[2 * l - 1] + x[2 * l] * x[2 * l]);
+    return sum;
+}
+
+double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
+    double slope;
+    double fa = value_and_slope(n_harm, f, a, &slope);
+    const double fb = value_and_slope(n_harm, f, b, &slope);
+    if (fa == 0.0) return a;
+    if (fb == 0.0) return b;
+    if ((fa < 0.0) == (fb < 0.0)) return fabs(fa) <= fabs(fb) ? a : b; /* one end is the root except for rounding */
+    double x = a + (b - a) * (fa / (fa - fb));                         /* the secant is a good start on a small cell */
+    if (!(x > a && x < b)) x = 0.5 * (a + b);
+    for (int i = 0; i < 100; ++i) {
+        const double fx = value_and_slope(n_harm, f, x, &slope);
+        if (fx == 0.0) return x;
+        if ((fx < 0.0) == (fa < 0.0)) {
+            a = x;
+            fa = fx;
+        } else {
+            b = x;
+        }
+        double next = x - fx / slope;
+        /* A step below rounding ends the search: next may then be an end of the bracket, which must not cause a
+         * bisection. */
+        if (fabs(next - x) <= 2e-16 * (1.0 + fabs(x))) return x;
+        if (!(next > a && next < b)) next = 0.5 * (a + b);
+        const double step = fabs(next - x);
+        x = next;
+        if (step <= 1e-15 * (1.0 + fabs(x)) || b - a <= 2e-16 * (1.0 + fabs(x))) break;
+    }
+    return x;
+}
+
+/* ---- roots over a period ---- */
+
+/* exp(i (theta_k + delta)) for a grid node and a small delta. */
+static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
+    const double c = grid->basis[(size_t)grid->n_time + (size_t)k], s = grid->basis[2 * (size_t)grid->n_time + (size_t)k];
+    const double d = delta * delta;
+    double dc, ds;
+    if (d < 0.04) { /* Taylor series to rounding */
+        dc = 1.0 - d / 2.0 * (1.0 - d / 12.0 * (1.0 - d / 30.0 * (1.0 - d / 56.0 * (1.0 - d / 90.0 * (1.0 - d / 132.0)))));
+        ds = delta * (1.0 - d / 6.0 * (1.0 - d / 20.0 * (1.0 - d / 42.0 * (1.0 - d / 72.0 * (1.0 - d / 110.0)))));
+    } else {
+        dc = cos(delta);
+        ds = sin(delta);
+    }
+    z[0] = c * dc - s * ds;
+    z[1] = s * dc + c * ds;
+}
+
+/* Return the bracketed root of a cell as distance from its left node. The start is the root of the cubic through the
+ * values f0, f1 and slopes d0, d1 at the ends. Newton's method squares the error, so the size of the step after the next
+ * is predictable. */
+static double refine(const bd_trig_grid *grid, const double *f, int k, double f0, double f1, double d0, double d1) {
+    const double h = BD_TWO_PI / grid->n_time;
+    const double m0 = h * d0, m1 = h * d1, a3 = 2.0 * (f0 - f1) + m0 + m1, a2 = 3.0 * (f1 - f0) - 2.0 * m0 - m1;
+    double t = f0 / (f0 - f1);
+    for (int i = 0; i < 3; ++i) {
+        const double p = f0 + t * (m0 + t * (a2 + t * a3)), dp = m0 + t * (2.0 * a2 + 3.0 * t * a3), next = t - p / dp;
+        if (!(next > 0.0 && next < 1.0)) break;
+        t = next;
+    }
+    double a = 0.0, b = h, x = t * h, last = 0.0, z[2];
+    for (int i = 0; i < 100; ++i) {
+        double slope;
+        rotate(grid, k, x, z);
+        const double fx = value_and_slope_at(grid->n_harm, f, z, &slope);
+        if (fx == 0.0) return x;
+        if ((fx < 0.0) == (f0 < 0.0))
+            a = x;
+        else
+            b = x;
+        double next = x - fx / slope;
+        const double newton = fabs(next - x);
+        if (newton <= 1e-16) return x;
+        if (!(next > a && next < b)) next = 0.5 * (a + b);
+        const double step = fabs(next - x);
+        x = next;
+        if (step <= 1e-16 || b - a <= 2e-16) break;
+        if (step == newton && last > 0.0 && step < 1e-3 * last && step * (step / last) * (step / last) < 1e-17) break;
+        last = step == newton ? step : 0.0;
+    }
+    return x;
+}
+
+static double into_period(double theta) {
+    if (theta < 0.0) theta += BD_TWO_PI;
+    return theta >= BD_TWO_PI ? theta - BD_TWO_PI : theta;
+}
+
+/* Both roots share phi = arg(c + i s) and the half angle: cos(theta - phi) = -x0/A. */
+static int roots_of_one_harmonic(const double *f, double *root, double *z) {
+    const double square = f[1] * f[1] + f[2] * f[2];
+    if (!(square > f[0] * f[0])) return 0; /* a double root is not a crossing */
+    const double amplitude = sqrt(square), c = f[1] / amplitude, s = f[2] / amplitude, k = -f[0] / amplitude;
+    const double m = sqrt(fmax((1.0 - k) * (1.0 + k), 0.0));
+    /* exp(i theta) = (c + i s)(k -+ i m) */
+    double z0[2] = {c * k + s * m, s * k - c * m}, z1[2] = {c * k - s * m, s * k + c * m};
+    double r0 = into_period(atan2(z0[1], z0[0])), r1;
+    if (k == 0.0) {
+        r1 = into_period(r0 + BD_PI);
+    } else {
+        r1 = into_period(atan2(z1[1], z1[0]));
+    }
+    if (r0 == r1) return 0;
+    const int swap = r0 > r1;
+    root[swap] = r0, root[!swap] = r1;
+    z[2 * swap] = z0[0], z[2 * swap + 1] = z0[1];
+    z[2 * !swap] = z1[0], z[2 * !swap + 1] = z1[1];
+    return 2;
+}
+
+static void append_root(const bd_trig_grid *grid, int k, double delta, double *root, double *z, int n) {
+    root[n] = k * (BD_TWO_PI / grid->n_time) + delta;
+    rotate(grid, k, delta, z + 2 * n);
+}
+
+/* Add a pair of roots inside cell k, if the polynomial has equal signs at both ends but crosses zero between them. */
+static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double sign, double *root, double *z, int n) {
+    const double h = BD_TWO_PI / grid->n_time, a = k * h, b = (k + 1) * h;
+    double df[BD_MAX_COEF];
+    bd_trig_derivative(grid->n_harm, f, df);
+    const double extremum = bd_trig_bracketed_root(grid->n_harm, df, a, b);
+    if (!(sign * bd_trig_value(grid->n_harm, f, extremum) < 0.0)) return n;
+    append_root(grid, k, bd_trig_bracketed_root(grid->n_harm, f, a, extremum) - a, root, z, n);
+    append_root(grid, k, bd_trig_bracketed_root(grid->n_harm, f, extremum, b) - a, root, z, n + 1);
+    return n + 2;
+}
+
+/* Return whether a sample is a simple root except for rounding; its sign is then meaningless. */
+static int crosses_here(double value, double slope, double size) {
+    return fabs(value) <= 1e-14 * size && fabs(slope) > 1e-6 * size;
+}
+
+int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value, const double *slope,
+                              double *root, double *z) {
+    const int n_time = grid->n_time, most = 2 * grid->n_harm;
+    if (grid->n_harm == 1) return roots_of_one_harmonic(f, root, z);
+    const double h = BD_TWO_PI / n_time;
+    double size = 0.0;
+    for (int i = 0; i < bd_n_coef(grid->n_harm); ++i) size += fabs(f[i]);
+    int n = 0;
+    for (int k = 0; k < n_time && n < most; ++k) {
+        const int next = k + 1 < n_time ? k + 1 : 0;
+        const double f0 = value[k], f1 = value[next];
+        const int zero0 = crosses_here(f0, slope[k], size), zero1 = crosses_here(f1, slope[next], size);
+        if (zero0) {
+            append_root(grid, k, k == 0 ? fmax(0.0, -f0 / slope[k]) : -f0 / slope[k], root, z, n);
+            if (++n == most) break;
+        }
+        /* signs just inside the cell */
+        const double sign = (zero0 ? slope[k] : f0) < 0.0 ? -1.0 : 1.0;
+        const double sign_end = (zero1 ? -slope[next] : f1) < 0.0 ? -1.0 : 1.0;
+        if (sign != sign_end) {
+            double delta;
+            if (zero0 || zero1) {
+                const double a = (k + (zero0 ? 1e-6 : 0.0)) * h, b = (k + 1 - (zero1 ? 1e-6 : 0.0)) * h;
+                delta = bd_trig_bracketed_root(grid->n_harm, f, a, b) - k * h;
+            } else {
+                delta = f0 == 0.0 ? 0.0 : f1 == 0.0 ? h : refine(grid, f, k, f0, f1, slope[k], slope[next]);
+            }
+            append_root(grid, k, delta, root, z, n);
+            ++n;
+            continue;
+        }
+        if (!(sign * slope[k] < 0.0 && sign * slope[next] > 0.0)) continue;
+        /* With a slope that falls to zero in the cell, the extremum is at most h |slope| deep; the factor 2 is a margin. */
+        if (fabs(f0) > 2.0 * h * fabs(slope[k]) || fabs(f1) > 2.0 * h * fabs(slope[next])) continue;
+        if (n + 2 <= most) n = hidden_pair(grid, f, k, sign, root, z, n);
+    }
+    if (n > 0 && root[n - 1] >= BD_TWO_PI - 1e-14) { /* a root at the very end of the period is moved to its beginning */
+        const double z_last[2] = {z[2 * n - 2], z[2 * n - 1]};
+        for (int i = n - 1; i > 0; --i) {
+            root[i] = root[i - 1];
+            z[2 * i] = z[2 * i - 2];
+            z[2 * i + 1] = z[2 * i - 1];
+        }
+        root[0] = 0.0;
+        z[0] = z_last[0];
+        z[1] = z_last[1];
+    }
+    return n;
+}
+
+int bd_trig_roots(const bd_trig_grid *grid, const double *f, const double *value, const double *slope, double *root) {
+    double z[4 * BD_MAX_HARM];
+    return bd_trig_roots_with_powers(grid, f, value, slope, root, z);
+}
