@@ -590,6 +590,12 @@ def test_files_and_functions_that_the_documents_name_are_there():
     assert not missing, "\n".join(missing)
 
 
+def test_tests_that_the_scripts_run_are_there():
+    for path in [ROOT / "Makefile", ROOT / ".ci" / "run", *ROOT.glob("tools/*.sh")]:
+        for name in re.findall(r"(?<![\w./])tests/[\w/]+(?:\.py|\b)", path.read_text()) if path.exists() else []:
+            assert any(ROOT.glob(f"{name}*")), f"{path.name}: {name}"
+
+
 def test_modules_that_the_documents_name_are_there():
     import importlib
 

@@ -32,7 +32,6 @@ from bdamper.importers import (
     FEBody,
     Measurement,
     build_model,
-    load_model,
     read_ansys,
     read_arrays,
     read_calculix,
@@ -43,9 +42,9 @@ from bdamper.importers import (
     read_measurements,
     read_rst,
     read_unv,
-    save_model,
 )
 from bdamper.importers.abaqus import read_frd_stress
+from bdamper.model.model_file import load_model, save_model
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
 from bdamper.util.storage import load
