@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.each import each
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "bdamper"
 
@@ -144,7 +146,7 @@ def room(module: str) -> str:
     return module.split(".")[0]
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "csrc").glob("*.[ch]")), ids=lambda p: p.name)
+@each("path", sorted((ROOT / "csrc").glob("*.[ch]")), ids=lambda p: p.name)
 def test_c_includes_run_downward(path):
     text = path.read_text()
     assert ("Python.h" in re.findall(r"#include <([^>]+)>", text)) == (path.name == "bd_core.h")
@@ -152,7 +154,7 @@ def test_c_includes_run_downward(path):
         assert header == path.stem or c_level(header) < c_level(path.stem), f"{path.name} includes {header}.h"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "csrc").glob("*.c")), ids=lambda p: p.name)
+@each("path", sorted((ROOT / "csrc").glob("*.c")), ids=lambda p: p.name)
 def test_allocation_only_where_things_are_made(path):
     """malloc and calloc stand only in functions called *_create; the binding uses Python's allocator."""
     function = ""

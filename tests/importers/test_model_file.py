@@ -38,6 +38,7 @@ from bdamper.model.structure import (
     feed_digest,
 )
 from bdamper.util.errors import BdamperError, ModelError
+from tests.each import each
 from tests.models import ALL_MODELS, lumped_local, shroud_model, wedge_model
 
 
@@ -642,8 +643,9 @@ BROKEN: list[tuple[str, Callable[[h5py.File], None], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("change", "message"), [pytest.param(c, m, id=n) for n, c, m in BROKEN])
-def test_one_broken_thing_is_named(copy, change, message):
+@each(("change", "message"), [pytest.param(c, m, id=n) for n, c, m in BROKEN])
+def test_one_broken_thing_is_named(saved, tmp_path, change, message):
+    copy = shutil.copy(saved, tmp_path)
     with h5py.File(copy, "r+") as file:
         change(file)
     with pytest.raises(ModelError, match=re.escape(message)) as caught:

@@ -21,6 +21,7 @@ from bdamper.analyses.study_comparison import Comparison
 from bdamper.response.curve import ResponseCurve
 from bdamper.util.storage import Storable, opened
 from bdamper.util.versions import HERE
+from tests.each import each
 from tests.every_result import RESULTS, bladed_disk, response_curve
 from tests.test_codebase import nodes_of, spelled
 
@@ -97,7 +98,7 @@ class TestReading:
         with pytest.raises(bd.BdamperError, match=r"found something else \(MemoryError\)$"), opened(path, "a file"):
             raise MemoryError
 
-    @pytest.mark.parametrize("cls", Storable.__subclasses__(), ids=lambda cls: cls.__name__)
+    @each("cls", Storable.__subclasses__(), ids=lambda cls: cls.__name__)
     def test_an_incomplete_file_is_refused(self, tmp_path, cls):
         path = tmp_path / "result.h5"
         with h5py.File(path, "w") as file:
@@ -133,7 +134,7 @@ class TestDamaged:
         "mistuned_sample": ("wheels", "preload", "amplitude", "frequency", "status"),
     }  # fmt: skip
 
-    @pytest.mark.parametrize(("name", "field"), [(name, field) for name, own in COLUMNS.items() for field in own])
+    @each(("name", "field"), [(name, field) for name, own in COLUMNS.items() for field in own])
     def test_a_column_of_another_length_is_refused(self, tmp_path, name, field, answers):
         path = tmp_path / "result.h5"
         answers(name).save(path)
@@ -161,7 +162,7 @@ class TestDamaged:
 
 
 class TestWriting:
-    @pytest.mark.parametrize("name", RESULTS)
+    @each("name", RESULTS)
     def test_what_is_written_is_read(self, tmp_path, name, answers):
         result = through_a_file(answers(name),
             tmp_path / "once.h5")  # plain numbers of a file have become those of the types

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 
 import bdamper as bd
 from bdamper.util.display import Plottable
+from tests.each import each
 from tests.every_result import RESULTS, bladed_disk, response_curve
 
 
@@ -27,7 +28,7 @@ def curve(study):
     return response_curve(study)
 
 
-@pytest.mark.parametrize("name", RESULTS)
+@each("name", RESULTS)
 def test_prints_draws_saves_and_is_a_table(name, study, curve, tmp_path):
     result = RESULTS[name](study, curve)
     first = str(result).split("\n")[0]

@@ -12,6 +12,7 @@ import bdamper as bd
 from bdamper import plot as plotting
 from bdamper.plot.motion import contact_status, rigid_motion
 from bdamper.util import validation
+from tests.each import each
 from tests.plain import plain_study
 
 
@@ -25,7 +26,7 @@ def test_numbers_pass_in_every_form(value):
     assert type(whole) is int
 
 
-@pytest.mark.parametrize("value", ["2", None, True, np.True_, np.nan, np.inf, [2.0], np.array([2.0]), 2j, 10**400])
+@each("value", ["2", None, True, np.True_, np.nan, np.inf, [2.0], np.array([2.0]), 2j, 10**400])
 def test_other_things_are_no_numbers(value):
     for check in (validation.number, validation.whole):
         with pytest.raises(bd.SettingError, match=r"n: expected a (finite|whole) number.*, found "):
@@ -96,7 +97,7 @@ def study():
 FLAGS = ("bias", "constraint_planes", "fundamental_modes_only", "stability", "separation", "variable_normal_load")
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "value"),
     [
         *((flag, value) for flag in FLAGS for value in ("off", 1, None)),
@@ -131,7 +132,7 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
         few.with_effects(replace(bd.Effects.of(few), harmonics=5))
 
 
-@pytest.mark.parametrize(
+@each(
     "make",
     [
         *(lambda n=n, v=v: bd.ContinuationOptions(**{n: v}) for n, v in [
@@ -221,7 +222,7 @@ def test_a_prefix_stands_before_the_names_of_fields():
 F = (270.0, 380.0)
 
 
-@pytest.mark.parametrize(
+@each(
     "ask",
     [
         lambda s: s.frequency_response("2 kN", F), lambda s: s.frequency_response(None, F),
@@ -295,7 +296,7 @@ def tracked(study):
     return study.frequency_response(1000.0, F)
 
 
-@pytest.mark.parametrize(
+@each(
     "draw",
     [
         lambda s, c, st: plotting.plot_status_map(st, s.model, "lft"),
