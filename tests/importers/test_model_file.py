@@ -788,9 +788,9 @@ def mutate_attribute(item: h5py.Group | h5py.Dataset, path: str, rng: random.Ran
     return f"replace {path}@{name}"
 
 
-@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(20)])
+@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(10)])
 def test_structural_damage(saved, tmp_path, part):
-    """500 cases in twenty parts."""
+    """250 cases in ten parts."""
     path = tmp_path / "damaged.h5"
     refused = 0
     for seed in range(25 * part, 25 * part + 25):
