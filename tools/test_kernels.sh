@@ -1,8 +1,8 @@
 #!/bin/sh
 # Usage: test_kernels.sh [rounding]
-# Runs the tests of the core and its C tests under each kernel of the core that this processor runs but does not choose.  With "rounding", the
-# tests that are marked so run too: under these kernels, and under two kernels of OpenBLAS.  Kernels that this processor does
-# not run are skipped and named.
+# Runs the tests of the core and its C tests under each kernel of the core that this processor runs but does not choose.
+# With "rounding", the tests that are marked so run too: under these kernels, and under two kernels of OpenBLAS.  Kernels
+# that this processor does not run are skipped and named.
 set -eu
 cd "$(dirname "$0")/.."
 python=.venv/bin/python
