@@ -1,4 +1,4 @@
-"""One test for all cases of a question: none hides another, and none costs a test of its own."""
+"""Run all cases of one question in one test, and report all failures."""
 
 import functools
 import inspect

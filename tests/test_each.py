@@ -1,4 +1,4 @@
-"""Cases that run in one test."""
+"""The decorator that runs cases in one test."""
 
 import pytest
 
