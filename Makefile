@@ -1,16 +1,19 @@
 # Everything a user or developer runs.  Prerequisites: Python 3.11+, a C compiler, make.
 #   make demo      main job on the shipped reference model, figures in figures/
-#   make test      test suite (make test-slow: the tests that take minutes)
+#   make test      quick tests (make test-slow: those that take longer, make test-all: both in one run)
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html (the first time some four minutes)
 #   make docs-check  the same pages without running notebooks and examples, half a minute
 #   make links     whether pages that the documentation names still exist (needs a network)
-# For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
+# For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and:
+#   make nightly   required before a release besides .ci/run: portability, nastran, others, browser, links, newest
 #   make validate  public problems and closed forms computed again, into docs/validated.md (needs CalculiX)
-#   make kernels   what rounding touches, under the kernels of the core and of OpenBLAS
+#   make kernels   tests of the core under each kernel of the core
+#   make portability  tests that rounding affects, under each kernel of the core and of OpenBLAS; more folders with the oldest dependencies
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
 #   make others    models that other programs wrote and other packages carry (Debian: calculix-ccx, calculix-ccx-test; a network)
-#   make oldest    quick tests with the oldest supported dependencies (make newest: with the newest ones)
+#   make oldest    quick tests of the core and its equations with the oldest supported dependencies
+#   make newest    quick tests with the newest dependencies
 #   make wheel     source distribution and a wheel for every Python of this machine, in dist/, each tried in an empty environment
 #   make readme    commands and Python of the README as they are pasted, in a fresh copy and an empty environment
 #   make browser   the explorer in a real browser (Debian: chromium, chromium-driver)
@@ -31,6 +34,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # these run in make others alone
 APART := --ignore=tests/others
+# folders of tests that run with other versions of the dependencies, in continuous integration and every night
+OLDEST := tests/core tests/contact tests/harmonic_balance
+VERSIONS := $(OLDEST) tests/model tests/response tests/util
 
 BUILD_INPUTS := pyproject.toml meson.build meson.options
 BUILD_TOOLS := "meson-python>=0.18" "meson>=1.3" ninja "numpy>=2.0"
@@ -40,7 +46,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
+.PHONY: demo test test-slow test-all nightly portability bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -50,6 +56,13 @@ test: $(VENV)/test.stamp
 
 test-slow: $(VENV)/test.stamp
 	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(APART) $(PYTEST_ARGS))
+
+test-all: $(VENV)/test.stamp
+	$(call step,all tests,$(PY) -m pytest -n auto --dist worksteal -m "" $(APART) $(PYTEST_ARGS))
+
+# one after the other, whatever -j says: each uses all processors
+nightly:
+	@for target in portability nastran others browser links newest; do $(MAKE) $$target || exit 1; done
 
 bench: $(VENV)/test.stamp
 	$(call step,benchmarks,$(PY) -m benchmarks core tracking evaluations optimal effects)
@@ -80,7 +93,11 @@ links: $(VENV)/docs.stamp
 	  || true; $(PY) tools/check_links.py docs/_build/linkcheck/output.json)
 
 kernels: $(VENV)/dev.stamp
-	$(call step,tests under other kernels,sh tools/test_kernels.sh)
+	$(call step,tests of the core under other kernels,sh tools/test_kernels.sh)
+
+portability: $(VENV)/dev.stamp
+	$(call step,tests that rounding affects under other kernels,sh tools/test_kernels.sh rounding)
+	$(call step,more quick tests with the oldest supported dependencies,sh tools/test_versions.sh oldest $(VERSIONS))
 
 nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
@@ -94,10 +111,10 @@ $(VENV)-others/files.stamp: | $(VENV)/bin/python
 	@touch $@
 
 oldest: | prerequisites
-	$(call step,quick tests with the oldest supported dependencies,sh tools/test_versions.sh oldest)
+	$(call step,quick tests with the oldest supported dependencies,sh tools/test_versions.sh oldest $(OLDEST))
 
 newest: | prerequisites
-	$(call step,quick tests with the newest dependencies,sh tools/test_versions.sh newest)
+	$(call step,quick tests with the newest dependencies,sh tools/test_versions.sh newest $(VERSIONS))
 
 wheel: | prerequisites
 	$(call step,wheels in empty environments,sh tools/test_wheel.sh)
@@ -106,7 +123,7 @@ readme: | prerequisites
 	$(call step,the README as it is pasted,PYTHON=$(PYTHON) sh tools/test_readme.sh)
 
 browser: $(VENV)/test.stamp
-	$(call step,explorer in a browser,$(PY) -m pip install -qq --no-build-isolation -e ".[app-test]" && $(PY) -m pytest -n 0 tests/app)
+	$(call step,explorer in a browser,$(PY) -m pip install -qq --no-build-isolation -e ".[app-test]" && $(PY) -m pytest -n 0 tests/plot/test_explorer.py)
 
 cross: $(VENV)/dev.stamp
 	$(call step,the core for aarch64,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/cross_aarch64.sh)

@@ -14,8 +14,8 @@ import pytest
 
 import bdamper as bd
 
-ROUNDING = {"anchors", "harmonic_balance", "contact", "continuation", "hard", "peaks", "physics", "problem", "stability"}
-"""Folders of tests that ask for computed figures: another BLAS moves them."""
+ROUNDING = {"anchors", "contact", "hard", "harmonic_balance", "physics", "response", "time_domain"}
+"""Folders of tests on computed figures, which depend on the rounding of the BLAS."""
 
 LONGEST = 3600 + 10 * int(os.environ.get("BDAMPER_HARD", "0"))
 """Time limit of slow tests and of hard cases, s; those of the others stand in pyproject.toml."""

@@ -1,5 +1,6 @@
 """A result of every kind, by the name of what gives it, from a bladed disk with nine contact points."""
 
+from functools import cache
 from importlib.resources import files
 
 import bdamper as bd
@@ -54,3 +55,10 @@ RESULTS = {
     "mistuned_sample": lambda s, c: bd.load(WHEELS),
 }
 """From the study and its response curve at 2,000 N."""
+
+
+@cache
+def result(name):
+    study = bladed_disk()
+    curve = response_curve(study) if name == "frequency_response" else result("frequency_response")
+    return RESULTS[name](study, curve)

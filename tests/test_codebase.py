@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.each import each
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "bdamper"
 
@@ -140,7 +142,7 @@ def room(module: str) -> str:
     return module.split(".")[0]
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "csrc").glob("*/*.[ch]")), ids=lambda p: p.name)
+@each("path", sorted((ROOT / "csrc").glob("*/*.[ch]")), ids=lambda p: p.name)
 def test_c_includes_run_downward(path):
     text = path.read_text()
     assert ("Python.h" in re.findall(r"#include <([^>]+)>", text)) == (path.name == "binding.h")
@@ -150,7 +152,7 @@ def test_c_includes_run_downward(path):
     assert not wrong, f"{name} includes {wrong}"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "csrc").glob("*/*.c")), ids=lambda p: p.name)
+@each("path", sorted((ROOT / "csrc").glob("*/*.c")), ids=lambda p: p.name)
 def test_allocation_only_where_things_are_made(path):
     """malloc and calloc stand only in functions called *_create; the binding uses Python's allocator."""
     function = ""
@@ -586,6 +588,12 @@ def test_files_and_functions_that_the_documents_name_are_there():
                 if not (ROOT / name).exists() or (function and not defines(ROOT / name, function)):
                     missing.append(f"{path.relative_to(ROOT)}: {name} {function}")
     assert not missing, "\n".join(missing)
+
+
+def test_tests_that_the_scripts_run_are_there():
+    for path in [ROOT / "Makefile", ROOT / ".ci" / "run", *ROOT.glob("tools/*.sh")]:
+        for name in re.findall(r"(?<![\w./])tests/[\w/]+(?:\.py|\b)", path.read_text()) if path.exists() else []:
+            assert any(ROOT.glob(f"{name}*")), f"{path.name}: {name}"
 
 
 def test_modules_that_the_documents_name_are_there():

@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.__main__ import main, parser
+from tests.each import each
 
 QUICK = {
     "response": ["--preload", "104", "--band", "630", "690"],
@@ -63,7 +64,7 @@ def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, mo
     assert text in out + err and "Traceback" not in err
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "words"),
     [
         ([], "the following arguments are required: command"),

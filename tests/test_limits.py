@@ -50,8 +50,8 @@ def test_every_test_has_a_limit(pytestconfig, request):
     "test",
     [
         "hard/test_branches.py::test_ctrl_c_ends_an_optimal_curve_whose_threads_are_at_work[30]",
-        "peaks/test_interrupted.py::test_a_signal",
-        "design/test_sweep.py::TestInterrupted::test_a_signal_to_all_processes",
+        "response/test_interrupted.py::test_a_signal",
+        "analyses/test_sweep.py::TestInterrupted::test_a_signal_to_all_processes",
     ],
 )
 @pytest.mark.slow

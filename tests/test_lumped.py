@@ -10,6 +10,7 @@ import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies, histories
 from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.time_domain.integration import Ring
+from tests.each import each
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
 M = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 0.5]])
@@ -153,7 +154,7 @@ def test_energy_and_history_of_a_cubic_spring():
     assert F[1] == pytest.approx(np.array([0.3 * X[1, 0] ** 3, np.zeros(7), np.zeros(7)]))
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "message"),
     [
         ({"mass": [1.0, 0.0]}, "mass: expected a positive definite matrix"),
@@ -260,8 +261,8 @@ class TestSizesOfNumbers:
         lambda study, preload: study.optimal_curve((preload, 2.0 * preload), 2, frequency=TestSizesOfNumbers.BAND),
     )
 
-    @pytest.mark.parametrize("ask", ASKS)
-    @pytest.mark.parametrize("force", [1e-300, 1e-200, 1e-160, 1e160, 1e300])
+    @each("ask", ASKS)
+    @each("force", [1e-300, 1e-200, 1e-160, 1e160, 1e300])
     def test_forces(self, ask, force):
         found = re.escape(f"from 1e-100 to 1e+100, found {force:g} N at 'x0'")
         with pytest.raises(bd.SettingError, match=f"^excitation: expected .* {found}"):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from tests.each import each
 from tests.models import wedge_model
 from tests.turning import turning_disk
 
@@ -17,7 +18,7 @@ def model():
     return wedge_model()
 
 
-@pytest.mark.parametrize(
+@each(
     "settings",
     [
         {},

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.each import each
+
 ROOT = Path(__file__).resolve().parents[1]
 RECORDS = {"measured.md", "api.md"}
 """Tables of measurements and lists of names: no prose to read from the beginning."""
@@ -69,12 +71,12 @@ def phrases(text: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+@each("page", pages(), ids=lambda page: page.name)
 def test_plain_words(page):
     assert not phrases(prose(page))
 
 
-@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+@each("page", pages(), ids=lambda page: page.name)
 def test_a_page_says_which_question_it_answers(page):
     lines = [line for line in prose(page).splitlines() if line.strip() and not line.startswith("![")]
     assert "?" in " ".join(lines[:4]), lines[:4]

@@ -18,18 +18,9 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 from numpy.typing import NDArray
 
 from bdamper.analyses import accuracy as more_harmonics
-from bdamper.analyses import (
-    campbell,
-    crossings,
-    error_estimates,
-    flutter,
-)
-from bdamper.analyses import (
-    campbell as campbell_diagram,
-)
-from bdamper.analyses import (
-    effect_significance as significance,
-)
+from bdamper.analyses import campbell, crossings, error_estimates, flutter
+from bdamper.analyses import campbell as campbell_diagram
+from bdamper.analyses import effect_significance as significance
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
 from bdamper.analyses import robust_optimum as best_margin

@@ -15,6 +15,7 @@ from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.model.contact_points import group_patches, unite_contact_points
 from bdamper.response.response_curve import notes, why_no_solution
 from tests import models
+from tests.each import each
 from tests.plain import plain_study
 
 PRELOAD = 300.0
@@ -54,7 +55,7 @@ COUNTS = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "unknowns", "points"), COUNTS, ids=lambda v: str(v))
+@each(("changes", "unknowns", "points"), COUNTS, ids=lambda v: str(v))
 def test_unknowns_and_points_of_an_effect_that_is_off_are_gone(full, changes, unknowns, points):
     system = full.with_effects(effects(full, **changes)).problem.system(PRELOAD)
     assert (system.n_unknowns, system.n_points) == (unknowns, points)
@@ -242,7 +243,7 @@ def test_every_effect_has_an_assumption():
     assert "excites them" not in bd.Effects(harmonics=(1, 3), variable_normal_load=False).describe()
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "changed"),
     [
         ("bias", {"bias": False}),

@@ -51,10 +51,10 @@ def test_noise_on_the_displacement_is_no_friction():
 
 
 @pytest.mark.slow
-def test_deviations_of_ten_drawn_loops():
-    """The error over 20 draws of the noise, bias included, is at most twice the stated deviation (seeds 0 to 9)."""
+def test_deviations_of_drawn_loops():
+    """The error over 12 draws of the noise, bias included, is at most twice the stated deviation (seeds 0 to 3)."""
     ratios = []
-    for seed in range(10):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
         kt, mu = 10.0 ** rng.uniform(6.0, 9.0), rng.uniform(0.1, 0.8)
         spread, slip = rng.uniform(0.0, 0.9), rng.uniform(1.5, 5.0)
@@ -62,7 +62,7 @@ def test_deviations_of_ten_drawn_loops():
         swing = slip * mu * NORMAL / kt
         x, force = loop(spread, swing, n, kt, mu)
         found = []
-        for _ in range(20):
+        for _ in range(12):
             noisy = x + nx * swing * rng.standard_normal(n), force + ny * mu * NORMAL * rng.standard_normal(n)
             found.append(bd.fit_loop(*noisy, normal=NORMAL))
         errors = np.array([[f.kt - kt, f.mu - mu, f.spread - spread] for f in found])

@@ -161,8 +161,7 @@ def polished(study, mode, amplitude):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("harmonics", [1, 2, 3])
-@pytest.mark.parametrize("mu", [0.3, 0.5, 0.8])
+@pytest.mark.parametrize(("mu", "harmonics"), [(0.3, 1), (0.5, 2), (0.8, 3)])
 def test_the_planar_wedge_as_an_independent_program_has_it(mu, harmonics):
     """Through both folds: the same motions, three at one amplitude, and the same frequency and damping of each."""
     study, ends = wedge.study(mu, harmonics), (3e-5, 4e-4)

@@ -7,6 +7,7 @@ import pytest
 
 from bdamper import _core
 from tests import oracle
+from tests.each import each
 
 SEPARABLE, NORMAL, CONSTANT, COUPLED, COUPLED_CONSTANT, BONDED = range(6)
 EXACT, SAMPLED, PLAIN = range(3)
@@ -38,7 +39,7 @@ def random_state(rng, harmonics):
     }
 
 
-@pytest.mark.parametrize(("law", "contact_forces"), SERVED)
+@each(("law", "contact_forces"), SERVED)
 def test_tangent_is_the_derivative_on_random_states(law, contact_forces):
     """Five thousand states over all laws and evaluations: a random direction each; a state whose finite difference
     straddles an event is asked again with a smaller step."""

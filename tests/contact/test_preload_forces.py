@@ -12,6 +12,7 @@ from bdamper.contact.static_state import OPEN
 from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError
 from tests.certificate import certify, worst
+from tests.each import each
 from tests.models import wedge_model
 from tests.plain import plain_study
 
@@ -41,8 +42,8 @@ def test_frictionless_force_is_that_of_statics(coupling):
     np.testing.assert_allclose(half, 1.0 / (2.0 * np.sin(np.pi / 3)), rtol=1e-10)
 
 
-@pytest.mark.parametrize("own", [0.02, 1.0, 5.0])
-@pytest.mark.parametrize("mu", [0.0, 0.2, 0.5, 1.0, 2.0])
+@each("own", [0.02, 1.0, 5.0])
+@each("mu", [0.0, 0.2, 0.5, 1.0, 2.0])
 def test_random_wedges(mu, own):
     """A damper that deforms under its own load as one does (2 % of the synthetic one), and far more."""
     for seed in range(12):

@@ -11,6 +11,7 @@ import bdamper as bd
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet, active_components, joined, stuck_modes
 from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError, SettingError
+from tests.each import each
 from tests.models import ALL_MODELS, wedge_model
 from tests.plain import plain_study
 
@@ -42,8 +43,8 @@ def bonded(model, blade_modes, damper_modes, contact):
     return study.problem.system(0.0).structure.linear.modes(springs)[0][:5] / (2 * np.pi)
 
 
-@pytest.mark.parametrize("damper_modes", [0, 10])
-@pytest.mark.parametrize("blade_modes", [10, 20])
+@each("damper_modes", [0, 10])
+@each("blade_modes", [10, 20])
 def test_bonded_frequencies_within_a_fifth_of_a_percent(reference, blade_modes, damper_modes):
     found = bonded(reference, blade_modes, damper_modes, ResidualModes(8))
     np.testing.assert_allclose(found, bonded_in_full(reference), rtol=2e-3)

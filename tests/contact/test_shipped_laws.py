@@ -12,6 +12,7 @@ import bdamper as bd
 from bdamper import _core
 from bdamper.contact.laws import OwnLaws
 from bdamper.util.errors import BdamperWarning
+from tests.each import each
 
 
 def along(law, path):
@@ -36,8 +37,8 @@ def loss(law, u, corners):
 
 
 class TestJenkins:
-    @pytest.mark.parametrize("ratio", [0.5, 1.0 + 1e-3, 1.5, 10.0, 1e6])
-    @pytest.mark.parametrize("kn", [0.0, 3.0])
+    @each("ratio", [0.5, 1.0 + 1e-3, 1.5, 10.0, 1e6])
+    @each("kn", [0.0, 3.0])
     def test_loss(self, ratio, kn):
         """4 f (u - f/k) a cycle, none below the limit f = 0.7 + 0.2 N."""
         k, v = 2.0, 0.4
@@ -121,9 +122,9 @@ def unloaded(c, n, z):
 
 
 class TestBoucWen:
-    @pytest.mark.parametrize("n", [1, 2])
-    @pytest.mark.parametrize("gamma", GAMMA)
-    @pytest.mark.parametrize("u", [1e-6, 0.3, 3.0])
+    @each("n", [1, 2])
+    @each("gamma", GAMMA)
+    @each("u", [1e-6, 0.3, 3.0])
     def test_closed_form(self, n, gamma, u):
         """Loading has the rate 1 - (beta + gamma) z^n, unloading 1 + (beta - gamma) z^n, so that z vanishes at u - s."""
         k, alpha, beta = 2.0, 0.1, 1.0
@@ -137,8 +138,8 @@ class TestBoucWen:
         np.testing.assert_allclose(z_found[:steps], z, rtol=1e-5)
         assert abs(z_found[-1]) < 1e-5 * z[-1]
 
-    @pytest.mark.parametrize("n", [1.0, 1.7, 3.0])
-    @pytest.mark.parametrize("gamma", GAMMA)
+    @each("n", [1.0, 1.7, 3.0])
+    @each("gamma", GAMMA)
     def test_no_energy_is_gained(self, n, gamma):
         """With the energy k (alpha u^2 + (1 - alpha) z^2)/2 of its springs, on a random path of short steps."""
         k, alpha = 2.0, 0.1

@@ -10,6 +10,7 @@ import pytest
 
 from bdamper import _core
 from tests.cases import random_arrays
+from tests.each import each
 
 OK, NOT_FINITE = 0, 4
 SIZES = {"wheel": (27, 6)}
@@ -143,7 +144,7 @@ def test_derivatives_are_those_of_the_residual(kind):
         np.testing.assert_array_equal(alone, r)
 
 
-@pytest.mark.parametrize("transposed", [False, True])
+@each("transposed", [False, True])
 def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
     rng, N = np.random.default_rng(13), size(kind)
     orientations = set()
@@ -163,8 +164,8 @@ def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
     assert orientations == {-1, 1}
 
 
-@pytest.mark.parametrize("kind", [KINDS[name] for name in DENSE])
-@pytest.mark.parametrize("transposed", [False, True])
+@each("kind", [KINDS[name] for name in DENSE])
+@each("transposed", [False, True])
 def test_a_singular_matrix_gives_the_solution_of_least_norm(kind, transposed):
     """The border repeats a row of the Jacobian."""
     rng, N = np.random.default_rng(14), size(kind)
@@ -184,7 +185,7 @@ def test_a_singular_matrix_gives_the_solution_of_least_norm(kind, transposed):
     np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("peak", [True, False])
+@each("peak", [True, False])
 def test_gradients_are_differences_along_the_curve(kind, peak):
     """A slope at any point is that of the null vector of [J C] there."""
     rng, equations, y, tangent = solved(kind)
@@ -216,7 +217,7 @@ def test_gradients_are_differences_along_the_curve(kind, peak):
     np.testing.assert_allclose(nu, dual[:-1], rtol=0, atol=1e-9 * np.abs(dual).max())
 
 
-@pytest.mark.parametrize("place", [2, -1])
+@each("place", [2, -1])
 def test_a_number_that_is_none_gives_a_status(kind, place):
     rng, N = np.random.default_rng(15), size(kind)
     equations, y = kind(rng), point(rng, N)

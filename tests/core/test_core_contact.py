@@ -20,6 +20,7 @@ from tests.cases import (
     random_motion,
     random_point,
 )
+from tests.each import each
 
 HARMONICS = (1, 2, 3, 5, 7)
 
@@ -151,8 +152,8 @@ def test_any_input_gives_the_marched_force(x, kt, kn, mu, n0, w):
     np.testing.assert_allclose(result.force, marched, rtol=0, atol=2e-4 * size + 1e-14)
 
 
-@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED, PLAIN])
-@pytest.mark.parametrize("n_harm", HARMONICS)
+@each("evaluation", [EXACT, SAMPLED, PLAIN])
+@each("n_harm", HARMONICS)
 def test_tangent_is_the_derivative(n_harm, evaluation):
     """To 1e-7 where no event is near; the sampled laws are piecewise linear, so almost everywhere."""
     rng = np.random.default_rng(100 + n_harm)
@@ -259,7 +260,7 @@ class TestArguments:
         "J": np.zeros((3, 3, 3, 3)),
     }
 
-    @pytest.mark.parametrize(
+    @each(
         ("name", "value", "error"),
         [
             ("x", np.zeros((2, 3)), ValueError),

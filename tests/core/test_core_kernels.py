@@ -10,6 +10,7 @@ import pytest
 
 from bdamper import _core
 from tests.cases import EXACT, PLAIN, SAMPLED, evaluate_system, random_arrays
+from tests.each import each
 
 KERNELS = "plain", "generic", "avx2", "avx512"
 
@@ -36,8 +37,8 @@ def test_an_unknown_one_is_named(monkeypatch):
         _core.Sector(**arrays)
 
 
-@pytest.mark.parametrize("name", KERNELS)
-@pytest.mark.parametrize(
+@each("name", KERNELS)
+@each(
     ("law", "evaluation"), [(0, EXACT), (0, SAMPLED), (0, PLAIN), (2, EXACT), (3, SAMPLED), (3, PLAIN), (4, SAMPLED)]
 )
 def test_all_give_the_same_residual_and_jacobian(monkeypatch, name, law, evaluation):

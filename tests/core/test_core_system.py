@@ -10,6 +10,7 @@ import bdamper as bd
 from bdamper import _core
 from tests import models, oracle
 from tests.cases import PLAIN, SAMPLED, difference, evaluate_system, for_oracle, random_arrays
+from tests.each import each
 from tests.plain import plain_study
 
 LAYOUTS = {
@@ -123,7 +124,7 @@ def changed(name, index, value):
     return out
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "value", "error"),
     [
         ("n_mode", [2, 3], TypeError),
@@ -232,7 +233,7 @@ def sharing():
             yield from ((method, first, second) for second in arrays[i + 1 :] if first in outputs or second in outputs)
 
 
-@pytest.mark.parametrize(("method", "first", "second"), list(sharing()))
+@each(("method", "first", "second"), list(sharing()))
 def test_outputs_that_share_memory_are_refused(method, first, second):
     arguments = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in CALLS[method].items()}
     assert call(method, dict(arguments)) is not None
@@ -257,7 +258,7 @@ def test_inputs_may_share_memory_and_outputs_may_touch():
     assert system.solve(**{**peak, "scale": same, "re": same[:8]}).status >= 0
 
 
-@pytest.mark.parametrize(
+@each(
     ("method", "name", "value", "expected"),
     [
         ("solve", "tolerance", np.nan, "a finite positive number, found nan"),
@@ -288,8 +289,8 @@ def test_conditions_of_two_kinds_are_refused(method, names):
         _core.Sector(**GOOD).solve(**chosen)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-@pytest.mark.parametrize(
+@each("value", [0.0, -1.0, np.nan, np.inf])
+@each(
     ("method", "name"), [(m, "scale") for m in ("solve", "peak", "fold", "bordered")] + [("sector", "row_scale")]
 )
 def test_wrong_scales_are_named(method, name, value):

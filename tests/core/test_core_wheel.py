@@ -5,14 +5,15 @@ import pytest
 
 from bdamper import _core
 from tests.core.test_conformance import wheel_arrays
+from tests.each import each
 
 
 def arrays(**changes):
     return wheel_arrays(np.random.default_rng(0)) | changes
 
 
-@pytest.mark.parametrize("name", [k for k, v in arrays().items() if np.ndim(v) and v.dtype.kind in "fc" and k != "w"])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@each("name", [k for k, v in arrays().items() if np.ndim(v) and v.dtype.kind in "fc" and k != "w"])
+@each("bad", [np.nan, np.inf])
 def test_every_number_is_finite(name, bad):
     wrong = arrays()[name].copy()
     wrong.flat[-1] = bad
@@ -20,7 +21,7 @@ def test_every_number_is_finite(name, bad):
         _core.Wheel(**arrays(**{name: wrong}))
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "why"),
     [
         ({"n_sector": 2}, "3 to 10000 sectors"),

@@ -13,6 +13,7 @@ from bdamper.contact.laws import (
     LAW_NORMAL,
     LAW_SEPARABLE,
 )
+from tests.each import each
 
 ORDER, SPEEDS = 3.0, np.array([1.0, 1.15, 1.25, 1.4])
 N_MODE = np.array([2, 3, 0, 2], np.intc)
@@ -67,8 +68,8 @@ CASES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("law", "evaluation"), CASES)
-@pytest.mark.parametrize("size", [0.05, 1.0], ids=["stuck", "moving"])
+@each(("law", "evaluation"), CASES)
+@each("size", [0.05, 1.0], ids=["stuck", "moving"])
 def test_residual_and_jacobian_are_those_of_the_arrays_at_the_speed(law, evaluation, size):
     nodes = arrays(law, 0.1)
     u = size * np.random.default_rng(1).standard_normal(UNKNOWNS)
@@ -78,8 +79,8 @@ def test_residual_and_jacobian_are_those_of_the_arrays_at_the_speed(law, evaluat
             np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
 
-@pytest.mark.parametrize(("law", "evaluation"), CASES)
-@pytest.mark.parametrize("alone", [*VARYING, ""])
+@each(("law", "evaluation"), CASES)
+@each("alone", [*VARYING, ""])
 def test_the_derivative_along_the_line_is_that_of_differences(law, evaluation, alone):
     """Of plain equations with the arrays of speeds beside it; one array alone changes, and all."""
     nodes = arrays(law, 0.1)

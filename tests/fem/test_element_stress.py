@@ -12,6 +12,7 @@ from bdamper.fem.element_stress import Solids, _places, element_rows, in_referen
 from bdamper.importers.abaqus import read_calculix, read_frd, read_frd_stress
 from bdamper.util.errors import ModelError
 from examples.calculix.decks import run_job
+from tests.each import each
 from tests.own_sector import deck, of_kind
 
 KINDS = ("C3D4", "C3D6", "C3D8", "C3D8I", "C3D8R", "C3D10", "C3D15", "C3D20", "C3D20R")
@@ -44,7 +45,7 @@ def test_uniform_strain_is_exact(kind):
     assert len(owner) == elements.size
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each("kind", KINDS)
 def test_middle_nodes_are_found_in_any_order(kind):
     nodes, elements = block(kind)
     n_corner = {4: 4, 10: 4, 6: 6, 15: 6, 8: 8, 20: 8}[elements.shape[1]]

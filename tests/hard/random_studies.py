@@ -14,7 +14,7 @@ FULL = int(os.environ.get("BDAMPER_HARD", "0"))
 """Number of cases at full size, 0 for the default run."""
 
 
-def number_of_cases(default=300):
+def number_of_cases(default=150):
     return FULL or default
 
 

@@ -11,12 +11,13 @@ import pytest
 
 from bdamper.importers import read_body, read_inp, read_matrix
 from bdamper.util.errors import ModelError
+from tests.each import each
 from tests.importers.test_io_files import DECK
 from tests.importers.test_keywords import BULK
 
 
-@pytest.mark.parametrize("line", ["/etc/{}", "../{}", "sub/../../{}", "..\\{}", "C:\\{}", "\\\\host\\{}"])
-@pytest.mark.parametrize("reader", ["inp", "bdf"])
+@each("line", ["/etc/{}", "../{}", "sub/../../{}", "..\\{}", "C:\\{}", "\\\\host\\{}"])
+@each("reader", ["inp", "bdf"])
 def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
     if reader == "bdf":
         pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception)

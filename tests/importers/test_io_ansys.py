@@ -1,5 +1,6 @@
 """Ansys files: real ones with known answers, and small ones written here for every form of record and every damage."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.model.structure import turn
 from bdamper.util.errors import ModelError
 from tests.ansys_files import Writer, write_cdb, write_full, write_rst
+from tests.each import each
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "ansys"
 
@@ -218,7 +220,7 @@ def patched(path, position, value, word=0):
     path.write_bytes(bytes(data))
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "position", "value", "message"),
     [
         ("bar.full", 1, 4, r"symbolically assembled matrix \(-4\), found 4"),
@@ -236,8 +238,8 @@ def patched(path, position, value, word=0):
         ("bar.rst", 16, 3, "geometry header: expected whole numbers"),
     ],
 )
-def test_bad_headers(files, name, position, value, message):
-    path = files[0] / name
+def test_bad_headers(files, tmp_path, name, position, value, message):
+    path = Path(shutil.copy(files[0] / name, tmp_path))
     patched(path, position, value)
     reader = read_full if name.endswith("full") else read_rst
     with pytest.raises(ModelError, match=message) as caught:

@@ -24,6 +24,7 @@ from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBod
 from bdamper.model.model_file import load_model
 from bdamper.util.errors import BdamperError, BdamperWarning, ModelError, PlausibilityWarning, SettingError
 from examples.calculix.decks import damper_sets
+from tests.each import each
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
 
 ND = 5
@@ -388,7 +389,7 @@ BAD_BLADES = [
 ]
 
 
-@pytest.mark.parametrize(("change", "message"), BAD_BLADES, ids=[m[:40] for _, m in BAD_BLADES])
+@each(("change", "message"), BAD_BLADES, ids=[m[:40] for _, m in BAD_BLADES])
 def test_bad_blade(bodies, tip, change, message):
     with pytest.raises(BdamperError, match=message) as caught:
         build_model(change(bodies[0]), bodies[1], contacts=contacts(), locations={"tip": tip}, **SETTINGS)
@@ -516,14 +517,14 @@ BAD_SETTINGS = [
 ]
 
 
-@pytest.mark.parametrize(("change", "message"), BAD_SETTINGS, ids=[m[:40] for _, m in BAD_SETTINGS])
+@each(("change", "message"), BAD_SETTINGS, ids=[m[:40] for _, m in BAD_SETTINGS])
 def test_bad_settings(bodies, tip, change, message):
     settings = {**SETTINGS, "contacts": contacts(), "locations": {"tip": tip}, **change}
     with pytest.raises((ModelError, SettingError), match=message):
         build_model(*bodies, **settings)
 
 
-@pytest.mark.parametrize(
+@each(
     ("setting", "message"),
     [
         ({"gap": np.nan}, "contact 'left': gap: expected a finite number, found nan"),

@@ -33,6 +33,7 @@ from bdamper.util.errors import BdamperError, ModelError, mismatch
 from bdamper.util.storage import load
 from examples.calculix.decks import matrix_input, run_job
 from tests.calculix_runs import free_input
+from tests.each import each
 
 NASTRAN = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "nastran"
 
@@ -121,7 +122,7 @@ BAD_TEXT = [
 ]
 
 
-@pytest.mark.parametrize(("name", "text", "message"), BAD_TEXT, ids=[m[:30] + n for n, _, m in BAD_TEXT])
+@each(("name", "text", "message"), BAD_TEXT, ids=[m[:30] + n for n, _, m in BAD_TEXT])
 def test_bad_matrices(tmp_path, name, text, message):
     (tmp_path / name).write_text(text)
     with pytest.raises(ModelError, match=message) as caught:
@@ -290,7 +291,7 @@ BAD_DECKS = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "message"), BAD_DECKS, ids=[m[:40] for *_, m in BAD_DECKS])
+@each(("old", "new", "message"), BAD_DECKS, ids=[m[:40] for *_, m in BAD_DECKS])
 def test_bad_decks(tmp_path, old, new, message):
     assert old in DECK
     (tmp_path / "a.inp").write_text(DECK.replace(old, new, 1))

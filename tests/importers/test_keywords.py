@@ -8,6 +8,7 @@ import pytest
 from bdamper.importers import read_body, read_inp
 from bdamper.util.errors import ModelError
 from tests.ansys_files import write_cdb
+from tests.each import each
 from tests.importers.test_io_files import DECK
 
 # ---- CalculiX and Abaqus ----
@@ -77,7 +78,7 @@ HARMLESS = """*CYCLIC SYMMETRY MODEL, N=12
 *END STEP"""
 
 
-@pytest.mark.parametrize("line", [*TIES.splitlines(), *MAKES.splitlines()])
+@each("line", [*TIES.splitlines(), *MAKES.splitlines()])
 def test_keywords_of_decks_that_could_change_the_mesh_are_refused(line, tmp_path):
     at = len(DECK.splitlines()) + 2
     (tmp_path / "a.inp").write_text(f"{DECK}** a comment\n{line}\n1, 2, 3\n")
@@ -161,7 +162,7 @@ def archive(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("line", CDB_REFUSED.splitlines())
+@each("line", CDB_REFUSED.splitlines())
 def test_commands_of_archives_that_could_change_the_mesh_are_refused(line, archive):
     lines = (archive / "plain.cdb").read_text().splitlines()
     (archive / "a.cdb").write_text("\n".join([*lines, line, ""]))
@@ -228,8 +229,8 @@ def bulk_data(tmp_path):
     return read
 
 
-@pytest.mark.parametrize("card", BDF_REFUSED.splitlines())
-@pytest.mark.parametrize("before", ["", "SOL 103\nCEND\nTITLE=A\n"])
+@each("card", BDF_REFUSED.splitlines())
+@each("before", ["", "SOL 103\nCEND\nTITLE=A\n"])
 def test_cards_that_could_change_the_mesh_are_refused(card, before, bulk_data):
     name = card.split(",")[0]
     with pytest.raises(ModelError, match=rf"a\.bdf: {name}: expected a mesh of .*, found {name},.* which could") as caught:

@@ -6,6 +6,7 @@ import pytest
 from bdamper.analyses.loop_fit import read_loop
 from bdamper.importers.measurements import Measurement, load_measured, read_response
 from bdamper.util.errors import BdamperError
+from tests.each import each
 
 
 def write(tmp_path, text):
@@ -22,7 +23,7 @@ def test_points_are_read(tmp_path):
     assert points.frequency.tolist() == [280.0, 300.0, 290.0]
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("", "found nothing"),

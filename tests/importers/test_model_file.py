@@ -37,6 +37,7 @@ from bdamper.model.structure import (
     feed_digest,
 )
 from bdamper.util.errors import BdamperError, ModelError
+from tests.each import each
 from tests.models import ALL_MODELS, lumped_local, shroud_model, wedge_model
 
 
@@ -641,8 +642,9 @@ BROKEN: list[tuple[str, Callable[[h5py.File], None], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("change", "message"), [pytest.param(c, m, id=n) for n, c, m in BROKEN])
-def test_one_broken_thing_is_named(copy, change, message):
+@each(("change", "message"), [pytest.param(c, m, id=n) for n, c, m in BROKEN])
+def test_one_broken_thing_is_named(saved, tmp_path, change, message):
+    copy = shutil.copy(saved, tmp_path)
     with h5py.File(copy, "r+") as file:
         change(file)
     with pytest.raises(ModelError, match=re.escape(message)) as caught:
@@ -785,9 +787,9 @@ def mutate_attribute(item: h5py.Group | h5py.Dataset, path: str, rng: random.Ran
     return f"replace {path}@{name}"
 
 
-@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(20)])
+@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(10)])
 def test_structural_damage(saved, tmp_path, part):
-    """500 cases in twenty parts."""
+    """250 cases in ten parts."""
     path = tmp_path / "damaged.h5"
     refused = 0
     for seed in range(25 * part, 25 * part + 25):

@@ -16,6 +16,7 @@ from bdamper.importers.bodies import stress_rows
 from bdamper.importers.fe_body import FEBody
 from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody, Ring
 from tests.ansys_files import write_rst
+from tests.each import each
 from tests.own_sector import deck, of_kind
 
 YOUNG, POISSON = 2e5, 0.3
@@ -181,7 +182,7 @@ def stress_of(body: FEBody, moved, first):
 NAMES = [f"{reader.__name__}-{kind}{''.join(options.values())}" for reader, kind, options in CASES]
 
 
-@pytest.mark.parametrize(("reader", "kind", "options"), CASES, ids=NAMES)
+@each(("reader", "kind", "options"), CASES, ids=NAMES)
 def test_fields_of_every_element_type_of_every_reader(reader, kind, options, tmp_path):
     """Exact where the element can follow the field; where it has one strain across, that of a linear fit."""
     if reader is from_bdf and importlib.util.find_spec("pyNastran") is None:

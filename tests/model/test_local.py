@@ -10,6 +10,7 @@ from bdamper.model.contact_points import unite_contact_points
 from bdamper.model.structure import feed_digest
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError
+from tests.each import each
 from tests.models import lumped_local, wedge_model
 
 N = 8
@@ -69,7 +70,7 @@ def broken(**changes):
     return replace(model, bodies={**model.bodies, "blade": replace(blade, local=replace(blade.local, **local))})
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "words"),
     [
         ({"disk_stiffness": lambda k: k + 1j}, "disk_stiffness at nodal diameter 0: expected a Hermitian"),

@@ -14,6 +14,7 @@ import pytest
 from bdamper.model.structure import Body, Location, Model, StaticContact, SurfaceMesh
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError, ModelError, SettingError
+from tests.each import each
 from tests.models import ALL_MODELS, acyclic_model, ground_model, rigid_modes, shroud_model, wedge_model
 
 WEDGE = wedge_model(n_points=4, n_blade_modes=3)
@@ -710,21 +711,21 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("make", "message"), CASES)
+@each(("make", "message"), CASES)
 def test_one_broken_thing_is_named(make, message):
     with pytest.raises(ModelError, match=re.escape(message)) as caught:
         check_model(make())
     assert len(str(caught.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("name", ALL_MODELS)
-@pytest.mark.parametrize("seed", range(5))
+@each("name", ALL_MODELS)
+@each("seed", range(5))
 def test_small_models_pass(name, seed):
     check_model(ALL_MODELS[name](seed))
 
 
-@pytest.mark.parametrize("n_points", [1, 3, 4, 9, 12])
-@pytest.mark.parametrize("n_blades", [2, 3, 12, 13])
+@each("n_points", [1, 3, 4, 9, 12])
+@each("n_blades", [2, 3, 12, 13])
 def test_wedge_model_passes_in_other_sizes(n_points, n_blades):
     check_model(wedge_model(1, n_blades, 5, n_points, 2, 4, alpha=0.6, beta=0.9, n_damper_modes=0))
 

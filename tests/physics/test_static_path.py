@@ -13,6 +13,7 @@ import pytest
 import bdamper as bd
 from bdamper.contact.static_state import StaticSystem, static_state
 from bdamper.mistuning import BladedDisk, DamperVariation
+from tests.each import each
 from tests.mistuning.lumped import lumped_study
 from tests.physics.test_static_wedge import wedge
 
@@ -158,9 +159,9 @@ def test_drawn_systems_against_rates(seed, load_per_preload):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8)
 
 
-@pytest.mark.parametrize("mu", [0.2, 0.4])
-@pytest.mark.parametrize("load_per_preload", [(1000.0,), (1000.0, 100.0), (1000.0, 100.0, 1000.0)])
-@pytest.mark.parametrize("gap", [0.0, 2e-5])
+@each("mu", [0.2, 0.4])
+@each("load_per_preload", [(1000.0,), (1000.0, 100.0), (1000.0, 100.0, 1000.0)])
+@each("gap", [0.0, 2e-5])
 def test_a_wedge_with_a_gap_at_one_face(gap, mu, load_per_preload):
     """Held by weak springs until the second face closes; on unloading it sticks first and slips back later."""
     system = wedge(0.7, 0.9, mu, kt=1e7, kn=1e7)

@@ -13,6 +13,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK, StaticSystem, static_state
+from tests.each import each
 from tests.models import wedge_frames, wedge_model
 from tests.plain import plain_study
 
@@ -85,9 +86,9 @@ def test_symmetric_elastic_number():
     np.testing.assert_allclose(state.force[:, 2] / LOAD, 0.543928, rtol=0, atol=6e-7)
 
 
-@pytest.mark.parametrize("alpha", [0.4, 0.8, 1.2])
-@pytest.mark.parametrize("ratio", [0.2, 1.0, 4.0])
-@pytest.mark.parametrize("mu", [0.1, 0.6, 3.0])
+@each("alpha", [0.4, 0.8, 1.2])
+@each("ratio", [0.2, 1.0, 4.0])
+@each("mu", [0.1, 0.6, 3.0])
 def test_symmetric_elastic(alpha, ratio, mu):
     """Stuck or slipping, as the criterion says."""
     kn = 1e7

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bdamper.time_domain.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, judged
+from tests.each import each
 
 TOLERANCE, LOOK = BOUNDS.tolerance, BOUNDS.look
 SHORT = 1.0  # memory (periods) of a structure whose transients have gone
@@ -24,9 +25,9 @@ def constant(value, n):
     return np.full(n, value)
 
 
-@pytest.mark.parametrize("memory", [10.0, 60.0, 200.0])
-@pytest.mark.parametrize("size", [-0.5, -0.1, 0.1, 0.5])
-@pytest.mark.parametrize("limit", [-0.3, -0.11, -0.08, -0.06, -0.04, 0.0, 0.04, 0.06, 0.08, 0.11, 0.3])
+@each("memory", [10.0, 60.0, 200.0])
+@each("size", [-0.5, -0.1, 0.1, 0.5])
+@each("limit", [-0.3, -0.11, -0.08, -0.06, -0.04, 0.0, 0.04, 0.06, 0.08, 0.11, 0.3])
 def test_a_transient_ends_with_the_verdict_on_its_limit(limit, size, memory):
     """It falls to 1/e within the memory; whatever it is on its way, the limit alone counts."""
     found, _ = first_verdict(limit + size * np.exp(-np.arange(1000.0) / memory), memory)
@@ -61,7 +62,7 @@ def test_the_scale_is_that_of_the_solution():
 class TestLeft:
     """Farther away than twice the tolerance for 32 periods, without a way back: decided from 48 periods on."""
 
-    @pytest.mark.parametrize(("n", "size", "expected"), [
+    @each(("n", "size", "expected"), [
         (47, 0.3, UNDECIDED), (48, 0.3, DIFFERS), (48, 0.101, DIFFERS), (48, 0.099, UNDECIDED), (95, 0.099, UNDECIDED),
     ])  # fmt: skip
     def test_when_it_is_decided(self, sign, n, size, expected):
@@ -97,7 +98,7 @@ class TestLeft:
 class TestSettled:
     """Means of 16 periods that change by less than 1 % within 80, and no faster at the end: decided from 96 periods on."""
 
-    @pytest.mark.parametrize(("n", "size", "expected"), [
+    @each(("n", "size", "expected"), [
         (95, 0.0, UNDECIDED), (96, 0.0, AGREES), (96, 0.049, AGREES), (96, 0.051, DIFFERS), (96, 0.099, DIFFERS),
     ])  # fmt: skip
     def test_when_it_is_decided(self, sign, n, size, expected):

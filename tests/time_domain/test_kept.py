@@ -12,6 +12,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain import steady_amplitude as room
 from bdamper.time_domain.steady_amplitude import Levels
 from bdamper.util.progress import Cost
+from tests.each import each
 from tests.marches import fails_after
 from tests.time_domain.test_march import structure
 from tests.time_domain.test_time_sweep import F0, W0, one_mass
@@ -346,7 +347,7 @@ class _March:
         return self.amplitude[:, None] * [1.0, 0.9j]
 
 
-@pytest.mark.parametrize(
+@each(
     ("of_period", "alone", "periods", "stays"),
     [
         (lambda n: 1.0, True, 20, True),  # neither scatter nor drift

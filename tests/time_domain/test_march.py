@@ -22,6 +22,7 @@ from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of
 from bdamper.time_domain.march import March
+from tests.each import each
 from tests.time_domain import plain_march
 
 LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_SEPARABLE
@@ -72,9 +73,9 @@ def close(found, expected, tolerance=1e-10):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max(initial=0.0))
 
 
-@pytest.mark.parametrize("sectors", [6, 9, 1])
-@pytest.mark.parametrize("laws", [LAWS[:4], LAWS[4:]])
-@pytest.mark.parametrize("light", [0, 2])
+@each("sectors", [6, 9, 1])
+@each("laws", [LAWS[:4], LAWS[4:]])
+@each("light", [0, 2])
 def test_steps_beside_a_dense_newton(sectors, laws, light):
     """All laws, held sliders, coordinates with and without mass; points stick, slip, open and close."""
     if light and LAW_CUBIC in laws:

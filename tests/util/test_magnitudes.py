@@ -13,6 +13,7 @@ from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.importers import Measurement, Units, read_response
 from bdamper.mistuning import DamperVariation, Mistuning
 from bdamper.util.errors import PlausibilityWarning
+from tests.each import each
 from tests.plain import plain_study
 
 TIP, F = bd.Excitation("tip"), (270.0, 380.0)
@@ -205,13 +206,13 @@ def check(text, words):
     assert re.search(words, text), text
 
 
-@pytest.mark.parametrize("mistake", OF_STUDIES)
+@each("mistake", OF_STUDIES)
 def test_a_mistaken_size_of_a_study_is_told(study, mistake):
     ask, words = OF_STUDIES[mistake]
     check(told(lambda: ask(study)), words)
 
 
-@pytest.mark.parametrize("mistake", ALONE)
+@each("mistake", ALONE)
 def test_a_mistaken_size_is_told(mistake):
     ask, words = ALONE[mistake]
     check(told(ask), words)

@@ -14,6 +14,7 @@ from bdamper.importers.build import build_model
 from bdamper.importers.contact_faces import ContactFaces
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
 from bdamper.util.errors import PlausibilityWarning
+from tests.each import each
 from tests.plain import plain_study
 
 F = (270.0, 380.0)
@@ -148,7 +149,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("mistake", REFUSED)
+@each("mistake", REFUSED)
 def test_a_mistake_is_refused_in_one_clear_line(study, mistake):
     ask, words = REFUSED[mistake]
     with warnings.catch_warnings():
@@ -180,7 +181,7 @@ DOUBTED = {
 }
 
 
-@pytest.mark.parametrize("mistake", DOUBTED)
+@each("mistake", DOUBTED)
 def test_an_unlikely_unit_is_named(study, mistake):
     ask, words = DOUBTED[mistake]
     with pytest.warns(PlausibilityWarning, match=words) as caught:

@@ -1,11 +1,11 @@
 """The table of plausible ranges: every number that a user gives has an entry, and every entry is in use."""
 
 
-import pytest
 
 from bdamper.harmonic_balance.parameters import FACTORS
 from bdamper.util import plausible_ranges
 from bdamper.util.plausible_ranges import TABLE, Names, Range
+from tests.each import each
 from tests.util.numeric import doors, numeric
 
 DOORS = doors()
@@ -28,7 +28,7 @@ def key(name, parameter):
     return next((k for k in keys if k in TABLE), None)
 
 
-@pytest.mark.parametrize(("name", "parameter"), PARAMETERS)
+@each(("name", "parameter"), PARAMETERS)
 def test_every_number_that_a_user_gives_has_an_entry(name, parameter):
     found = key(name, parameter)
     assert found, f"enter {name}.{parameter} into bdamper.util.plausible_ranges.TABLE"

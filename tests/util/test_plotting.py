@@ -11,6 +11,7 @@ import bdamper
 from bdamper import plot
 from bdamper.model.structure import Model
 from bdamper.util.display import _DRAWINGS, Plottable, draw
+from tests.each import each
 
 
 def plottable_types():
@@ -19,7 +20,7 @@ def plottable_types():
     return sorted(Plottable.__subclasses__(), key=lambda cls: cls.__name__)
 
 
-@pytest.mark.parametrize("cls", plottable_types(), ids=lambda cls: cls.__name__)
+@each("cls", plottable_types(), ids=lambda cls: cls.__name__)
 def test_the_docstring_names_the_function_that_draws(cls):
     name = cls.__doc__.split(":func:`bdamper.plot.")[1].split("`")[0]
     assert _DRAWINGS[cls, "plot"] is getattr(plot, name)

@@ -9,27 +9,18 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pytest
 from matplotlib.axes import Axes
 
 import bdamper as bd
 from bdamper.util.display import Plottable
-from tests.every_result import RESULTS, bladed_disk, response_curve
+from tests.each import each
+from tests.every_result import RESULTS
+from tests.every_result import result as made
 
 
-@pytest.fixture(scope="module")
-def study():
-    return bladed_disk()
-
-
-@pytest.fixture(scope="module")
-def curve(study):
-    return response_curve(study)
-
-
-@pytest.mark.parametrize("name", RESULTS)
-def test_prints_draws_saves_and_is_a_table(name, study, curve, tmp_path):
-    result = RESULTS[name](study, curve)
+@each("name", RESULTS)
+def test_prints_draws_saves_and_is_a_table(name, tmp_path):
+    result = made(name)
     first = str(result).split("\n")[0]
     assert first[0].isupper() or first[0].isdigit() or name == "mistuning", "a sentence comes first"
     assert len(str(result).split("\n")) <= 16 and "e-05" not in first and "e-06" not in first

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bdamper.util.rootfinding import find_root
+from tests.each import each
 
 
 def counted(function):
@@ -52,8 +53,8 @@ def test_it_stops_on_the_step_of_the_secant_not_on_the_bracket():
     assert above - below > 1e-9
 
 
-@pytest.mark.parametrize("jump", [0.123, 0.5, 0.98765])
-@pytest.mark.parametrize("heights", [(-1.0, 1.0), (-1e-6, 1.0), (3.0, -1e-4)])
+@each("jump", [0.123, 0.5, 0.98765])
+@each("heights", [(-1.0, 1.0), (-1e-6, 1.0), (3.0, -1e-4)])
 def test_a_jump_through_zero_is_found(jump, heights):
     root = solve(lambda x: heights[0] if x < jump else heights[1], 0.0, 1.0, 1e-8)
     assert root.at == pytest.approx(jump, abs=4e-8)

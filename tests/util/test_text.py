@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bdamper.util.formatting import PREFIXES, aligned, amount, cut, percent, spaced
+from tests.each import each
 
 
 @pytest.mark.parametrize(
@@ -30,7 +31,7 @@ def test_names_and_tables():
 class TestAmount:
     """Three digits and the prefix that fits, for a reader; nothing that its number does not say."""
 
-    @pytest.mark.parametrize(
+    @each(
         ("value", "unit", "text"),
         [
             (57.12e-6, "m", "57.1 µm"), (1.4449e-3, "m", "1.44 mm"), (999.7e-6, "m", "1 mm"), (-3.2e-9, "m", "-3.2 nm"),

@@ -1,7 +1,7 @@
 """What a user gives is checked at once, by name: bad values of every kind of setting and argument."""
 
 import re
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from functools import partial
 from typing import Annotated, Literal
 
@@ -10,9 +10,19 @@ import pytest
 
 import bdamper as bd
 from bdamper import plot as plotting
+from bdamper.fatigue.criteria import Material
+from bdamper.fatigue.margin import Rule
+from bdamper.fem.local_basis import LocalSizes
+from bdamper.harmonic_balance.settings import Settings
+from bdamper.importers.fe_body import Units
+from bdamper.mistuning import WheelPeakOptions
 from bdamper.plot.motion import contact_status, rigid_motion
 from bdamper.util import validation
+from tests.each import each
 from tests.plain import plain_study
+
+WRONG = "5", object(), [object()]
+"""What no number, choice, flag, sequence or option is."""
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.int64(2), np.array(2.0)])
@@ -25,7 +35,7 @@ def test_numbers_pass_in_every_form(value):
     assert type(whole) is int
 
 
-@pytest.mark.parametrize("value", ["2", None, True, np.True_, np.nan, np.inf, [2.0], np.array([2.0]), 2j, 10**400])
+@each("value", ["2", None, True, np.True_, np.nan, np.inf, [2.0], np.array([2.0]), 2j, 10**400])
 def test_other_things_are_no_numbers(value):
     for check in (validation.number, validation.whole):
         with pytest.raises(bd.SettingError, match=r"n: expected a (finite|whole) number.*, found "):
@@ -93,29 +103,28 @@ def study():
     return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
 
 
-FLAGS = ("bias", "constraint_planes", "fundamental_modes_only", "stability", "separation", "variable_normal_load")
+@each("value", WRONG)
+@each("name", [field.name for field in fields(Settings)])
+def test_every_setting_of_a_study_is_checked(study, name, value):
+    with pytest.raises(bd.BdamperError, match=rf"^{name}.*: .*expected"):
+        study.replace(**{name: value})
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "value"),
     [
-        *((flag, value) for flag in FLAGS for value in ("off", 1, None)),
-        ("excitation", "tip"), ("excitation", None), ("response", "tip"),
-        ("friction_coefficient", [0.3, 0.4]), ("friction_coefficient", None), ("friction_coefficient", "0.3"),
-        ("friction_coefficient", {"left": "0.3", "right": 0.3}), ("friction_coefficient", True),
-        ("engine_order", "5"), ("engine_order", 2.5), ("engine_order", True),
-        ("harmonics", 2.5), ("harmonics", "2"), ("harmonics", None), ("harmonics", (1, "2")),
-        ("blade_modes", 1000), ("blade_modes", 0), ("damper_modes", 1000), ("damper_modes", "x"),
-        ("rigid_modes", ("TX", "TX")), ("rigid_modes", None), ("rigid_modes", "TX"), ("rigid_modes", ("QX",)),
-        ("contact_stiffness", [1e7]), ("contact_stiffness", "eq5"), ("contact_stiffness", -1.0),
+        *((name, None) for name in (
+            "bias", "excitation", "friction_coefficient", "harmonics", "rigid_modes", "contact_forces", "friction_law",
+        )),
+        ("bias", 1), ("friction_coefficient", [0.3, 0.4]), ("friction_coefficient", {"left": "0.3", "right": 0.3}),
+        ("friction_coefficient", True), ("engine_order", 2.5), ("engine_order", True),
+        ("harmonics", 2.5), ("harmonics", (1, "2")), ("blade_modes", 1000), ("blade_modes", 0), ("damper_modes", 1000),
+        ("rigid_modes", ("TX", "TX")), ("rigid_modes", ("QX",)), ("contact_stiffness", [1e7]), ("contact_stiffness", -1.0),
         ("contact_stiffness", np.nan), ("contact_stiffness", {"left": 1e7}),
         ("contact_stiffness", {"left": "1", "right": 1.0}), ("contact_stiffness", "model"),
-        ("contact_stiffness_factor", "2"), ("contact_stiffness_factor", 0.0),
-        ("contact_forces", "sampled"), ("contact_forces", 128), ("contact_forces", None),
-        ("friction_law", None), ("friction_law", "x"), ("friction_law", {"left": "x", "right": "x"}), ("friction_law", 1),
-        ("damping_ratio", "0.1"), ("damping_ratio", 1.0), ("contact_points", "9"), ("contact_points", 0),
-        ("gap", 1e-6), ("gap", {"left": "wide"}), ("gap", {"left": np.zeros(4)}), ("gap", ()),
-        ("load_history", 1.0), ("load_history", ()), ("load_history", "1"), ("load_history", (2.0,)),
+        ("contact_stiffness_factor", 0.0), ("contact_forces", 128), ("friction_law", {"left": "x", "right": "x"}),
+        ("friction_law", 1), ("damping_ratio", 1.0), ("contact_points", 0), ("gap", 1e-6), ("gap", {"left": "wide"}),
+        ("gap", {"left": np.zeros(4)}), ("gap", ()), ("load_history", 1.0), ("load_history", ()), ("load_history", (2.0,)),
     ],
 )  # fmt: skip
 def test_a_study_refuses_bad_settings_at_once(study, name, value):
@@ -131,32 +140,46 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
         few.with_effects(replace(bd.Effects.of(few), harmonics=5))
 
 
-@pytest.mark.parametrize(
+OPTIONS = (
+    bd.AFT(), bd.ContinuationOptions(), bd.Effects(), bd.Excitation("tip"), bd.OptimalTask(), bd.PeakOptions(),
+    bd.PeakTask(), bd.PerArea(1e12), bd.ResidualModes(), bd.Response("tip"), LocalSizes(), Material(3e8, 9e8, 8e8),
+    Rule(), Units(), WheelPeakOptions(),
+)  # fmt: skip
+FREE = {"name", "source", "location", "beside"}
+"""Texts, names that the model knows, and further excitations."""
+
+
+@each("value", WRONG)
+@each(("option", "name"), [(option, f.name) for option in OPTIONS for f in fields(option) if f.init and f.name not in FREE])
+def test_every_field_of_options_is_checked(option, name, value):
+    with pytest.raises(bd.SettingError, match=rf"{name.replace('_', '.')}.*: expected .*, found "):
+        replace(option, **{name: value})
+
+
+def test_all_kinds_of_options_are_checked_here():
+    kinds = {kind.__name__ for kind in validation.Checked.__subclasses__() if kind.__module__.startswith("bdamper.")}
+    assert kinds <= {type(option).__name__ for option in OPTIONS} | {"LeastMargin", "MeasuredResponse"}
+
+
+@each(
     "make",
     [
-        *(lambda n=n, v=v: bd.ContinuationOptions(**{n: v}) for n, v in [
-            ("max_turn", 0), ("max_turn", "1"), ("corner_step", -1), ("max_points", 2.5), ("locate_tolerance", 0),
-            ("locate", "no"), ("tolerance", "1e-9"), ("budget", 0), ("step", 1.0),
-            ("patience", 1), ("max_iterations", "8"),
-        ]),
-        *(lambda n=n, v=v: bd.PeakOptions(**{n: v}) for n, v in [
-            ("tolerance", 0.0), ("max_step", "x"), ("max_trials", 1), ("max_iterations", 2.5),
-        ]),
-        *(lambda n=n, v=v: bd.Effects(**{n: v}) for n, v in [
-            ("friction_law", "x"), ("damper_modes", "x"), ("blade_modes", 0),
-            ("bias", "off"), ("rotation", "XY"), ("translation", None), ("contact_points", 2.5), ("stability", 1),
-            ("harmonics", 65), ("friction_law", {"left": "x"}),
-        ]),
-        *(lambda v=v: bd.PerArea(v) for v in ["a", -1, np.nan, None, (1.0, 2.0), (1.0, 2.0, "3")]),
-        *(lambda v=v: bd.AFT(v) for v in ["128", 10**9, 4, 12.5, None]),
-        lambda: bd.AFT(128, "yes"),
-        *(lambda n=n, v=v: bd.ResidualModes(**{n: v}) for n, v in [
-            ("n_vectors", "x"), ("n_vectors", 0), ("n_vectors", None), ("contact_share", "x"), ("contact_share", 0.0),
-            ("inertia", 1),
-        ]),
+        *(lambda kind=kind, n=n, v=v: kind(**{n: v}) for kind, cases in {
+            bd.ContinuationOptions: [
+                ("max_turn", 0), ("corner_step", -1), ("max_points", 2.5), ("locate_tolerance", 0), ("budget", 0),
+                ("step", 1.0), ("patience", 1),
+            ],
+            bd.PeakOptions: [("tolerance", 0.0), ("max_trials", 1), ("max_iterations", 2.5)],
+            bd.Effects: [
+                ("blade_modes", 0), ("rotation", "XY"), ("translation", None), ("contact_points", 2.5), ("stability", 1),
+                ("harmonics", 65), ("friction_law", {"left": "x"}),
+            ],
+            bd.ResidualModes: [("n_vectors", 0), ("n_vectors", None), ("contact_share", 0.0), ("inertia", 1)],
+        }.items() for n, v in cases),
+        *(lambda v=v: bd.PerArea(v) for v in [-1, np.nan, None, (1.0, 2.0), (1.0, 2.0, "3")]),
+        *(lambda v=v: bd.AFT(v) for v in [10**9, 4, 12.5, None]),
         *(lambda n=n, v=v: bd.Excitation(**{"location": "tip", n: v}) for n, v in [
-            ("location", 1), ("direction", "up"), ("direction", (0.0, 0.0, 0.0)), ("direction", None),
-            ("amplitude", "1"), ("amplitude", -1.0), ("phase", "0"),
+            ("location", 1), ("direction", (0.0, 0.0, 0.0)), ("direction", None), ("amplitude", -1.0),
         ]),
         lambda: bd.Response(None),
         lambda: bd.Response("tip", (1.0, "x", 0.0)),
@@ -221,7 +244,7 @@ def test_a_prefix_stands_before_the_names_of_fields():
 F = (270.0, 380.0)
 
 
-@pytest.mark.parametrize(
+@each(
     "ask",
     [
         lambda s: s.frequency_response("2 kN", F), lambda s: s.frequency_response(None, F),
@@ -295,7 +318,7 @@ def tracked(study):
     return study.frequency_response(1000.0, F)
 
 
-@pytest.mark.parametrize(
+@each(
     "draw",
     [
         lambda s, c, st: plotting.plot_status_map(st, s.model, "lft"),

@@ -28,16 +28,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.fem.surface import N_CORNER
-from bdamper.importers.fe_body import (
-    BODIES,
-    LARGEST_COUNT,
-    FEBody,
-    by_kind,
-    check_count,
-    data_lines,
-    read_body,
-    reader,
-)
+from bdamper.importers.fe_body import BODIES, LARGEST_COUNT, FEBody, by_kind, check_count, data_lines, read_body, reader
 from bdamper.model.fields import check_all, require
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import MOST_BYTES, FilePath
