@@ -453,20 +453,12 @@ class OwnLaws:
         )
 
     def step(self, x: NDArray, memory: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Evaluate one step to the motions x (n_points, 3).
-
-        Parameters
-        ----------
-        x : (n_points, 3) float, m
-        memory : (n_points, width) float
+        """Evaluate one step to the motions x (n_points, 3), m; points without compiled law have zeros and unchanged memory.
 
         Returns
         -------
-        force : (n_points, 3) float, N
-            Zero at points without compiled law, like the derivative.
-        derivative : (n_points, 3, 3) float, N/m
+        force, derivative : (n_points, 3), (n_points, 3, 3) float, N and N/m
         memory : (n_points, width) float
-            Unchanged at points without compiled law.
 
         Raises
         ------
@@ -572,14 +564,7 @@ def _broken(where: str, expected: str, found: str) -> SettingError:
 
 
 class _Law:
-    """Compiled law, callable from Python.
-
-    Parameters
-    ----------
-    function : LowLevelCallable
-    parameters : (n,) float
-    n_state : int
-    """
+    """Compiled law, callable from Python."""
 
     def __init__(self, function: LowLevelCallable, parameters: NDArray, n_state: int) -> None:
         capsule, api = tuple.__getitem__(function, 0), ctypes.pythonapi
@@ -598,16 +583,7 @@ class _Law:
         return out
 
     def time_response(self, path: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Evaluate a path (m, 3) from rest.
-
-        Returns
-        -------
-        force : (3,) float
-            At the end of the path.
-        derivative : (3, 3 m) float
-            Derivative of this force by the path.
-        states : (m, n_state) float
-        """
+        """Return force (3,) at the end of a path (m, 3) from rest, its derivative (3, 3 m) by the path, and all states."""
         n, m = self._n, len(path)
         before, s, by, states = np.zeros(3), np.zeros(n), np.zeros((n, 3 * m + 3)), []
         for k, x in enumerate(path):

@@ -316,13 +316,7 @@ def _step(
 ) -> tuple[NDArray, NDArray, int, float]:
     """Solve for the states at one load by Newton iteration with line search.
 
-    Returns
-    -------
-    q : (n_modes,) float
-    status : (n_points, 2) int
-    iterations : int
-    residual : float
-        Relative to ``size`` (N).
+    Returns coordinates, states, number of iterations, and residual relative to ``size`` (N).
     """
     force = load * system.force + system.constant_force
     shift = system.shift_at(load)
@@ -377,14 +371,7 @@ def _creep(
     Used for load steps without convergence of the Newton iteration.  ``D`` is the stiffness with every point in stick, so
     time has the unit of the time constant.  The implicit time steps grow while Newton iterations converge fast.
 
-    Returns
-    -------
-    q : (n_modes,) float
-    w : (n_points, 2 or more) float
-        Sliders and memory.
-    iterations : int
-    residual : float
-        Relative to ``size`` (N).
+    Returns coordinates, sliders with memory, number of iterations, and residual relative to ``size`` (N).
     """
     force = load * system.force + system.constant_force
     shift = system.shift_at(load)
