@@ -527,7 +527,7 @@ def check(where: str, function: LowLevelCallable, parameters: NDArray, n_state: 
     .. math:: \frac{dF_m}{dx_j} = f_x \delta_{jm} + f_s \frac{ds_m}{dx_j}, \qquad
         \frac{ds_k}{dx_j} = g_s \frac{ds_{k-1}}{dx_j} + g_x \delta_{jk} + g_{x'} \delta_{j,k-1}.
 
-    It is compared with the closer one of the differences to both sides, since the law may have a corner on one side.
+    Of the finite differences to both sides, the closer one is used, since the law may have a corner on the other side.
     """
     law, rng = _Law(function, parameters, n_state), np.random.default_rng(0)
     for size in length * np.array(LENGTHS):

@@ -432,11 +432,11 @@ def patches_on_faces(
 def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:
     """Merge almost uncovered cells with the nearest other cells."""
     area = np.array([sum(polygon_area(p.polygon) for p in cell) for cell in cells])
-    kept = np.flatnonzero(area > SMALL_CELL * full)
-    if len(kept) == 0:
-        kept = np.array([int(area.argmax())])
-    place = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
-    for small in np.setdiff1d(np.flatnonzero(area > 0.0), kept):
-        nearest = kept[np.abs(place[kept] - place[small]).sum(axis=1).argmin()]
+    large = np.flatnonzero(area > SMALL_CELL * full)
+    if len(large) == 0:
+        large = np.array([int(area.argmax())])
+    position = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
+    for small in np.setdiff1d(np.flatnonzero(area > 0.0), large):
+        nearest = large[np.abs(position[large] - position[small]).sum(axis=1).argmin()]
         cells[nearest].extend(cells[small])
-    return [cells[k] for k in kept]
+    return [cells[k] for k in large]

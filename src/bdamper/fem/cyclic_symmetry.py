@@ -231,8 +231,8 @@ def _difference(shapes: NDArray, faces: SectorFaces, d: int) -> NDArray:
     """Return the violation of the phase condition on the faces, (k, n)."""
     u = shapes.reshape(-1, 3, shapes.shape[1])
     phase, rotation = faces.tie(d)
-    own = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(-1, *u.shape[1:])
-    return np.asarray(u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, own)).reshape(-1, shapes.shape[1])
+    tied = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(-1, *u.shape[1:])
+    return np.asarray(u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, tied)).reshape(-1, shapes.shape[1])
 
 
 def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, nodal_diameter: int) -> Waves:

@@ -5,7 +5,7 @@ and averaged over adjacent elements.  The difference between adjacent elements i
 edge without fillet the stress does not converge.  On a coarse, distorted block each element type agrees with CalculiX to
 3e-4 of the largest stress, the precision of its file.  Strain evaluated at the nodes differs by 7e-3 with 20 nodes.
 
-Shape functions, nodes and integration points are those of scikit-fem (extra ``bdamper[fe]``).  It lacks the wedge of 15
+Shape functions, nodes and integration points come from scikit-fem (extra ``bdamper[fe]``).  It lacks the wedge of 15
 nodes, which follows from its functions of the triangle (first order :math:`\lambda_a`, second order :math:`T`) and of the
 line (:math:`l_e`, bubble b):
 
@@ -146,18 +146,18 @@ def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
     n = elements.shape[1]
     places, corners = _places(n), N_CORNER[n]
     order = np.linalg.norm(_COMMON[corners] - places[:corners, None], axis=2).argmin(axis=1)
-    own = elements[:, order]
+    corner_nodes = elements[:, order]
     if n == corners:
-        return own
+        return corner_nodes
     pairs = np.array(list(combinations(range(corners), 2)))
     middles = 0.5 * (places[pairs[:, 0]] + places[pairs[:, 1]])
     edge = pairs[np.linalg.norm(middles - places[corners:, None], axis=2).argmin(axis=1)]
-    ends, between = nodes[own[:, edge]], elements[:, corners:]
+    ends, between = nodes[corner_nodes[:, edge]], elements[:, corners:]
     distance = np.linalg.norm(nodes[between][:, None] - ends.mean(axis=2)[:, :, None], axis=3)
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     if np.any(distance.min(axis=2) > 0.3 * length + 1e-9 * length.max()):
         raise ValueError("no node between two corners of an element of second order")
-    return np.hstack([own, np.take_along_axis(between, distance.argmin(axis=2), axis=1)])
+    return np.hstack([corner_nodes, np.take_along_axis(between, distance.argmin(axis=2), axis=1)])
 
 
 def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
@@ -193,10 +193,10 @@ def _with_bubbles(
     """
     centre = np.einsum("eai,ajp->eij", x, _values(_FIRST[8], np.full((3, 1), 0.5))[1])
     local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)  # of 4 s (1 - s) along each axis
-    own = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
-    gradient = np.concatenate([gradient, own], axis=2)
+    bubble_gradient = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
+    gradient = np.concatenate([gradient, bubble_gradient], axis=2)
     lame, shear = lame_constants(group.youngs_modulus, group.poisson_ratio)
-    h = np.einsum("ep,epki,epbj->ekibj", volume, own, gradient, optimize=True)
+    h = np.einsum("ep,epki,epbj->ekibj", volume, bubble_gradient, gradient, optimize=True)
     stiffness = lame * h + shear * h.transpose(0, 1, 4, 3, 2)
     stiffness[:, :, range(3), :, range(3)] += shear * np.einsum("ekibi->ekb", h)
     stiffness = stiffness.reshape(len(x), 9, 33)
@@ -231,27 +231,27 @@ def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> t
         If an element has no volume at an integration point, or lacks a midside node.
     """
     parts, owners = [], []
-    place = np.full(len(nodes), -1)
-    place[wanted] = np.arange(len(wanted))
+    position = np.full(len(nodes), -1)
+    position[wanted] = np.arange(len(wanted))
     for group in solids:
-        touched = group.nodes[(place[group.nodes] >= 0).any(axis=1)]
+        touched = group.nodes[(position[group.nodes] >= 0).any(axis=1)]
         if not len(touched):
             continue
-        own = in_reference_order(touched, nodes)
+        ordered = in_reference_order(touched, nodes)
         try:
-            gradient, bubbles = _gradients(group, nodes[own])
+            gradient, bubbles = _gradients(group, nodes[ordered])
         except np.linalg.LinAlgError:
             raise ValueError(f"elements {group.kind} without volume at one of their points") from None
-        e, L = np.nonzero(place[own] >= 0)
+        e, L = np.nonzero(position[ordered] >= 0)
         blocks = _stress(group, gradient[e, L])
         if bubbles is not None:
             blocks = blocks[..., :24] + blocks[..., 24:] @ bubbles[e]
-        dof = (3 * own[e][:, :, None] + np.arange(3)).reshape(len(e), 1, -1)
+        dof = (3 * ordered[e][:, :, None] + np.arange(3)).reshape(len(e), 1, -1)
         columns = np.broadcast_to(dof, blocks.shape)
         lines = np.repeat(np.arange(6 * len(e)), dof.shape[2])
         shape = (6 * len(e), 3 * len(nodes))
         rows = sp.csr_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape)
-        pairs, pair = np.unique(e * len(nodes) + place[own[e, L]], return_inverse=True)
+        pairs, pair = np.unique(e * len(nodes) + position[ordered[e, L]], return_inverse=True)
         parts.append(node_average(pair, len(pairs)) @ rows)
         owners.append(pairs % len(nodes))
     return sp.vstack(parts, format="csr"), np.concatenate(owners)

@@ -265,7 +265,7 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
     section = [(-2.0 * g.camber / 3.0, sense * 0.5 * chord) for sense in (-1.0, 1.0)]
     section += [(g.camber / 3.0 + sense * 0.5 * thickness, 0.0) for sense in (-1.0, 1.0)]
     places = [[c * x + s * z, y, c * z - s * x] for x, z in section]
-    underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # where it meets the shank
+    underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # at the shank
     middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + underside)
     places += [[sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length] for sx in (-1, 1) for sz in (-1, 0, 1)]
     return np.array([body.nearest_node(np.array(place)) for place in places])
@@ -354,8 +354,8 @@ def bladed_disk(
     blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
     local = None if wheel is None else fe.local_basis(wanted, faces, wheel)
     on_damper = fe.damper_contact(left, right, front, back)
-    own = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)
-    damper = free_body("damper", own, fe.damper, turn(0.5 * g.pitch)[:, 1])
+    damper_wanted = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)
+    damper = free_body("damper", damper_wanted, fe.damper, turn(0.5 * g.pitch)[:, 1])
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},

@@ -227,8 +227,8 @@ def damper_motion(ports: Sequence[Port], interfaces: Mapping[str, Interface]) ->
         face = interfaces[name]
         other = face.body_b if side == "a" else face.body_a
         rigid = face.frame @ rigid_motions(face.points, np.zeros(3), np.eye(3)).reshape(-1, 3, 6)
-        own = face.body_a if side == "a" else face.body_b
-        motion.append(rigid.reshape(-1, 6) * (other not in (own, "ground")))
+        body = face.body_a if side == "a" else face.body_b
+        motion.append(rigid.reshape(-1, 6) * (other not in (body, "ground")))
         sector.append(np.full(3 * face.n_points, (face.sector_b - face.sector_a) * (1 if side == "a" else -1)))
     return np.concatenate(motion), np.concatenate(sector)
 
@@ -341,9 +341,9 @@ def local_basis(
         If contact points or locations are not on the blade, or its root is on a cut face.
     """
     blade.check_wanted(wanted, sector(0).faces)
-    made = _made_of(blade, wanted, *local_shapes(blade, sector, wanted, dampers, sizes))
+    basis = _made_of(blade, wanted, *local_shapes(blade, sector, wanted, dampers, sizes))
     flexibility = hermitian(wanted.contact @ blade.contact_columns(wanted.contact))
-    return replace(made, region=region, flexibility=flexibility)
+    return replace(basis, region=region, flexibility=flexibility)
 
 
 def _made_of(
@@ -351,21 +351,21 @@ def _made_of(
 ) -> LocalBasis:
     """Return the local basis for the shapes of :func:`local_shapes`."""
     body, n, r = blade.body, shapes.shape[1], stiffness.shape[1]
-    own, rest, strain = slice(0, n - r), slice(n - r, n), np.zeros((r, r))
-    carried = shapes[:, rest]
+    clamped, root_rows, strain = slice(0, n - r), slice(n - r, n), np.zeros((r, r))
+    carried = shapes[:, root_rows]
     if blade.stiffness is not None:
         strain = hermitian(carried.T @ (blade.stiffness @ carried))
     blade_stiffness = np.zeros((n, n))
-    attached = np.einsum("ij,ij->j", shapes[:, own], body.stiffness @ shapes[:, own])[len(omega2) :]
-    blade_stiffness[own, own] = np.diag(np.append(omega2, attached))
-    blade_stiffness[rest, rest] = strain
+    attached = np.einsum("ij,ij->j", shapes[:, clamped], body.stiffness @ shapes[:, clamped])[len(omega2) :]
+    blade_stiffness[clamped, clamped] = np.diag(np.append(omega2, attached))
+    blade_stiffness[root_rows, root_rows] = strain
     blade_mass = shapes.T @ (body.mass @ shapes)
     root = carried[blade.root_dofs]
-    blade_mass[rest, rest] -= root.T @ (body.mass[blade.root_dofs][:, blade.root_dofs] @ root)  # counts as the disk's
+    blade_mass[root_rows, root_rows] -= root.T @ (body.mass[blade.root_dofs][:, blade.root_dofs] @ root)  # part of the disk
     blade_mass = hermitian(blade_mass)
     return LocalBasis(
         region="", omega2=omega2.copy(), damping_ratio=np.full(n, wanted.damping_ratio), blade_stiffness=blade_stiffness,
-        blade_mass=blade_mass, disk_stiffness=stiffness - strain, disk_mass=mass - blade_mass[rest, rest],
+        blade_mass=blade_mass, disk_stiffness=stiffness - strain, disk_mass=mass - blade_mass[root_rows, root_rows],
         contact_modes=(wanted.contact @ shapes).reshape(-1, 3, n), locations=location_rows(wanted.locations, shapes),
     )  # fmt: skip
 

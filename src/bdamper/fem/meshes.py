@@ -422,8 +422,8 @@ def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = No
     shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
         Mode shapes to store at the nodes of the surface.
     """
-    kept = {d: columns.reshape(-1, 3, columns.shape[1])[..., : PICTURED_MODES] for d, columns in (shapes or {}).items()}
-    return picture_mesh(body.surface, body.nodes, kept)
+    modes = {d: columns.reshape(-1, 3, columns.shape[1])[..., : PICTURED_MODES] for d, columns in (shapes or {}).items()}
+    return picture_mesh(body.surface, body.nodes, modes)
 
 
 def interface(

@@ -57,7 +57,7 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     candidates = np.concatenate([3 * a + np.arange(3), 3 * b + np.arange(3), 3 * c + np.arange(3)])
     motion = rigid_motions(nodes, nodes[a], np.eye(3))[candidates]
     motion[:, 3:] /= np.linalg.norm(nodes[b] - nodes[a])
-    # six independent rows, each with the largest component orthogonal to the previous ones
+    # choose six rows by pivoting: the largest component orthogonal to the previous rows
     chosen = qr(motion.T, mode="r", pivoting=True)[1][:6]
     return np.sort(candidates[chosen])
 
@@ -227,8 +227,9 @@ class Wanted:
         if not (self.static_shapes and self.locations):
             return omega2, modes, None
         loads = location_loads(sector.body, self.locations.values())
-        found, static = residual_shapes(sector.body, modes, loads, sector.transformation @ sector.static_response(loads))
-        return np.append(omega2, found), np.hstack([modes, static]), len(found)
+        response = sector.transformation @ sector.static_response(loads)
+        stiffness, static = residual_shapes(sector.body, modes, loads, response)
+        return np.append(omega2, stiffness), np.hstack([modes, static]), len(stiffness)
 
     def basis(
         self, omega2: NDArray, shapes: NDArray, flexibility: NDArray | None = None, static: int | None = None
@@ -262,17 +263,17 @@ def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static
         Mass-normalised; orthogonal to the retained shapes in the stiffness and to each other in mass and stiffness.  There
         are fewer shapes than loads if residual shapes are zero or dependent.
     """
-    own, rest = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real, static
+    kept_stiffness, residual = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real, static
     for _ in range(2):  # twice, to reduce rounding errors
-        rest = rest - (kept / own) @ (kept.conj().T @ (body.stiffness @ rest))
-    energy = np.einsum("ij,ij->j", rest.conj(), body.stiffness @ rest).real
+        residual = residual - (kept / kept_stiffness) @ (kept.conj().T @ (body.stiffness @ residual))
+    energy = np.einsum("ij,ij->j", residual.conj(), body.stiffness @ residual).real
     left = energy > LEAST * loads.multiply(static.conj()).sum(axis=0).A1.real
-    rest = rest[:, left] / np.sqrt(energy[left])
-    size, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.stiffness @ rest)))
+    residual = residual[:, left] / np.sqrt(energy[left])
+    size, V = np.linalg.eigh(hermitian(residual.conj().T @ (body.stiffness @ residual)))
     real = size > LEAST * size.max(initial=0.0)
-    rest = rest @ (V[:, real] / np.sqrt(size[real]))
-    square, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.mass @ rest)))
-    return 1.0 / square[::-1], fix_phase((rest @ V / np.sqrt(square))[:, ::-1], body.mass)
+    residual = residual @ (V[:, real] / np.sqrt(size[real]))
+    square, V = np.linalg.eigh(hermitian(residual.conj().T @ (body.mass @ residual)))
+    return 1.0 / square[::-1], fix_phase((residual @ V / np.sqrt(square))[:, ::-1], body.mass)
 
 
 def constrained_body(

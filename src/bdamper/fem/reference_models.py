@@ -64,8 +64,8 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     package = Path(__file__).resolve().parents[1]
     folders = (package / "data", Path(os.environ.get("BDAMPER_MODELS", package / "data")), package.parents[1] / "models")
     paths = (folder / f"{name}_{points}.h5" for folder in folders)
-    found = next((path for path in paths if path.is_file()), None)
-    return _kept(name, points) if found is None else load_model(found)
+    stored = next((path for path in paths if path.is_file()), None)
+    return _kept(name, points) if stored is None else load_model(stored)
 
 
 def _kept(name: str, points: int) -> Model:

@@ -11,8 +11,8 @@ matrices at different speeds, from any program, thus gives B.  In modal coordina
 
 .. math:: R_{res}(\Omega) = P K(\Omega)^{-1} P^H - P \Phi\, [\Phi^H K(\Omega) \Phi]^{-1} \Phi^H P^H ,
 
-is positive semi-definite if both terms use the modes of the same speed.  Its derivative by the squared speed follows from
-the static solutions :math:`X = K^{-1} P^H` that the flexibility already needs:
+is positive semi-definite if both terms use the modes of the same speed.  Its derivative with respect to the squared speed
+follows from the static solutions :math:`X = K^{-1} P^H` of the flexibility:
 
 .. math:: \frac{dR_{res}}{d\Omega^2} = - X^H B X + P \Phi\, \omega^{-2}\, \Phi^H B \Phi\, \omega^{-2} \Phi^H P^H .
 

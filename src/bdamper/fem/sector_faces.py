@@ -112,8 +112,9 @@ def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, t
         found = f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
         raise ValueError(f"sector faces do not match under rotation by {pitch:.6g} rad: {found}")
     on_axis = left == right[index]
-    own, image = left[~on_axis], right[index][~on_axis]
-    return SectorFaces(n_sectors, own, image, sp.identity(len(own), format="csr"), 1, float(distance.max()), left[on_axis])
+    independent, image = left[~on_axis], right[index][~on_axis]
+    weights = sp.identity(len(independent), format="csr")
+    return SectorFaces(n_sectors, independent, image, weights, 1, float(distance.max()), left[on_axis])
 
 
 def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_sectors: int) -> SectorFaces:
@@ -141,8 +142,8 @@ def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_
     check(len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one")
     target = nodes[dependent] @ turn(-side * 2.0 * np.pi / n_sectors).T
     weights, distance = interpolation(nodes, facets, target)
-    own = facets.nodes
-    return SectorFaces(n_sectors, own, dependent, weights[:, own].tocsr(), side, float(distance.max()), axis)
+    corners = facets.nodes
+    return SectorFaces(n_sectors, corners, dependent, weights[:, corners].tocsr(), side, float(distance.max()), axis)
 
 
 def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.csr_matrix, NDArray]:
@@ -166,15 +167,15 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
     centres = np.array([nodes[row].mean(axis=0) for row in rows])
     size = np.array([np.ptp(nodes[row], axis=0).max() for row in rows])
     near = np.atleast_2d(cKDTree(centres).query(points, k=min(6, len(rows)))[1].reshape(len(points), -1))
-    distance, found = np.full(len(points), np.inf), [(np.empty(0, int), np.empty(0))] * len(points)
+    distance, best = np.full(len(points), np.inf), [(np.empty(0, int), np.empty(0))] * len(points)
     for k in np.unique(near):
-        row, own = rows[k], np.flatnonzero((near == k).any(axis=1))
+        row, nearby = rows[k], np.flatnonzero((near == k).any(axis=1))
         corner = nodes[row[: corner_count(len(row))]]
         across = np.linalg.svd(corner - corner.mean(axis=0))[2][:2].T
-        aim = points[own] @ across
+        aim = points[nearby] @ across
         for _ in range(20):  # iterate: the first map uses corners alone, without curved edges
             at = inverse_map(corner @ across, aim)
-            miss = points[own] @ across - shape_functions(at, len(row)) @ (nodes[row] @ across)
+            miss = points[nearby] @ across - shape_functions(at, len(row)) @ (nodes[row] @ across)
             aim += np.clip(miss, -size[k], size[k])
             if np.abs(miss).max() < 1e-12 * size[k]:
                 break
@@ -182,12 +183,12 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
         if len(corner) == 3:
             at = np.maximum(at, 0.0) / np.maximum(at, 0.0).sum(axis=1, keepdims=True)
         values = shape_functions(at, len(row))
-        away = np.linalg.norm(values @ nodes[row] - points[own], axis=1)
-        for i, d, value in zip(own.tolist(), away.tolist(), values):
+        away = np.linalg.norm(values @ nodes[row] - points[nearby], axis=1)
+        for i, d, value in zip(nearby.tolist(), away.tolist(), values):
             if d < distance[i]:
-                distance[i], found[i] = d, (row, value)
-    pointer = np.cumsum([0, *(len(row) for row, _ in found)])
-    columns, data = (np.concatenate(part) for part in zip(*found))
+                distance[i], best[i] = d, (row, value)
+    pointer = np.cumsum([0, *(len(row) for row, _ in best)])
+    columns, data = (np.concatenate(part) for part in zip(*best))
     weights = sp.csr_matrix((data, columns, pointer), shape=(len(points), len(nodes)))
     weights.eliminate_zeros()
     return weights, distance

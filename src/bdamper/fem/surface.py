@@ -183,7 +183,7 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
     ValueError
         If the number of nodes of an element is invalid, or a midside node is missing.
     """
-    found: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
+    by_corners: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
     for group in elements:
         n_node = group.shape[1]
         check(n_node in N_CORNER, f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
@@ -192,9 +192,9 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
             for element, corner in zip(group, group[:, face]):
                 key = frozenset(corner.tolist())
                 if len(key) >= 3:
-                    found.setdefault(key, []).append((corner, element))
+                    by_corners.setdefault(key, []).append((corner, element))
     facets: dict[int, list[NDArray]] = {}
-    for users in found.values():
+    for users in by_corners.values():
         if len(users) == 1:
             facet = oriented_facet(*users[0], nodes)
             facets.setdefault(len(facet), []).append(facet)

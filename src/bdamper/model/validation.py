@@ -231,7 +231,7 @@ def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str],
     _check_places(basis.locations, places, item)
     first = N_RIGID if body.kind == "free" else 0
     found = f"{basis.static_shapes} of {basis.n_modes}"
-    require(basis.n_natural > 0, f"{item}/static_shapes", "static shapes beside at least one mode", found)
+    require(basis.n_natural > 0, f"{item}/static_shapes", "at least one mode before the static shapes", found)
     _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
         shapes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)[:, first:]
@@ -248,7 +248,7 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
     if lumped:
         check_all(omega2 >= 0, omega2, "numbers >= 0", item)
         return
-    require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
+    require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes")
     check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
     good = omega2 > 0
     good[:n_rigid] = True
@@ -363,7 +363,7 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
     check_record(local, LocalBasis, item, {**sizes, **numbers})
     r, m = local.n_interface, local.n_cantilever
     enough = local.n_attachment >= 0 and r > 0 and m > 0
-    require(enough, item, "cantilever modes and shapes of the interface, at most n in all", f"{m} and {r} of n = {local.n}")
+    require(enough, item, "cantilever modes and root shapes, together at most n", f"{m} and {r} of n = {local.n}")
     for key in ("disk_stiffness", "disk_mass"):
         _check_disk(getattr(local, key), model.n_blades, f"{item}/{key}")
     _check_cantilever(local, item)
@@ -399,7 +399,7 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
     if not error.max() <= ROUNDING:
         i, j = (int(k) for k in np.unravel_index(error.argmax(), error.shape))
         found = f"{local.blade_stiffness[i, j]:.9g} instead of {expected[i, j]:.9g} at ({i}, {j})"
-        raise mismatch(f"{item}/blade_stiffness", "omega2 on the diagonal of cantilever modes, 0 beside", found)
+        raise mismatch(f"{item}/blade_stiffness", "a diagonal block with omega2 for the cantilever modes", found)
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
     require(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
 
