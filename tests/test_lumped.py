@@ -176,20 +176,20 @@ def test_energy_and_history_of_a_cubic_spring():
         ({"damping": [0.1, -0.1]}, "damping: expected a positive semidefinite matrix, found a mode of -0.1 1/s"),
         (
             {"stiffness": [[1.0, -1.0], [-1.0, 1.0]], "damping": [0.1, 0.0]},
-            "damping: expected a matrix that the modes of mass and stiffness make diagonal, since a motion has no "
-            "stiffness; found modes 1 and 2 coupled by 1 of their own damping",
+            "damping: expected a matrix that is diagonal in the modes of mass and stiffness, since a motion has no "
+            "stiffness; found modes 1 and 2 coupled by 1 of their damping",
         ),
         ({"contacts": []}, "contacts: expected at least one contact or cubic spring, found none"),
         ({"contacts": JENKINS}, "contacts: expected a sequence of Contact, found a Contact"),
         ({"contacts": [bd.Contact(2, kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected a whole number from 0 to 1"),
-        ({"contacts": [bd.Contact((0, 0), kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected a motion of some freedom"),
+        ({"contacts": [bd.Contact((0, 0), kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected a motion of at least one"),
         ({"contacts": [bd.Contact("tip", kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected one of ('x0', 'x1'), found"),
-        ({"forces": {}}, "forces: expected a force on at least one freedom, found none"),
+        ({"forces": {}}, "forces: expected a force on at least one degree of freedom, found none"),
         ({"forces": {0: "1 N"}}, "force on 0: expected a finite real or complex number in N, found '1 N'"),
         ({"forces": {2: 1.0}}, "forces: expected a whole number from 0 to 1, found 2"),
-        ({"load_per_preload": {0: 0.0}}, "load_per_preload: expected a static force on some freedom, found {0: 0.0}"),
+        ({"load_per_preload": {0: 0.0}}, "load_per_preload: expected a static force on at least one degree"),
         ({"cubic": {0: np.inf}}, "cubic 0: expected a finite number in N/m3, found inf"),
-        ({"engine_order": 2}, "lumped: expected settings other than ['engine_order'], which the lumped model decides"),
+        ({"engine_order": 2}, "lumped: expected settings other than ['engine_order'], which follow from its"),
     ],
 )  # fmt: skip
 def test_refused(change, message):
@@ -204,7 +204,7 @@ def test_refused(change, message):
         ({}, "contact: expected tangential, normal or both, found neither"),
         ({"tangential": 0, "kt": 1.0, "preload": 1.0}, "contact: expected tangential, kt > 0 and mu > 0 together"),
         ({"normal": 0}, "contact: expected normal and kn > 0 together, found normal=0, kn=0"),
-        ({"tangential": 0, "kt": 1.0, "mu": 0.3}, "contact: expected a preload > 0 and no gap where the normal"),
+        ({"tangential": 0, "kt": 1.0, "mu": 0.3}, "contact: expected a preload > 0 and no gap for a constant normal"),
         ({"normal": 0, "kn": 1.0, "preload": 1.0, "gap": 1.0}, "contact: expected a preload or a gap, found 1 N and 1 m"),
         ({"normal": 0, "kn": -1.0}, "kn: expected a finite number >= 0 N/m, found -1.0"),
     ],

@@ -1,15 +1,14 @@
-"""Studies of a few masses: the matrices of the equation of motion, contacts and forces between its degrees of freedom.
+"""Lumped masses: studies from the matrices of the equation of motion.
 
     M x'' + C x' + K x + contact forces = Re(f exp(i omega t)) + P s + r_n^T N_0
 
-All modes of M and K are used, so they are only another way to write ``x``; modes of frequency 0 are free masses.  Every
-contact is a point that sees the relative motion by rows over the degrees of freedom, ``u = r_t x`` tangentially and closing
-``v = r_n x`` normally, and acts on them by the same rows, ``-(r_t^T T + r_n^T N)``.  Its preload ``N_0`` is held by a
-static force.
+The modal coordinates are all modes of M and K, so the modal model is exact.  Modes of frequency 0 are free masses.  A
+contact is a point with the relative motion ``u = r_t x`` tangentially and the closing ``v = r_n x`` normally.  Its forces
+act on the degrees of freedom by the same rows, ``-(r_t^T T + r_n^T N)``.  A static force balances its preload ``N_0``.
 
-Where damping couples these modes, the coordinates are those of M and C, ``x = V q`` with ``V^T M V = 1`` and ``V^T C V``
-diagonal.  The stiffness is then ``V^T K V = k_0 + sum_i k_i w_i w_i^T`` with the least eigenvalue ``k_0`` in every
-coordinate and springs ``k_i`` on the motions ``w_i^T q``, which are interfaces of kind "spring".
+If damping couples these modes, the coordinates are modes of M and C: ``x = V q`` with ``V^T M V = 1`` and ``V^T C V``
+diagonal.  The stiffness is then ``V^T K V = k_0 + sum_i k_i w_i w_i^T``: the smallest eigenvalue ``k_0`` in every
+coordinate, and springs ``k_i`` on the motions ``w_i^T q``, as interfaces of kind "spring".
 """
 
 from __future__ import annotations
@@ -33,11 +32,10 @@ from bdamper.util.errors import SettingError
 
 Stiffness = Annotated[float, validation.Limits(least=0.0, unit="N/m")]
 Row = int | str | tuple[int | str, int | str] | Mapping[int | str, float]
-"""A motion: a freedom by its number (from 0) or by the name of its location, the difference of the first and the second of
-two, or a sum with factors."""
+"""Motion: a degree of freedom by number (from 0) or location name, the difference of two, or a sum with factors."""
 ROUNDING = 1e-9
-"""Relative size below which asymmetry, coupling of modes by damping and negative stiffness count as rounding."""
-OWN_SETTINGS = (
+"""Relative size of asymmetry, of coupling by damping and of negative stiffness that counts as rounding."""
+FIXED_SETTINGS = (
     "model", "excitation", "response", "engine_order", "friction_coefficient", "contact_stiffness", "blade_modes", "gap"
 )  # fmt: skip
 BODY, GROUND = "masses", "ground"
@@ -46,22 +44,21 @@ BODY, GROUND = "masses", "ground"
 @validation.spelt
 @dataclass(frozen=True)
 class Contact:
-    """A contact between degrees of freedom of a lumped model, or between one and the ground.
+    """Contact between degrees of freedom of a lumped model, or between one of them and the ground.
 
     Parameters
     ----------
     tangential, normal : int, str, tuple of two or mapping, optional
-        Sliding ``u`` and closing ``v`` (positive where the surfaces approach): ``0`` is the motion of degree of freedom 0
-        against the ground, ``(1, 0)`` that of 1 against 0, ``{0: 0.5, 1: 0.866}`` a sum; names of ``locations`` stand for
-        their degrees of freedom.  Without ``normal`` the normal load is constant, without ``tangential`` there is no
-        friction.
+        Sliding ``u`` and closing ``v`` (positive if the surfaces approach).  ``0`` is the motion of degree of freedom 0
+        relative to the ground, ``(1, 0)`` of 1 relative to 0, ``{0: 0.5, 1: 0.866}`` a sum.  Location names are accepted
+        as well.  Without ``normal`` the normal load is constant; without ``tangential`` there is no friction.
     kt, kn : float, N/m
-        Contact stiffness along each.
+        Tangential and normal contact stiffness.
     mu : float
         Friction coefficient.
     preload : float, N
-        Normal load at rest, ``N = max(preload + kn v, 0)``: a static force on the degrees of freedom that holds the
-        surfaces together, so that nothing is displaced at rest before the ``loads`` of the model act.
+        Normal load at rest, ``N = max(preload + kn v, 0)``.  A static force on the degrees of freedom balances it, so that
+        the displacement at rest is zero before the loads of the model act.
     gap : float, m
         Distance at zero displacement, instead of a preload.
     tangential2 : as ``tangential``, optional
@@ -70,6 +67,7 @@ class Contact:
     Raises
     ------
     SettingError
+        If parameters are missing or contradict each other.
     """
 
     tangential: Row | None = None
@@ -93,7 +91,7 @@ class Contact:
         validation.require(closes == (self.kn > 0.0), "contact", expected, f"normal={self.normal!r}, kn={self.kn:g}")
         if not closes and not (self.preload > 0.0 and self.gap == 0.0):
             raise SettingError(
-                "contact: expected a preload > 0 and no gap where the normal load is constant (no normal), found "
+                "contact: expected a preload > 0 and no gap for a constant normal load (without normal), found "
                 f"preload={self.preload:g}, gap={self.gap:g}"
             )
         if self.preload > 0.0 and self.gap > 0.0:
@@ -114,29 +112,27 @@ def lumped(
     response: int | str | None = None,
     **settings: Any,
 ) -> Study:
-    """A study of a few masses, from the matrices of their equation of motion.
+    """Create a study of lumped masses from the matrices of their equation of motion.
 
     Parameters
     ----------
     mass, damping, stiffness : number, (n,) or (n, n) float, kg, N s/m, N/m
-        Diagonals or symmetric matrices over n degrees of freedom; the mass positive definite, with eigenvalues above 1e-9
-        of its largest entry, the stiffness positive semidefinite.
-        Damping that the modes of mass and stiffness do not make diagonal is carried exactly, by modes of mass and damping
-        with springs between them, if every motion has a stiffness.
+        Diagonals or symmetric matrices over n degrees of freedom.  The mass is positive definite, with eigenvalues above
+        1e-9 of its largest entry, the stiffness positive semi-definite.  Any damping matrix is represented exactly.  If it
+        couples the modes of mass and stiffness, the stiffness must be positive definite.
     contacts : sequence of Contact
-        Their interfaces are called "contact 1", "contact 2" ...
+        Their interfaces have the names "contact 1", "contact 2" ...
     cubic : mapping of motion to N/m3, optional
-        Cubic springs ``k u^3`` on motions as those of a :class:`Contact`: ``{0: 0.5, (1, 0): -2.0}``.
-    forces : mapping of freedom to float or complex, N
-        Harmonic forces ``Re(f exp(i omega t))``, with their phases; several are scaled together by
-        ``excitation.amplitude``, which is the largest of them.
-    loads : mapping of freedom to float, optional
-        Static forces per newton of the ``preload`` that the analyses ask for: ``{1: 1.0}`` and
-        ``study.frequency_response(200.0, ...)`` are 200 N on freedom 1.  Without ``loads`` that preload is 0.
-    locations : mapping of name to freedom, optional
-        By default every freedom has one: "x0", "x1" ...
-    response : freedom, optional
-        At which the response is read; that of the largest force by default.
+        Cubic springs ``k u^3`` on motions as in :class:`Contact`: ``{0: 0.5, (1, 0): -2.0}``.
+    forces : mapping of degree of freedom to float or complex, N
+        Harmonic forces ``Re(f exp(i omega t))``.  ``excitation.amplitude`` is the largest of them and scales all.
+    load_per_preload : mapping of degree of freedom to float, optional
+        Static forces per newton of the preload in an analysis: with ``{1: 1.0}``, ``study.frequency_response(200.0, ...)``
+        applies 200 N to degree of freedom 1.  Without it the preload must be 0.
+    locations : mapping of name to degree of freedom, optional
+        By default "x0", "x1" ...
+    response : degree of freedom, optional
+        Degree of freedom of the response; by default the one with the largest force.
     **settings
         Other settings of the study: ``harmonics``, ``contact_forces`` ...
 
@@ -147,7 +143,7 @@ def lumped(
     Raises
     ------
     SettingError, ModelError
-        Naming what was expected and what was found.
+        If an argument is invalid.
 
     Examples
     --------
@@ -157,31 +153,32 @@ def lumped(
     >>> print(f"{study.peak(0.0, (0.1, 0.3)).amplitude:.5f} m")
     3.53660 m
     """
-    own = [name for name in OWN_SETTINGS if name in settings]
-    if own:
-        raise SettingError(f"lumped: expected settings other than {own}, which the lumped model decides")
+    fixed = [name for name in FIXED_SETTINGS if name in settings]
+    if fixed:
+        raise SettingError(f"lumped: expected settings other than {fixed}, which follow from its other arguments")
     modes = _Modes(mass, damping, stiffness, locations)
     for contact in validation.instance("contacts", contacts, Sequence, "a sequence of Contact"):
         validation.instance("contacts", contact, Contact)
     cubic = {} if cubic is None else validation.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
     validation.require(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
     faces = _faces(contacts, cubic, modes)
-    given = _forces(modes, forces)
-    excitation, patterns = _excitation(modes, given)
-    seen = Response(modes.name(response if response is not None else max(given, key=lambda key: abs(given[key]))))
+    amplitudes = _forces(modes, forces)
+    excitation, fields_of_forces = _excitation(modes, amplitudes)
+    largest = max(amplitudes, key=lambda key: abs(amplitudes[key]))
+    location = modes.name(largest if response is None else response)
     coefficients = {c.mu for c in contacts} or {0.0}
     return Study(
-        _model(modes, faces, patterns, load_per_preload),
+        _model(modes, faces, fields_of_forces, load_per_preload),
         excitation,
         friction_coefficient=coefficients.pop() if len(coefficients) == 1 else dict(zip(faces, [c.mu for c in contacts])),
         contact_stiffness={name: np.array([face.stiffness]) for name, face in faces.items()},
-        response=seen,
+        response=Response(location),
         **settings,
     )
 
 
 class _Face(NamedTuple):
-    """An interface of one point: its two tangential motions and its closing, stiffness along them, kind, contact."""
+    """Interface of one point: two tangential motions and closing, stiffness of each, kind, contact."""
 
     rows: tuple[Any, Any, Any]
     stiffness: list[float]
@@ -190,7 +187,7 @@ class _Face(NamedTuple):
 
 
 def _faces(contacts: Sequence[Contact], cubic: Mapping[Any, float], modes: _Modes) -> dict[str, _Face]:
-    """Interfaces by name: contacts first, then springs."""
+    """Return interfaces by name: contacts, cubic springs, linear springs."""
     faces = {}
     for k, c in enumerate(contacts):
         rows = c.tangential, c.tangential2, c.normal
@@ -204,7 +201,7 @@ def _faces(contacts: Sequence[Contact], cubic: Mapping[Any, float], modes: _Mode
 
 
 class _Modes:
-    """All modes of the masses, and the degrees of freedom by number and by name."""
+    """Modes of the masses, and degrees of freedom by number and by name."""
 
     def __init__(self, mass: Any, damping: Any, stiffness: Any, locations: Mapping[str, int] | None) -> None:
         M = _matrix("mass", mass)
@@ -220,13 +217,13 @@ class _Modes:
         validation.require(not omega2[0] < -ROUNDING * size, "stiffness", expected, f"a mode of {omega2[0]:.3g} rad2/s2")
         self.omega2 = np.where(omega2 <= ROUNDING**1.5 * size, 0.0, omega2)
         self.damping_ratio, self.drag = self._damped(C)
-        given = {f"x{i}": i for i in range(self.n)} if locations is None else locations
+        names = {f"x{i}": i for i in range(self.n)} if locations is None else locations
         self.locations: dict[str, int] = {}
-        for name, i in validation.instance("locations", given, Mapping, "a mapping of names to degrees of freedom").items():
+        for name, i in validation.instance("locations", names, Mapping, "a mapping of names to degrees of freedom").items():
             self.locations[name] = validation.whole(f"location '{name}'", i, most=self.n - 1)
 
     def _damped(self, C: NDArray) -> tuple[NDArray, NDArray]:
-        """(n,) damping ratios, and damping beyond them, 1/s; turns modes of one frequency so that damping is diagonal."""
+        """Return damping ratios (n,) and additional damping (n,), 1/s; diagonalise damping of modes of equal frequency."""
         first = 0
         for end in range(1, self.n + 1):
             if end < self.n and self.omega2[end] - self.omega2[first] <= ROUNDING * self.omega2[-1]:
@@ -241,8 +238,8 @@ class _Modes:
             share = coupling[i, j] / np.sqrt(abs(D[i, i] * D[j, j]) or 1.0)
             if self.omega2[0] == 0.0:
                 raise SettingError(
-                    "damping: expected a matrix that the modes of mass and stiffness make diagonal, since a motion has no "
-                    f"stiffness; found modes {i + 1} and {j + 1} coupled by {share:.2g} of their own damping"
+                    "damping: expected a matrix that is diagonal in the modes of mass and stiffness, since a motion has no "
+                    f"stiffness; found modes {i + 1} and {j + 1} coupled by {share:.2g} of their damping"
                 )
             D = self._tied(D)
         d = np.diag(D)
@@ -253,7 +250,7 @@ class _Modes:
         return np.where(plain, np.maximum(ratio, 0.0), 0.0), np.where(plain, 0.0, np.maximum(d, 0.0))
 
     def _tied(self, D: NDArray) -> NDArray:
-        """Modes that make damping diagonal, tied by springs: the stiffness beyond that which is the same for all of them.
+        """Change to modes of mass and damping, with springs for the coupling by stiffness; return the diagonal damping.
 
         Parameters
         ----------
@@ -263,21 +260,21 @@ class _Modes:
         d, turn = np.linalg.eigh(D)
         least = self.omega2[0]
         values, rows = np.linalg.eigh(turn.T @ np.diag(self.omega2 - least) @ turn)
-        held = values > ROUNDING**1.5 * self.omega2[-1]
-        self.springs = list(zip(rows.T[held], values[held].tolist()))
+        positive = values > ROUNDING**1.5 * self.omega2[-1]
+        self.springs = list(zip(rows.T[positive], values[positive].tolist()))
         self.shapes, self.omega2 = self.shapes @ turn, np.full(self.n, least)
         return np.diag(d)
 
     def freedom(self, value: Any, what: str) -> int:
-        """The number of a freedom that is given by number or by name."""
+        """Return the number of a degree of freedom given by number or by location name."""
         if isinstance(value, str):
             return self.locations[validation.choice(what, value, self.locations)]
         if not isinstance(value, Integral) or isinstance(value, bool):
-            raise validation.unfit(what, f"a freedom from 0 to {self.n - 1} or the name of a location", value)
+            raise validation.unfit(what, f"a degree of freedom from 0 to {self.n - 1} or the name of a location", value)
         return validation.whole(what, value, most=self.n - 1)
 
     def name(self, value: Any) -> str:
-        """Location name of a degree of freedom, created if missing."""
+        """Return the location name of a degree of freedom; create it if missing."""
         i = self.freedom(value, "response or force")
         if isinstance(value, str):
             return value
@@ -286,17 +283,17 @@ class _Modes:
         return known
 
     def free(self, name: str) -> str:
-        """The name, or one like it that no location has."""
+        """Return the name, extended until no location has it."""
         while name in self.locations:
             name += "_"
         return name
 
     def motion(self, row: Any, what: str) -> NDArray:
-        """(n_modes,) a motion in modal coordinates."""
-        if isinstance(row, np.ndarray):  # in modal coordinates already
+        """Return a motion in modal coordinates, (n_modes,)."""
+        if isinstance(row, np.ndarray):  # already in modal coordinates
             return row
         if isinstance(row, tuple):
-            validation.that(len(row) == 2, what, "two degrees of freedom, of which it is the difference", row)
+            validation.that(len(row) == 2, what, "a pair of degrees of freedom for their difference", row)
             factors = [(row[0], 1.0), (row[1], -1.0)]
         elif isinstance(row, Mapping):
             factors = [(key, validation.number(f"{what}, factor of {key!r}", value)) for key, value in row.items()]
@@ -305,12 +302,12 @@ class _Modes:
         out = np.zeros(self.n)
         for key, factor in factors:
             out[self.freedom(key, what)] += factor
-        validation.that(out.any(), what, "a motion of some freedom", row)
+        validation.that(out.any(), what, "a motion of at least one degree of freedom", row)
         return np.asarray(out @ self.shapes)
 
 
 def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
-    """A symmetric matrix from a number, a diagonal or a matrix."""
+    """Convert a number, a diagonal or a matrix to a symmetric matrix."""
     try:
         A = np.array(value.toarray() if hasattr(value, "toarray") else value, float)
     except (TypeError, ValueError):
@@ -338,46 +335,46 @@ def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
         if isinstance(number, bool) or not isinstance(number, int | float | complex) or not np.isfinite(number):
             raise validation.unfit(f"force on {key!r}", "a finite real or complex number in N", value)
         out[key] = complex(number)
-    validation.require(out, "forces", "a force on at least one freedom", "none")
+    validation.require(out, "forces", "a force on at least one degree of freedom", "none")
     return out
 
 
-def _excitation(modes: _Modes, given: Mapping[Any, complex]) -> tuple[Excitation, dict[str, NDArray]]:
-    """The excitation, and the place at which it acts if it is spread over several degrees of freedom."""
-    largest = max(abs(value) for value in given.values())
-    if len(given) == 1:
-        ((key, value),) = given.items()
+def _excitation(modes: _Modes, forces: Mapping[Any, complex]) -> tuple[Excitation, dict[str, NDArray]]:
+    """Return the excitation, and a field of forces if several degrees of freedom are excited."""
+    largest = max(abs(value) for value in forces.values())
+    if len(forces) == 1:
+        ((key, value),) = forces.items()
         return Excitation(modes.name(key), amplitude=abs(value), phase=float(np.angle(value))), {}
-    spread = sum(value / (largest or 1.0) * modes.motion(key, "forces") for key, value in given.items())
+    field = sum(value / (largest or 1.0) * modes.motion(key, "forces") for key, value in forces.items())
     name = modes.free("forces")
-    return Excitation(name, amplitude=largest), {name: np.conj(spread)}
+    return Excitation(name, amplitude=largest), {name: np.conj(field)}
 
 
 def _model(
     modes: _Modes,
     faces: Mapping[str, _Face],
-    patterns: dict[str, NDArray],
+    fields_of_forces: dict[str, NDArray],
     load_per_preload: Mapping[int | str, float] | None,
 ) -> Model:
-    """One body of all masses whose ports see the relative motions, on a ground that does not move."""
+    """Return a model of one body with all masses and a rigid ground; ports have the relative motions."""
     zero, pressing = np.zeros(modes.n), np.zeros(modes.n)
     shapes = np.zeros((len(faces), 3, modes.n))
     interfaces = {}
     for p, (name, face) in enumerate(faces.items()):
         u1, u2, v = (zero if row is None else modes.motion(row, name) for row in face.rows)
-        shapes[p] = u1, u2, -v  # the closing is the motion against the normal of the ground
+        shapes[p] = u1, u2, -v  # the closing is opposite to the normal of the ground
         gap, c = 0.0, face.contact
         if c is not None:
             gap = c.gap - c.preload / face.stiffness[2]
             pressing += c.preload * v
-        at = np.zeros((1, 3)), np.ones(1), np.eye(3)[None], np.array([gap])
-        interfaces[name] = Interface(name, face.kind, GROUND, 0, BODY, 0, *at)
-    places = {name: modes.shapes[i] for name, i in modes.locations.items()} | patterns
+        geometry = np.zeros((1, 3)), np.ones(1), np.eye(3)[None], np.array([gap])
+        interfaces[name] = Interface(name, face.kind, GROUND, 0, BODY, 0, *geometry)
+    rows = {name: modes.shapes[i] for name, i in modes.locations.items()} | fields_of_forces
     basis = ModalBasis(
         modes.omega2,
         modes.damping_ratio,
         shapes,
-        {name: np.array([row, zero, zero]) for name, row in places.items()},
+        {name: np.array([row, zero, zero]) for name, row in rows.items()},
         drag=modes.drag if modes.drag.any() else None,
     )
     load = None
@@ -387,13 +384,14 @@ def _model(
             "load_per_preload", load_per_preload, Mapping, "a mapping of degrees of freedom to numbers"
         ).items():
             f += validation.number(f"load on {key!r}", value) * modes.motion(key, "load_per_preload")
-        validation.require(f.any(), "load_per_preload", "a static force on some freedom", dict(load_per_preload))
+        expected = "a static force on at least one degree of freedom"
+        validation.require(f.any(), "load_per_preload", expected, dict(load_per_preload))
         elastic = modes.omega2 > 0.0
-        rest = shapes[..., elastic] @ (f[elastic] / modes.omega2[elastic])
-        load = BodyLoad(np.array([0.0, 0.0, 1.0]), f, rest)
+        displacement = shapes[..., elastic] @ (f[elastic] / modes.omega2[elastic])
+        load = BodyLoad(np.array([0.0, 0.0, 1.0]), f, displacement)
     bodies = {
         BODY: Body(BODY, "lumped", tuple((name, "b") for name in faces), {0: basis}, load=load, constant_force=pressing),
         GROUND: Body(GROUND, "ground", tuple((name, "a") for name in faces)),
     }
-    locations = {name: Location(name, BODY, np.zeros(3)) for name in places}
+    locations = {name: Location(name, BODY, np.zeros(3)) for name in rows}
     return Model(1, bodies, interfaces, locations, provenance={"source": "lumped masses"})

@@ -39,10 +39,6 @@ from bdamper.importers import (
     read_matrix,
     read_measurements,
     read_rst,
-<<<<<<< HEAD
-=======
-    read_unv,
->>>>>>> ci
 )
 from bdamper.importers.abaqus import read_frd_stress
 from bdamper.model.model_file import load_model, save_model

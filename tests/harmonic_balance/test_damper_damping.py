@@ -52,7 +52,7 @@ def test_a_ratio_is_that_of_a_motion_on_the_closed_contacts(plain):
 
 
 def test_a_rate_above_the_frequency_warns(plain):
-    with pytest.warns(BdamperWarning, match=r"a rate of up to .* 1/s beside omega = .* rad/s"):
+    with pytest.warns(BdamperWarning, match=r"a rate of up to .* 1/s exceeds omega = .* rad/s"):
         _ = plain.replace(damper_damping_ratio=0.05).problem.bases
     with warnings.catch_warnings():
         warnings.simplefilter("error")

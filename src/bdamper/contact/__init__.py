@@ -1,7 +1,7 @@
-"""Contact laws, contact stiffness, and static contact under preload.
+"""Contact laws, contact stiffness, and static contact under the preload.
 
-`contact_stiffness` evaluates Eqs (1) to (11) of the paper and other methods, `residual_flexibility` adds residual vectors.
-`static_state` is the quasi-static contact analysis of section 3.1 of the paper.  `wedge_friction` bounds the normal forces
-that statics and friction leave open.  `PointArrays` holds the parameters of all contact points in the form that the C core
-takes.
+`laws` has the contact laws and `PointArrays`, the parameters of all contact points for the C core; its head describes how
+to add a law.  `stiffness` computes the contact stiffness (paper, Eqs 1 to 11), and `residual_flexibility` its completion by
+residual modes.  `static_contact` solves static contact with friction of the full model and bounds the normal forces on a
+wedge.  `static_state` computes the mean position, preload and gaps under the load (paper, section 3.1).
 """

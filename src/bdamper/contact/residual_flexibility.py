@@ -1,26 +1,27 @@
-r"""Residual modes: the flexibility that the retained modes leave out, as a few more modal coordinates.
+r"""Residual modes: a few modal coordinates for the flexibility of the omitted modes.
 
-A force :math:`F` at the contact points moves them by :math:`-R F` more than the retained modes give, :math:`R` the residual
-flexibility (:mod:`bdamper.model.kinematics`).  A contact element can carry a diagonal :math:`D` of it only.  The rest,
-:math:`E = R - D`, is projected onto a few force patterns :math:`W`,
+Contact forces :math:`F` cause the displacement :math:`-R F` beyond the retained modes, with the residual flexibility
+:math:`R` (:mod:`bdamper.model.kinematics`).  A contact element represents a diagonal part :math:`D` only.  The difference
+:math:`E = R - D` is projected onto a few force vectors :math:`W`,
 
-.. math:: R \approx D + E W\,(W^H E W)^{-1}\,(E W)^H,
+.. math:: R \approx D + E W\,(W^H E W)^{-1}\,(E W)^H.
 
-which is exact for every force in the span of :math:`W`, Hermitian, and positive definite as soon as the small matrix
-:math:`S = W^H E W` is.  With coordinates :math:`a` it is a relative motion :math:`x = G q + E W a` and an energy
-:math:`\tfrac12 a^H S a`: further modal columns :math:`E W` with the modal stiffness :math:`S`.  The modes left out have
-inertia too.  To second order in frequency they answer with
-:math:`R + \omega^2 R_2`, :math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over those in the model, and the coordinates
-represent it with the modal mass :math:`W^H R_2 W`; without known modes they are massless, and so are as many of them as
-there are more patterns than such modes.  Stiffness and mass are made diagonal together.
+This is exact for forces in the span of :math:`W`, Hermitian, and positive definite if :math:`S = W^H E W` is.  Coordinates
+:math:`a` with the relative motion :math:`x = G q + E W a` and the energy :math:`\tfrac12 a^H S a` represent it: additional
+modal columns :math:`E W` with the modal stiffness :math:`S`.
 
-Patterns of a harmonic are the contact forces of its stuck modes,
-:math:`W = R^{-1} G Q` with :math:`(\Omega^2 + G^H R^{-1} G) Q = Q \Lambda`, lowest frequencies first: the stuck frequencies
-are then those of the whole :math:`R`.  The mean has in addition, before the modes, the contact forces of the static
-load, once stuck and once with friction.
+The omitted modes also have inertia.  To second order in frequency their flexibility is :math:`R + \omega^2 R_2` with
+:math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over the omitted modes in the model.  The modal mass :math:`W^H R_2 W`
+represents it.  Coordinates are massless if the model has no omitted modes, and as far as their number exceeds that number
+of modes.  Stiffness and mass are made diagonal together.
 
-The diagonal is a share of the point flexibility, :math:`D = s\,\mathrm{diag}(R)` at the fundamental harmonic: as large as
-asked for, but no larger than leaves :math:`S` of the mean and of the fundamental at least a tenth of :math:`W^H R W`.
+The vectors of a harmonic are the contact forces of its stuck modes in ascending order of frequency,
+:math:`W = R^{-1} G Q` with :math:`(\Omega^2 + G^H R^{-1} G) Q = Q \Lambda`.  The stuck frequencies are then exact.
+Harmonic 0 begins with the contact forces of the static load, with friction and stuck.
+
+The diagonal is a fraction of the point flexibility at the fundamental harmonic, :math:`D = s\,\mathrm{diag}(R)`.  The
+setting ``contact_share`` is its upper bound; a smaller :math:`s` leaves :math:`S` of harmonics 0 and 1 at least a tenth
+of :math:`W^H R W`.
 """
 
 from __future__ import annotations
@@ -39,13 +40,14 @@ from bdamper.util.errors import mismatch
 from bdamper.util.formatting import brief
 
 MARGIN = 0.1
-"""Smallest share of the flexibility of a pattern that residual modes must carry."""
+"""Smallest fraction of the flexibility under a force vector that residual modes represent."""
 ROUNDING = 1e-9
-"""Negative flexibility, relative to that of a point, and mass, relative to the largest, that count as rounding.  With
-masses of 1e-17 in place of none a march in time leapt from 0.03 to 1.5 mm where it began."""
+"""Relative size of a negative flexibility, or of a mass, that counts as zero.  Masses of 1e-17 instead of zero made a time
+integration jump from 0.03 to 1.5 mm at its start.
+"""
 
 RESIDUAL = "residual"
-"""Name of the body of residual modes among the coordinates of a basis."""
+"""Body name of residual modes in the coordinates of a basis."""
 
 
 def _count_or_all(name: str, value: int | str) -> int | str:
@@ -59,13 +61,13 @@ class ResidualModes(validation.Checked):
     Parameters
     ----------
     n_vectors : int or "all"
-        Force patterns, hence coordinates, for each harmonic: five give five stuck frequencies; beside ten blade modes six
-        give the highest peak to 8 %, twelve to 4 % at twice the time (docs/measured.md).  "all" keeps all
-        forces that move something: exact, with as many unknowns as the contact points have, meant as a reference.
+        Number of force vectors, and thus of coordinates, per harmonic.  Five vectors give five exact stuck frequencies.
+        With ten blade modes, six vectors give the highest peak to 8 %, and twelve to 4 % at twice the time
+        (docs/measured.md).  "all" is exact, with as many unknowns as contact force components; it serves as a reference.
     contact_share : float
-        Of the point flexibility that stays at the contact point, at most.
+        Upper bound of the fraction of the point flexibility in the contact stiffness.
     inertia : bool
-        Give the coordinates the mass of those left-out modes that the model has.
+        Include the inertia of the omitted modes in the model.
     """
 
     n_vectors: Annotated[int | Literal["all"], _count_or_all] = 6
@@ -74,7 +76,7 @@ class ResidualModes(validation.Checked):
 
 
 def joined(basis: HarmonicBasis, residual: HarmonicBasis) -> HarmonicBasis:
-    """A basis with residual coordinates at its end."""
+    """Append residual coordinates to a basis."""
     return replace(
         basis,
         coordinates=(*basis.coordinates, *residual.coordinates),
@@ -87,7 +89,7 @@ def joined(basis: HarmonicBasis, residual: HarmonicBasis) -> HarmonicBasis:
 
 
 def active_components(coupling: Coupling, friction: NDArray) -> NDArray:
-    """(n_points, 3) bool: force components of friction interfaces that can arise."""
+    """Return (n_points, 3) bool: possible force components at the points of friction interfaces."""
     active = np.zeros((coupling.n_points, 3), bool)
     rows = coupling.friction_rows
     active[rows, 2] = True
@@ -96,17 +98,25 @@ def active_components(coupling: Coupling, friction: NDArray) -> NDArray:
 
 
 def check_definite(flexibility: NDArray, what: str) -> NDArray:
-    """Lower Cholesky factor of a flexibility, scaled by its diagonal: ``L L^H = d^-1 R d^-1``, ``d = sqrt(diag R)``.
+    """Return the lower Cholesky factor of a flexibility scaled by its diagonal.
+
+    ``L L^H = d^-1 R d^-1`` with ``d = sqrt(diag R)``.
+
+    Parameters
+    ----------
+    flexibility : (n, n) complex or float, m/N
+    what : str
+        Name of the matrix in the error message.
 
     Raises
     ------
     ModelError
-        If the flexibility is not positive semi-definite, with its smallest eigenvalue.
+        If the flexibility is not positive semi-definite; the message has its smallest eigenvalue.
     """
-    own = np.diag(flexibility).real
-    found = f"{own.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
-    require((own > 0.0).all(), what, "a positive flexibility at every contact point", found)
-    size = np.sqrt(own)
+    diagonal = np.diag(flexibility).real
+    found = f"{diagonal.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
+    require((diagonal > 0.0).all(), what, "a positive flexibility at every contact point", found)
+    size = np.sqrt(diagonal)
     scaled = flexibility / size[:, None] / size
     try:
         return scipy.linalg.cholesky(scaled + ROUNDING * np.eye(len(size)), lower=True)
@@ -117,13 +127,15 @@ def check_definite(flexibility: NDArray, what: str) -> NDArray:
 
 
 def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDArray, NDArray]:
-    """Frequencies (rad/s) and contact forces (3 n, n_modes) of the modes with all given contact components bonded.
+    """Compute frequencies (rad/s) and contact forces (3 n, n_modes) of the modes with all contact components bonded.
 
     Parameters
     ----------
     basis : HarmonicBasis
-        Whose ``G``, (3 n, n_modes), belongs to these components.
-    residual : (3 n, 3 n) complex or float
+        With ``G`` (3 n, n_modes) of these components.
+    residual : (3 n, 3 n) complex or float, m/N
+    what : str
+        Name of the residual flexibility in the error message.
     """
     factor = check_definite(residual, what)
     size = np.sqrt(np.diag(residual).real)
@@ -135,7 +147,7 @@ def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDA
 
 
 def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: NDArray, what: str) -> NDArray | None:
-    """Contact forces under the static load with every point bonded."""
+    """Return the contact forces under the static load with every point bonded, or None without load."""
     load, shift = coupling.load()
     if not np.any(load):
         return None
@@ -150,20 +162,20 @@ def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: ND
 @brief
 @dataclass(frozen=True)
 class ResidualSet:
-    """Residual modes of a coupling, made for each harmonic when it is asked for.
+    """Residual modes of a coupling, computed on demand for each harmonic.
 
     Parameters
     ----------
     coupling : Coupling
     options : ResidualModes
     active : (n_points, 3) bool
-        Force components that can arise.
+        Possible force components.
     flexibility : (n_points, 3) float, m/N
-        The diagonal: what stays at the points; zero where no force can arise.
+        Diagonal D at the contact points; zero for components without force.
     share : float
-        Of the point flexibility.
+        Fraction s of the point flexibility.
     static : (n_points, 3) float, optional
-        Contact forces of the static load with friction, a pattern of the mean.
+        Contact forces of the static load with friction: a force vector of harmonic 0.
     """
 
     coupling: Coupling
@@ -179,7 +191,7 @@ class ResidualSet:
     def make(
         cls, coupling: Coupling, friction: NDArray, options: ResidualModes, static: NDArray | None = None
     ) -> ResidualSet:
-        """Choose the diagonal from the mean and the fundamental harmonic.
+        """Choose the diagonal for harmonics 0 and 1.
 
         Parameters
         ----------
@@ -191,19 +203,18 @@ class ResidualSet:
         Raises
         ------
         ModelError
-            If a flexibility is missing or not positive semi-definite, with the number that shows it.
+            If a flexibility is missing or not positive semi-definite.
         """
         active = active_components(coupling, friction)
-        kept = active.ravel()
-        validation.require(kept.any(), "residual modes", "an interface with friction", "none")
-        point = np.where(kept, np.diag(coupling.residual_flexibility(1)).real, 0.0)
-        bare = cls(coupling, options, active, point.reshape(-1, 3), 1.0, static)
-        largest = max(bare._point_share(l) for l in (0, 1))
+        validation.require(active.any(), "residual modes", "an interface with friction", "none")
+        point = np.where(active.ravel(), np.diag(coupling.residual_flexibility(1)).real, 0.0)
+        unscaled = cls(coupling, options, active, point.reshape(-1, 3), 1.0, static)
+        largest = max(unscaled._point_share(l) for l in (0, 1))
         share = min(options.contact_share, (1.0 - MARGIN) / largest)
-        return replace(bare, flexibility=share * bare.flexibility, share=share)
+        return replace(unscaled, flexibility=share * unscaled.flexibility, share=share)
 
     def _matrices(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
-        """Residual flexibility of all components, patterns, and the flexibility of these; no choice of the diagonal."""
+        """Return R of all components, the force vectors W, and W^H R W; independent of the diagonal."""
         if harmonic in self._parts:
             return self._parts[harmonic]
         R = self.coupling.residual_flexibility(harmonic)
@@ -217,11 +228,12 @@ class ResidualSet:
         return self._parts[harmonic]
 
     def _patterns(self, harmonic: int, residual: NDArray, static: NDArray | None) -> NDArray:
-        """(n_active, n) force patterns of one harmonic, of unit length, independent."""
+        """Return linearly independent force vectors (n_active, n) of unit length for one harmonic."""
         n_active = int(self.active.sum())
         basis = self.coupling.basis(harmonic)
         kept = self.active.ravel()
-        if self.options.n_vectors == "all":  # but those that move nothing, where points are more than the nodes below them
+        # without forces that cause no motion, as with more contact points than nodes of the mesh
+        if self.options.n_vectors == "all":
             size = np.sqrt(np.maximum(np.diag(residual)[kept].real, np.finfo(float).tiny))
             part, W = np.linalg.eigh(residual[np.ix_(kept, kept)] / size[:, None] / size)
             return np.asarray(W[:, part > ROUNDING * part[-1]] / size[:, None])
@@ -238,50 +250,49 @@ class ResidualSet:
         W = np.concatenate([c.reshape(n_active, -1) for c in columns], axis=1)
         norm = np.linalg.norm(W, axis=0)
         W = W[:, norm > 0.0] / norm[norm > 0.0]
-        # in order, those that say something new
+        # in order, without vectors that depend on those before (Gram-Schmidt)
         chosen: list[int] = []
-        rest = W.copy()
+        remainder = W.copy()
         for k in range(W.shape[1]):
-            size = np.linalg.norm(rest[:, k])
+            size = np.linalg.norm(remainder[:, k])
             if size > 1e-3:
                 chosen.append(k)
-                unit = rest[:, k] / size
-                rest = rest - np.outer(unit, unit.conj() @ rest)
+                unit = remainder[:, k] / size
+                remainder = remainder - np.outer(unit, unit.conj() @ remainder)
             if len(chosen) == self.options.n_vectors:
                 break
         return W[:, chosen]
 
     def _point_share(self, harmonic: int) -> float:
-        """Largest share of the flexibility of a pattern that the diagonal has."""
+        """Return the largest fraction of the flexibility under a force vector in the diagonal."""
         _, W, whole = self._matrices(harmonic)
         D = self.flexibility.ravel()[self.active.ravel()]
         return float(scipy.linalg.eigh(W.conj().T @ (D[:, None] * W), whole, eigvals_only=True)[-1])
 
     def basis(self, harmonic: int) -> HarmonicBasis:
-        """Residual coordinates of one harmonic."""
+        """Return the residual coordinates of one harmonic as a basis."""
         if harmonic in self._bases:
             return self._bases[harmonic]
         R, W, whole = self._matrices(harmonic)
-        kept, D = self.active.ravel(), self.flexibility.ravel()
-        # rows of constraint planes too: friction forces move them
-        columns = (R - np.diag(D))[:, kept] @ W
-        S = W.conj().T @ columns[kept]
-        rest, V = scipy.linalg.eigh(0.5 * (S + S.conj().T), whole)
-        # at higher harmonics the diagonal may leave nothing of a pattern
-        V = V[:, rest > 0.5 * MARGIN] / np.sqrt(rest[rest > 0.5 * MARGIN])
+        active, D = self.active.ravel(), self.flexibility.ravel()
+        # including rows of axial stops: friction forces move them
+        columns = (R - np.diag(D))[:, active] @ W
+        S = W.conj().T @ columns[active]
+        fraction, V = scipy.linalg.eigh(0.5 * (S + S.conj().T), whole)
+        # at higher harmonics the diagonal may contain the whole flexibility under a force vector
+        V = V[:, fraction > 0.5 * MARGIN] / np.sqrt(fraction[fraction > 0.5 * MARGIN])
         bodies, n = self.coupling.basis(harmonic), V.shape[1]
         reference = float(bodies.omega2.max())
         mass = damping = np.zeros(n)
         if self.options.inertia and harmonic > 0:
-            left_out, pole, ratio = self.coupling.left_out_modes(harmonic)
-            P = (W @ V).conj().T @ left_out[kept] / pole
-            mass, turn = np.linalg.eigh(P @ P.conj().T)
-            mass, V = np.where(mass > ROUNDING * mass.max(initial=0.0), mass, 0.0), V @ turn
+            omitted, omega2, ratio = self.coupling.left_out_modes(harmonic)
+            P = (W @ V).conj().T @ omitted[active] / omega2
+            mass, rotation = np.linalg.eigh(P @ P.conj().T)
+            mass, V = np.where(mass > ROUNDING * mass.max(initial=0.0), mass, 0.0), V @ rotation
             damping = np.full(n, float(np.mean(ratio)) if len(ratio) else 0.0)
-        # one stiffness for all coordinates, so that they are of the size of the others
+        # equal stiffness makes these coordinates similar in size to modal coordinates
         G = (columns @ V * np.sqrt(reference)).reshape(-1, 3, n).astype(complex)
         names = tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n))
         stiffness = np.full(n, reference)
-        made = HarmonicBasis(names, stiffness, damping, G, bodies.nodal_diameter, mass * reference)
-        self._bases[harmonic] = made
-        return made
+        self._bases[harmonic] = HarmonicBasis(names, stiffness, damping, G, bodies.nodal_diameter, mass * reference)
+        return self._bases[harmonic]

@@ -1,24 +1,26 @@
-"""Quasi-static contact analysis: normal load, gap and slider at every contact point under the load of the damper.
+"""Quasi-static contact analysis: normal load, gap and slider of every contact point under the preload (paper, section 3.1).
 
-The mean equations of the harmonic balance without vibration, paper section 3.1::
+The mean position ``q`` of the structure without vibration satisfies harmonic 0 of the equations of motion::
 
     K q + G^T F(x) = P f + f_0,      x = G q + P s + s_0 = (u1, u2, v),
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
 
-Interference and the loads ``f_0``, ``s_0`` grow first, together from nothing; then P grows.  All grow together if a free
-body has no equilibrium without P.  Every point has a state for
-each tangential direction (stick, slip in one of two senses, open), and between changes of state the motion is linear in the
-load.  A load step solves for the states at its end and starts from the sliders of the step before.  It is exact if the
-forces are linear along the straight line between both motions, and is shortened to the first change of state otherwise
-(:func:`linear_range`).  The number of steps then has no effect, but the history of loading has, as friction does.
-Bonded points always stick, with springs that push and pull.
-Points with laws of their own (``bdamper.contact.laws``) count as open without any stiffness, as stuck with that of
-their springs, and as slipping in between.
+Interference and the constant loads ``f_0``, ``s_0`` are applied first, together and in proportion; then P increases from
+zero.  If a free body has no equilibrium without P, all of them increase together.
 
-Friction acts along each of the two contact axes independently here, whatever law the vibration follows; this keeps the
-equations linear between changes of state.  Where a point slips along both axes its friction may then be larger than
-``mu N``, by up to the root of two, and its slider is not admissible under the coupled law; the evaluation of that law moves
-such a slider to the edge of the admissible disk (``csrc/contact/coupled_friction.c``).
+Each point has a state for each tangential direction: stick, slip in either sense, or separation.  Between changes of state
+the motion is linear in the load.  A load step solves for the states at its end, with the sliders of the previous step.  It
+is exact if the forces are linear along the straight line between both motions (:func:`linear_range`), and otherwise ends
+at the first change of state.  The result thus depends on the loading history, but not on the number of steps.
+
+Bonded points always stick, with springs in tension and compression.  Points with compiled laws
+(:mod:`bdamper.contact.laws`) count as separated without stiffness, as sticking at the stiffness of their springs, and as
+slipping between.
+
+Friction acts independently along both tangential directions, as in the paper, also if the vibration analysis uses a coupled
+law.  This makes the equations linear between changes of state.  With slip in both directions the friction force may exceed
+``mu N`` by up to the square root of two.  The evaluation of the coupled law then moves the slider to the edge of the
+admissible disk (``csrc/bd_coulomb.c``).
 """
 
 from __future__ import annotations
@@ -45,27 +47,30 @@ STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 @brief
 @dataclass(frozen=True)
 class StaticSystem:
-    """Arrays of the static problem.
+    """Arrays of the static contact problem.
 
     Parameters
     ----------
     stiffness : (n_modes,) float
         Modal stiffness, zero for rigid-body modes.
     G : (n_points, 3, n_modes) float
+        Relative motion (u1, u2, v) for unit modal coordinates.
     kt, kn, mu, n0 : (n_points, 2), (n_points,), (n_points,), (n_points,) float
+        Contact stiffness (N/m), friction coefficient, normal load at zero closing (N).
     force : (n_modes,) float
         Modal force per newton of load.
     shift : (n_points, 3) float
-        Part of (u1, u2, v) per newton of load that the modes do not carry.
+        Part of (u1, u2, v) per newton of load that the modes do not represent.
     constant_force : (n_modes,) float
-        Modal force that does not scale with the load.
+        Modal force independent of the load.
     bonded : (n_points,) bool, optional
-        Points of linear springs, ``T_d = kt_d u_d`` and ``N = n0 + kn v`` of either sign; none by default.
+        Points with linear springs, ``T_d = kt_d u_d`` and ``N = n0 + kn v`` of either sign; none by default.
     cubic : (n_points, 2) float, N/m3, optional
         Springs ``k u^3`` along both tangential directions.
     constant_shift : (n_points, 3) float, optional
-        Part of (u1, u2, v) that does not scale with the load; none by default.
+        Part of (u1, u2, v) independent of the load; zero by default.
     own : OwnLaws, optional
+        Compiled laws.
     """
 
     stiffness: NDArray
@@ -83,12 +88,12 @@ class StaticSystem:
     own: OwnLaws | None = None
 
     def shift_at(self, load: float) -> NDArray:
-        """(n_points, 3) part of (u1, u2, v) under a load (N) that the modes do not carry."""
+        """Return the part of (u1, u2, v) under a load (N) that the modes do not represent, (n_points, 3)."""
         return load * self.shift + self.constant_shift
 
     @property
     def scales(self) -> bool:
-        """Whether nothing acts without the load: its states at all loads are then in proportion, except for gaps."""
+        """Whether nothing acts without the load, so that states are proportional to the load except for gaps."""
         pressed = np.any(self.n0 + self.kn * self.shift_at(0.0)[:, 2] > 0.0)
         return not (pressed or np.any(self.constant_force) or np.any(self.constant_shift))
 
@@ -96,34 +101,36 @@ class StaticSystem:
 @brief
 @dataclass(frozen=True)
 class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="contact_point"):
-    """Static state under a load.
+    """Static contact state under a load.
 
-    ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_static`).
+    ``plot`` draws pressure, gap or friction utilisation over the faces (:func:`bdamper.plot.plot_static`).
 
     Parameters
     ----------
     load : float, N
     q : (n_modes,) float
-        Modal coordinates of the mean.
+        Modal coordinates of the mean position.
     slider : (n_points, 2) float, m
     force : (n_points, 3) float, N
         T1, T2, N.
     closing : (n_points,) float, m
-        Penetration of the contact spring if positive, gap if negative, initial gap included.
+        Penetration of the contact spring if positive, gap if negative, including the initial gap.
     status : (n_points, 2) int
-        0 stick, 1 slip +, 2 slip -, 3 open.
+        0 stick, 1 slip +, 2 slip -, 3 separation.
     residual : float
-        Largest violation of modal equilibrium, relative to the modal load.
+        Largest residual of modal equilibrium, relative to the modal load.
     steps, iterations : int
+        Number of load steps and of Newton iterations.
     converged : bool
     note : str
+        Reason if not converged.
     cost : Cost
     interface : tuple of str
-        Name of the interface of each contact point, where it is known.
+        Interface of each contact point; empty if unknown.
     memory : (n_points, width) float, optional
-        Latest motion and state of points with laws of their own.
-    points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float
-        Of the surfaces, and friction coefficients; None in states of files of version 0.6 and before.
+        Latest motion and state of points with compiled laws.
+    points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float, optional
+        Positions, contact axes, areas and friction coefficients; None in states from files without them.
     """
 
     load: float
@@ -148,7 +155,7 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
 
     @property
     def state(self) -> Kinds:
-        """(n_points,) str: "stick", "slip" in some direction, or "open"."""
+        """(n_points,) str: "stick", "slip" (in at least one direction) or "open"."""
         stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
         return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
 
@@ -163,18 +170,18 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
 
     @property
     def normal_force(self) -> dict[str, float]:
-        """Total normal force (N) on each interface, on all of them together where their names are not known."""
+        """Total normal force (N) on each interface, or on all together if the interfaces are unknown."""
         names = np.array(self.interface or ["in all"] * len(self.force))
         return {str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)}
 
     @property
     def pressure(self) -> Pascals | None:
-        """(n_points,) float, Pa."""
+        """Contact pressure (n_points,), Pa."""
         return None if self.area is None else self.force[:, 2] / self.area
 
     @property
     def contact_area(self) -> dict[str, float]:
-        """Area in contact on each interface, m2; empty where areas are not known."""
+        """Area in contact (m2) on each interface; empty if areas are unknown."""
         if self.area is None:
             return {}
         names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
@@ -182,25 +189,26 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
 
 
 EQUILIBRIUM = 1e-10
-"""On modal equilibrium, relative to the largest of all modal loads."""
+"""Largest residual of modal equilibrium relative to the largest modal load."""
 AT_LIMIT = 1e-12
-"""A force is at its limit if it is this close to it, relative to the largest spring force before any cancellation."""
+"""Force difference that counts as zero at a limit of friction or contact, relative to the largest spring force."""
 SHORTEST = 1e-7
-"""Load step, relative to the whole change of load, below which a change of state is a jump (a loose body that lands)."""
+"""Load step, relative to the total change of load, below which a change of state is a jump (a loose body makes contact)."""
 STALLS = 6
-"""Consecutive steps without a reduction of the residual after which an iteration stops.  Of 1478 iterations that converge
-one has more than 4."""
+"""Consecutive steps without reduction of the residual after which an iteration stops.  Only one of 1478 iterations that
+converge has more than 4.
+"""
 
 
 def limited_forces(level: NDArray, trial: NDArray, mu: NDArray) -> tuple[NDArray, NDArray]:
-    """One-dimensional friction along each axis, its limit with the normal force.
+    """Limit tangential spring forces by Coulomb friction along each axis.
 
     Parameters
     ----------
     level : (..., n_points) float, N
-        Force of the normal springs; negative where the surfaces are apart.
+        Force of the normal springs; negative if separated.
     trial : (..., n_points, 2) float, N
-        Force of the tangential springs, were it not limited.
+        Force of the tangential springs without limit.
     mu : (n_points,) float
 
     Returns
@@ -219,7 +227,7 @@ def limited_forces(level: NDArray, trial: NDArray, mu: NDArray) -> tuple[NDArray
 
 
 def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArray:
-    """(n_points, 3, 3) derivative of the contact force with respect to the motion in the given states (n_points, 2)."""
+    """Return the derivative (n_points, 3, 3) of the contact forces by the motion in the states ``status`` (n_points, 2)."""
     tangent = np.zeros((len(status), 3, 3))
     closed = ~(status == OPEN).any(axis=1)
     tangent[closed, 2, 2] = kn[closed]
@@ -233,30 +241,32 @@ def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArr
 
 
 def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
-    """(..., n_points, 3) forces and states at motions x for sliders w, and what points remember, before the step."""
+    """Return forces (..., n_points, 3) and states at the motions x; w has sliders and memory before the step."""
     level = system.n0 + system.kn * x[..., 2]
     trial = system.kt * (x[..., :2] - w[:, :2])
     force, status = limited_forces(level, trial, system.mu)
-    b = np.broadcast_to(system.bonded, len(system.kn))
-    force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
+    bonded = np.broadcast_to(system.bonded, len(system.kn))
+    force[..., bonded, :2], force[..., bonded, 2] = trial[..., bonded, :], level[..., bonded]
+    status[..., bonded, :] = STICK
     if np.any(system.cubic):
         force[..., :2] += system.cubic * x[..., :2] ** 3
     if system.own is not None:
-        for at in np.ndindex(x.shape[:-2]):
-            F, D, _ = system.own.step(x[at], w[:, 2:])
-            force[at][system.own.held] = F[system.own.held]
+        compiled = system.own.held
+        for i in np.ndindex(x.shape[:-2]):
+            F, D, _ = system.own.step(x[i], w[:, 2:])
+            force[i][compiled] = F[compiled]
             slips = np.abs(D[:, [0, 1], [0, 1]] - system.kt) > 1e-9 * system.kt
-            stiff = np.abs(D).max(axis=(1, 2)) > 1e-12 * np.maximum(system.kt.max(axis=1), system.kn)
-            kinds = np.where(stiff[:, None], np.where(slips, SLIP_PLUS, STICK), OPEN)
-            status[at][system.own.held] = kinds[system.own.held]
+            closed = np.abs(D).max(axis=(1, 2)) > 1e-12 * np.maximum(system.kt.max(axis=1), system.kn)
+            states = np.where(closed[:, None], np.where(slips, SLIP_PLUS, STICK), OPEN)
+            status[i][compiled] = states[compiled]
     return force, status
 
 
 def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Forces, states, sliders after the step and closing at motion x for sliders w before it."""
+    """Return forces, states, sliders with memory, and closing after a step to the motion x."""
     force, status = _forces(system, x, w)
-    safe = np.where(system.kt > 0.0, system.kt, 1.0)
-    slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / safe, x[:, :2])
+    kt = np.where(system.kt > 0.0, system.kt, 1.0)
+    slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / kt, x[:, :2])
     slider = np.where(np.broadcast_to(system.bonded, len(slider))[:, None], w[:, :2], slider)
     if system.own is not None:
         slider = np.hstack([slider, system.own.step(x, w[:, 2:])[2]])
@@ -268,10 +278,10 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
 def _jacobian(
     system: StaticSystem, G: NDArray, status: NDArray, x: NDArray | None = None, w: NDArray | None = None
 ) -> NDArray:
-    """(n_modes, n_modes) derivative of modal equilibrium in the given states, with G as (3 n_points, n_modes).
+    """Return the derivative (n_modes, n_modes) of modal equilibrium in the given states; G is (3 n_points, n_modes).
 
-    Cubic springs have the tangent of the motion x (n_points, 3), none at rest; laws of their own that of the step from w,
-    springs of a stuck point without it.
+    At a motion x (n_points, 3) with sliders and memory w, cubic springs and compiled laws contribute their tangents.
+    Without x, cubic springs contribute nothing and compiled laws the springs of stick.
     """
     B = law_tangent(system.kt, system.kn, system.mu, status)
     if x is not None:
@@ -282,9 +292,9 @@ def _jacobian(
 
 
 def _solve(J: NDArray, r: NDArray) -> NDArray:
-    """Least-norm solution where the contact leaves a rigid-body motion undetermined."""
+    """Solve J dq = r; return the least-norm solution if the contact does not determine a rigid-body motion."""
     size = np.abs(np.diag(J))
-    if not size.any():  # nothing touches and nothing is constrained
+    if not size.any():  # no contact and no constraint
         return np.zeros(len(r))
     scale = 1.0 / np.sqrt(np.maximum(size, 1e-12 * size.max()))
     A = J * scale[:, None] * scale
@@ -295,7 +305,7 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
 
 
 def _size(system: StaticSystem, loads: tuple[float, ...], w: NDArray) -> float:
-    """Return the largest modal force (N) of all loads: preload, constant loads, and interference of undeformed surfaces."""
+    """Return the largest modal force (N) of preload, constant loads, and interference without deformation."""
     pressing = [_law(system, system.shift_at(load), w)[0] for load in loads]
     modal = [load * system.force for load in loads] + [np.einsum("pdm,pd->m", system.G, F) for F in pressing]
     return max(float(np.abs(f).max(initial=0.0)) for f in (*modal, system.constant_force, np.array(1e-300)))
@@ -304,13 +314,16 @@ def _size(system: StaticSystem, loads: tuple[float, ...], w: NDArray) -> float:
 def _step(
     system: StaticSystem, load: float, w: NDArray, status: NDArray, size: float
 ) -> tuple[NDArray, NDArray, int, float]:
-    """Newton on the states at one load; returns coordinates, states, iterations and residual relative to ``size`` (N)."""
+    """Solve for the states at one load by Newton iteration with line search.
+
+    Returns coordinates, states, number of iterations, and residual relative to ``size`` (N).
+    """
     force = load * system.force + system.constant_force
     shift = system.shift_at(load)
     G = system.G.reshape(-1, system.G.shape[2])
 
     def residuals(*q: NDArray) -> tuple[NDArray, NDArray]:
-        """At several q, bit for bit as at one: rounding decides the states of points at their limit."""
+        """Evaluate each q as if alone, bit for bit: rounding determines the states of points at their limit."""
         x = np.array([G @ one for one in q]).reshape(len(q), -1, 3) + shift
         F, new_status = _forces(system, x, w)
         r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]
@@ -318,15 +331,15 @@ def _step(
 
     if system.own is not None:
         status = np.where(system.own.held[:, None] & (status != OPEN), STICK, status)
-    # the first linear solution takes the states as given: the law is linear in them
+    # the first solution is linear: it assumes the states of the start
     level = system.n0 + system.kn * shift[:, 2]
     per_level = law_tangent(system.kt, np.ones(len(level)), system.mu, status)
     F0 = per_level @ np.concatenate([shift[:, :2] - w[:, :2], level[:, None]], axis=1)[..., None]
     q = _solve(_jacobian(system, G, status), force - G.T @ F0.ravel())
     (r,), (status,) = residuals(q)
     stalls = 0
-    # fractions of a Newton step that are tried where the full step does not reduce the residual
-    shorter = 0.5 ** np.arange(1, 10)
+    # for the line search if the full step does not reduce the residual
+    fractions = 0.5 ** np.arange(1, 10)
     for iteration in range(1, 61):
         norm = float(np.abs(r).max())
         if norm <= EQUILIBRIUM * size or stalls == STALLS:
@@ -334,18 +347,18 @@ def _step(
         dq = _solve(_jacobian(system, G, status, (G @ q).reshape(-1, 3) + shift, w), -r)
         trial = q + dq
         (r_trial,), (status_trial,) = residuals(trial)
-        now = float(np.abs(r_trial).max())
-        helps = now < (1.0 - 1e-3) * norm
-        if not helps:  # shorter steps, up to the first that is short enough; the best of all counts
-            trials = q + shorter[:, None] * dq
+        full = float(np.abs(r_trial).max())
+        reduced = full < (1.0 - 1e-3) * norm
+        if not reduced:  # use the best of the steps up to the first with sufficient decrease
+            trials = q + fractions[:, None] * dq
             r_all, status_all = residuals(*trials)
-            size_all = np.abs(r_all).max(axis=1)
-            enough = np.flatnonzero(size_all < (1.0 - 1e-3 * shorter) * norm)
-            helps = len(enough) > 0
-            k = int(np.argmin(size_all[: enough[0] + 1] if helps else size_all))
-            if not now <= size_all[k]:
+            norms = np.abs(r_all).max(axis=1)
+            sufficient = np.flatnonzero(norms < (1.0 - 1e-3 * fractions) * norm)
+            reduced = len(sufficient) > 0
+            k = int(np.argmin(norms[: sufficient[0] + 1] if reduced else norms))
+            if not full <= norms[k]:
                 trial, r_trial, status_trial = trials[k], r_all[k], status_all[k]
-        stalls = 0 if helps else stalls + 1
+        stalls = 0 if reduced else stalls + 1
         q, r, status = trial, r_trial, status_trial
     return q, status, iteration, float(np.abs(r).max()) / size
 
@@ -353,21 +366,19 @@ def _step(
 def _creep(
     system: StaticSystem, load: float, state: PreloadState, size: float
 ) -> tuple[NDArray, NDArray, int, float]:
-    """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
+    """Follow the overdamped motion ``D q' = -r(q)``, with sliders that follow slip, to equilibrium at one load.
 
-    Used for load steps in which the updates of the states do not end.  ``D`` is the stiffness with every point
-    closed and stuck, so the unit of time is the time constant; the implicit steps grow while Newton converges fast.
+    Used for load steps without convergence of the Newton iteration.  ``D`` is the stiffness with every point in stick, so
+    time has the unit of the time constant.  The implicit time steps grow while Newton iterations converge fast.
 
-    Returns
-    -------
-    coordinates, sliders, iterations and residual
+    Returns coordinates, sliders with memory, number of iterations, and residual relative to ``size`` (N).
     """
     force = load * system.force + system.constant_force
     shift = system.shift_at(load)
     G = system.G.reshape(-1, system.G.shape[2])
     springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
     D = np.diag(system.stiffness) + G.T @ (springs * G)
-    q, w = state.q.copy(), _remembered(system, state)
+    q, w = state.q.copy(), _slider_memory(system, state)
     dt, iterations, norm = 0.1, 0, np.inf
     for _ in range(400):
         trial = q.copy()
@@ -392,28 +403,28 @@ def _creep(
     return q, w, iterations, norm
 
 
-def _remembered(system: StaticSystem, state: PreloadState) -> NDArray:
-    """(n_points, 2 or more) sliders, and what points with laws of their own remember."""
+def _slider_memory(system: StaticSystem, state: PreloadState) -> NDArray:
+    """Return sliders and the memory of compiled laws, (n_points, 2 or more)."""
     if system.own is None:
         return state.slider.copy()
-    kept = np.zeros((len(state.slider), system.own.width)) if state.memory is None else state.memory
-    return np.hstack([state.slider, kept])
+    memory = np.zeros((len(state.slider), system.own.width)) if state.memory is None else state.memory
+    return np.hstack([state.slider, memory])
 
 
 def _before_loading(system: StaticSystem) -> PreloadState:
-    """Return the unloaded initial state: touching points stick, others are open."""
+    """Return the unloaded state: points in contact stick, others are separated."""
     n, m = system.G.shape[0], system.G.shape[2]
     apart = (system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0) & np.logical_not(system.bonded)
     status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
-    if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
+    if n and (status == OPEN).all():  # without contact the first linear solution needs closed surfaces
         status[:] = STICK
     return PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
 
 
 def _together(system: StaticSystem, load: float) -> StaticSystem:
-    """Return the system whose load is the share of the constant loads, of the interference and of a load (N)."""
+    """Return a system whose load of 0 to 1 scales constant loads, interference and the given load (N) together."""
     pressed = (system.n0 > 0.0) & (system.kn > 0.0)
-    if system.own is not None:  # these laws have the interference themselves
+    if system.own is not None:  # compiled laws include the interference
         pressed &= ~system.own.held
     shift = np.array(np.broadcast_to(system.constant_shift, (len(pressed), 3)))
     shift[pressed, 2] += system.n0[pressed] / system.kn[pressed]
@@ -432,45 +443,46 @@ def linear_range(
     points : StaticSystem or PointArrays
         Only ``kt``, ``kn``, ``mu`` and ``n0`` are used.
     x0, x1 : (n_points, 3) float, m
-        Both in equilibrium, for sliders ``w`` (n_points, 2) m at ``x0``.
+        Motions in equilibrium, with the sliders ``w`` (n_points, 2) at ``x0``.
     close : float, N
-        A force within this of a limit is at it, since rounding must not make a new change of state.
+        A force this close to a limit counts as at the limit, so that rounding causes no change of state.
 
     Returns
     -------
     within, beyond : float
-        Place of the first change up to ``x1`` (0 at ``x0``, 1 at ``x1``) and beyond it, infinite if there is none.
+        Position of the first change of state up to ``x1`` and after ``x1``: 0 at ``x0``, 1 at ``x1``, infinite if none.
     """
     level = points.n0 + points.kn * np.array([x0[:, 2], x1[:, 2]])
     trial, limit = points.kt * (np.array([x0, x1])[..., :2] - w), (points.mu * level)[..., None]
-    # each is negative before a change of state: closing, opening, slip in both senses
+    # each is negative before a change of state: closing, separation, slip in both senses
     before, after = np.concatenate([level[..., None], -level[..., None], trial - limit, -trial - limit], axis=2)
     rising = (before < -close) & (after > before)
     before, after = before[rising], after[rising]
-    place = before / (before - after)
-    return place[after > close].min(initial=np.inf), place[after < -close].min(initial=np.inf)
+    position = before / (before - after)
+    return position[after > close].min(initial=np.inf), position[after < -close].min(initial=np.inf)
 
 
 def static_state(
     system: StaticSystem, load: float, *, steps: int = 8, start: PreloadState | None = None, offset: NDArray | None = None
 ) -> PreloadState:
-    """State of the contact after the load has grown to ``load``.
+    """Compute the contact state after the load has changed to ``load``.
 
     Parameters
     ----------
     system : StaticSystem
     load : float, N
     steps : int
-        Load steps at least; matters only for cubic springs and laws of a user's own.
+        Minimum number of load steps; only relevant for cubic springs and compiled laws.
     start : PreloadState, optional
-        Earlier state to continue from, loading or unloading; by default constant loads come first, then the load.
+        Initial state for loading or unloading.  By default the structure is unloaded; constant loads act first, then the
+        load.
     offset : (n_points, 2) float, m, optional
-        Sliders before any load; zero by default.
+        Slider positions before any load; zero by default.
 
     Returns
     -------
     PreloadState
-        ``converged`` is False, with a note, if some step could not be solved; it then holds the last state that was.
+        If a load step has no solution, the last solved state with ``converged`` False and a note.
     """
     if start is not None:
         return _loaded(system, load, start, steps)
@@ -480,19 +492,19 @@ def static_state(
         state = replace(state, slider=offset)
     if not system.scales:
         before, state = state, replace(_loaded(assembly, 1.0, state, steps), load=0.0)
-        if not state.converged and load > 0.0:  # the constant loads alone do not hold a free body
+        if not state.converged and load > 0.0:  # a free body has no equilibrium under the constant loads alone
             return replace(_loaded(_together(system, load), 1.0, before, steps), load=load)
     elif load == 0.0:
-        force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), _remembered(system, state))
+        force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), _slider_memory(system, state))
         memory = None if system.own is None else slider[:, 2:]
         return replace(state, force=force, status=status, slider=slider[:, :2], closing=closing, memory=memory)
     return _loaded(system, load, state, steps) if state.converged else state
 
 
 def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) -> PreloadState:
-    """Return the state after the load has changed to ``load``, from change of state to change of state."""
+    """Change the load to ``load``, from one change of state to the next."""
     change, left, longest = load - state.load, 1.0, 1.0 / steps
-    size, step, least = _size(system, (state.load, load), _remembered(system, state)), longest, SHORTEST
+    size, step, least = _size(system, (state.load, load), _slider_memory(system, state)), longest, SHORTEST
     free = np.logical_not(system.bonded | (False if system.own is None else system.own.held))
     frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
@@ -500,26 +512,26 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
     x, slope = system.G @ state.q + system.shift_at(state.load), None
     while change and left:
         step = left if min(step, longest) > left - SHORTEST else min(step, longest)
-        at, before = load - (left - step) * change, _remembered(system, state)
-        # the states may be a dead end; then all points that touch are taken as stuck, and then all points
+        at, before = load - (left - step) * change, _slider_memory(system, state)
+        # initial states: extrapolated, latest, all points in contact sticking, all points sticking
         apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
         stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
         ahead = () if slope is None else (_law(system, x + step * slope, before)[1],)
         iterations, starts = 0, (*ahead, state.status, stuck, np.full_like(stuck, STICK))
         for first_status in {s.tobytes(): s for s in starts}.values():
-            q, status, tried, residual = _step(system, at, before, first_status, size)
-            iterations += tried
+            q, status, count, residual = _step(system, at, before, first_status, size)
+            iterations += count
             if residual <= EQUILIBRIUM:
                 break
-        within, beyond, crept = np.inf, np.inf, not residual <= EQUILIBRIUM
+        within, beyond, overdamped = np.inf, np.inf, not residual <= EQUILIBRIUM
         moved = system.G @ q + system.shift_at(at)
-        if not crept:
+        if not overdamped:
             close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
             within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
         elif step > least:
             step = max(1e-3 * step, least)
             continue
-        else:  # the path ends here: the states jump
+        else:  # the equilibrium is lost: the motion jumps
             q, before, iterations, residual = _creep(system, at, state, size)
             moved = system.G @ q + system.shift_at(at)
             if not residual <= EQUILIBRIUM:
@@ -528,8 +540,8 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         if within < 1.0 and step > least:
             step = max(0.1 * within * step, least)
             continue
-        least *= 2.0 if step <= least else 1.0  # so that many jumps come to an end
-        jumped = within < 1.0 or crept  # then the way so far does not lead on
+        least *= 2.0 if step <= least else 1.0  # limits the number of steps after many jumps
+        jumped = within < 1.0 or overdamped  # without extrapolation from before the jump
         x, slope = moved, None if jumped else (moved - x) / step
         force, status, slider, closing = _law(system, x, before)
         state = PreloadState(
@@ -541,17 +553,21 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
 
 
 def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> PreloadState | None:
-    """State at another load by homogeneity, or None where that does not hold.
+    """Return the state at another load by proportionality, or None if it does not apply.
 
-    Without initial gaps everything but the states themselves is proportional to the load.  Points with a gap do not matter
-    as long as they stay open up to the larger of both loads.
+    Without initial gaps the state is proportional to the load.  Points with a gap have no effect if they remain open up to
+    the larger load.
 
     Parameters
     ----------
     system : StaticSystem
     state : PreloadState
-        Reached from zero load.
+        State after loading from zero.
     load : float, N
+
+    Returns
+    -------
+    PreloadState or None
     """
     if not (state.converged and state.load > 0.0 and load > 0.0):
         return None

@@ -1,25 +1,29 @@
-"""Contact stiffness (paper, section 2.2): the flexibility that the retained modes leave out, at the contact points.
+r"""Contact stiffness: the effect of the omitted modes as springs at the contact points (paper, section 2.2, Eqs 1 to 11).
 
-Every method starts from the residual flexibility ``R_res`` of both sides of an interface
-(:mod:`bdamper.model.kinematics`), patch-averaged displacement for patch-averaged force, and looks for a positive
-diagonal.
+Under the static load :math:`P` of the dampers, a finite element contact analysis gives the contact forces :math:`F` and the
+displacements :math:`U_B`, :math:`U_D` of blade and damper at each contact point.  Modal superposition gives
 
-``"unit_traction"``
-    A uniform traction in one direction over the whole face, forces ``F_i = A_i``:  ``k_i = A_i/(R_res A)_i``.
+.. math::
+    \tilde U_B &= -R_B F \quad (1), \qquad \tilde U_D = \tilde U_{DR} + \tilde U_{DE} \quad (5), \\
+    \tilde U_{DR} &= \Psi \eta \quad (6), \qquad \tilde U_{DE} = R_{DC} F + R_{DP} P \quad (7),
 
-``"cigeroglu2009"``
-    Paper, Eqs (1)-(11).  With the contact forces ``F`` of the static contact problem under the centrifugal load, the
-    modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
-    ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
-    into the stiffness: it enters the analysis as an initial distance of the surfaces.)
-    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from
-    the user's own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over
-    the face, or the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it,
-    the quotient has no meaning; the value of ``"unit_traction"`` replaces it, and the report counts the point.
+with the receptances :math:`R_B, R_{DC}, R_{DP}` of the retained modes and the rigid-body modes :math:`\Psi` of the damper.
+The differences :math:`\Delta U_B = U_B - \tilde U_B` (2) and :math:`\Delta U_D = U_D - \tilde U_D` (8) are assigned to
+springs, :math:`K_{cB}\,\Delta U_B = -F` (3) and :math:`K_{cD}\,\Delta U_D = F` (9).  Inserted, with diagonal matrices:
 
-``"residual_modes"``
-    A positive diagonal, a share of the point flexibility, and the rest in a few more modal coordinates
-    (:mod:`bdamper.contact.residual_flexibility`).
+.. math::
+    K_{cB}^{-1} F &= -(R_B F + U_B) \qquad (4), \\
+    K_{cD}^{-1} F &= U_D - (\Psi \eta + R_{DC} F + R_{DP} P) \qquad (10), \\
+    K_c^{-1} &= K_{cB}^{-1} + K_{cD}^{-1} \qquad (11).
+
+The right-hand sides follow from the linear model alone.  The residual flexibility :math:`R_{res}` of both sides
+(:mod:`bdamper.model.kinematics`) gives :math:`1/k_i = (R_{res} F)_i / F_i` as the sum of Eqs (4) and (10) at each point and
+direction: :func:`paper_equations`.  The deformation of the damper under its load, the last term of Eq (10), is not part of
+this stiffness.  It enters the analysis as an initial distance of the surfaces.  :func:`paper_contact` gives the forces and
+displacements, from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from the model file.
+
+:func:`contact_stiffness` lists all methods.  A new one needs a name in :data:`METHODS`, a function that returns
+``ContactStiffness``, and a branch there.
 """
 
 from __future__ import annotations
@@ -42,14 +46,20 @@ from bdamper.util.formatting import brief
 
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0
-"""Factor from the value of ``"unit_traction"`` beyond which the quotient of Eqs (4), (10) is not used."""
+"""Largest ratio between a stiffness from Eqs (4), (10) and from ``"unit_traction"``, in either sense."""
 SMALL_FORCE = 0.05
-"""Share of the largest force component below which Eqs (4), (10) are not divided by it."""
+"""Smallest force component in Eqs (4), (10), relative to the largest component of the face in this direction."""
 
 
 @dataclass(frozen=True)
 class PerArea:
-    """Contact stiffness per area, N/m3: one number, or three for t1, t2 and n."""
+    """Contact stiffness per area.
+
+    Parameters
+    ----------
+    stiffness : float or tuple of three float, N/m3
+        One value for all directions, or one each for t1, t2 and n.
+    """
 
     stiffness: float | tuple[float, float, float]
 
@@ -63,16 +73,16 @@ class PerArea:
 @brief
 @dataclass(frozen=True)
 class Contact:
-    """Stiffness of all interfaces, with the residual coordinates that belong to it.
+    """Contact stiffness of all interfaces and the residual modes that complete it.
 
     Parameters
     ----------
     stiffness : dict of interface name to ContactStiffness
     residual : ResidualSet, optional
     method : name, ResidualModes, float, PerArea or mapping
-        What it was made by.
+        Method or values from which the stiffness was computed.
     note : str
-        Why that is not the default method, if the choice was left to the model.
+        Reason for another method than the default, if the model determined the method.
     """
 
     stiffness: dict[str, ContactStiffness]
@@ -82,7 +92,7 @@ class Contact:
 
 
 def report(interface: str, contact: ContactStiffness) -> str:
-    """Range of the stiffness of one interface, and at how many points the method's substitute was used."""
+    """Return the range of the stiffness of an interface and the number of points with a fallback value as text."""
     k = contact.stiffness
     fallback = np.zeros(3, int) if contact.fallback is None else contact.fallback.sum(axis=0)
     parts = [
@@ -92,69 +102,17 @@ def report(interface: str, contact: ContactStiffness) -> str:
     return f"{interface}, {contact.source}, N/m: " + "; ".join(parts)
 
 
-def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
-    """Stiffness of one face under a uniform traction in each direction.
-
-    Parameters
-    ----------
-    residual : (3 n, 3 n) complex or float, m/N
-        Residual flexibility between the points of the face.
-    area : (n,) float, m2
-
-    Raises
-    ------
-    ModelError
-        If the flexibility is not positive under any uniform traction.
-    """
-    n = len(area)
-    block = residual.real.reshape(n, 3, n, 3)
-    stiffness = np.empty((n, 3))
-    fallback = np.zeros((n, 3), bool)
-    for axis in range(3):
-        give = block[:, axis, :, axis] @ area
-        ok = give > 0.0
-        item, expected = f"residual flexibility along axis {axis}", "a positive displacement under a uniform traction"
-        found = f"at most {give.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
-        require(ok.any(), item, expected, found)
-        fallback[:, axis] = ~ok
-        give[~ok] = np.median(give[ok] / area[ok]) * area[~ok]
-        stiffness[:, axis] = area / give
-    return ContactStiffness(stiffness, "unit_traction", fallback)
-
-
-def paper_equations(
-    displacement: NDArray, force: NDArray, substitute: ContactStiffness, far: float = np.inf
-) -> ContactStiffness:
-    """Eqs (4), (10), (11): stiffness from what the modes leave out of a static contact solution.
-
-    Parameters
-    ----------
-    displacement : (n, 3) float
-        Relative displacement that the retained modes leave out, positive along the force.
-    force : (n, 3) float
-    substitute : ContactStiffness
-        Used where a force component is too small to divide by, or the quotient is not positive or far from this one.
-    far : float
-        Factor beyond which it is.
-    """
-    largest = np.abs(force).max(axis=0)
-    usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
-    quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
-    usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
-    return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "cigeroglu2009", ~usable)
-
-
 def contact_stiffness(
     coupling: Coupling, method: str | float | ResidualModes | PerArea | Mapping[str, NDArray], friction: NDArray
 ) -> Contact:
-    """Stiffness at the contact points of every interface of a coupling.
+    """Compute the contact stiffness at the points of every interface.
 
     Parameters
     ----------
     coupling : Coupling
     method : one of METHODS, ResidualModes, float, PerArea or mapping
-        A name; residual modes with other settings than the default; or what the user gives: N/m for every point and
-        direction, N/m3 for every direction, or for each interface an array that broadcasts to (n_points, 3).
+        Method (see Notes) or user-supplied values: N/m for every point and direction, N/m3 as ``PerArea``, or for each
+        interface name an array that broadcasts to (n_points, 3), N/m.
     friction : (n_points,) float
         Friction coefficients.
 
@@ -165,9 +123,15 @@ def contact_stiffness(
     Raises
     ------
     SettingError
-        If the method is not known, or values given by the user are not finite and non-negative.
+        If the method is unknown, or a user-supplied value is negative or not finite.
     ModelError
         If a flexibility that the method needs is missing or not positive.
+
+    Notes
+    -----
+    ``"cigeroglu2009"`` evaluates Eqs (1) to (11), ``"unit_traction"`` applies a uniform traction in one direction to each
+    face, and ``"residual_modes"`` or ``ResidualModes(...)`` combines a diagonal part of the residual flexibility with
+    further modal coordinates (:mod:`bdamper.contact.residual_flexibility`).
     """
     check_method(method)
     if isinstance(method, str) and method == "residual_modes":
@@ -175,18 +139,18 @@ def contact_stiffness(
     if isinstance(method, ResidualModes):
         return _with_residual_modes(coupling, method, friction)
     if not isinstance(method, str):
-        return Contact(_from_user(coupling, method))
-    out = _unit_tractions(coupling)
+        return Contact(_user_values(coupling, method))
+    stiffness = _unit_tractions(coupling)
     if method == "cigeroglu2009":
-        forces, left_out = paper_contact(coupling, friction)
+        force, displacement = paper_contact(coupling, friction)
         for name in coupling.friction_faces:
             rows = coupling.rows(name)
-            out[name] = paper_equations(left_out[rows], forces[rows], out[name], FAR)
-    return Contact(out)
+            stiffness[name] = paper_equations(displacement[rows], force[rows], stiffness[name], FAR)
+    return Contact(stiffness)
 
 
 def check_method(method: Any) -> None:
-    """Refuse what is neither a method nor the user's own values."""
+    """Raise SettingError unless ``method`` is the name of a method, settings of residual modes or user-supplied values."""
     if isinstance(method, ResidualModes | PerArea | Mapping) or (isinstance(method, str) and method in METHODS):
         return
     if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
@@ -195,113 +159,190 @@ def check_method(method: Any) -> None:
     validation.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
-def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
-    has_load = any(body.load is not None and np.any(body.load.generalised) for body in coupling.model.bodies.values())
-    static = _forces_for_paper(coupling, friction) if has_load and options.n_vectors != "all" else None
-    residual_set = ResidualSet.make(coupling, friction, options, static)
-    out = {}
-    for name, rest in _unit_tractions(coupling).items():
-        here = residual_set.flexibility[coupling.rows(name)]
-        k = np.divide(1.0, here, out=rest.stiffness.copy(), where=here > 0.0)
-        out[name] = ContactStiffness(k, "residual_modes")
-    return Contact(out, residual_set)
+# ---- Eqs (1) to (11) ----
 
 
-def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
-    """Stiffness of every interface under a uniform traction, with the residual flexibility of the fundamental."""
-    residual = coupling.residual_flexibility(1)
-    out = {}
-    for name in coupling.interfaces:
-        rows = coupling.rows(name)
-        block = slice(3 * rows.start, 3 * rows.stop)
-        out[name] = unit_traction(residual[block, block], coupling.model.interfaces[name].area)
-    return out
+def paper_equations(
+    displacement: NDArray, force: NDArray, substitute: ContactStiffness, far: float = np.inf
+) -> ContactStiffness:
+    """Evaluate Eqs (4), (10) and (11): force divided by the displacement that the retained modes omit.
+
+    Parameters
+    ----------
+    displacement : (n, 3) float, m
+        Relative displacement that the retained modes omit, positive along the force: the right-hand sides of Eqs (4) and
+        (10), added up.
+    force : (n, 3) float, N
+        Contact forces T1, T2, N.
+    substitute : ContactStiffness
+        Fallback if a force component is below :data:`SMALL_FORCE` times the largest one, or if the quotient is not
+        positive or differs from the fallback by more than the factor ``far``.  Under a wedge load the axial forces are
+        almost zero and of either sign, so their quotients have no meaning.
+    far : float
+
+    Returns
+    -------
+    ContactStiffness
+        ``fallback`` marks the points and directions with the value of ``substitute``.
+    """
+    largest = np.abs(force).max(axis=0)
+    usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
+    quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
+    usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
+    return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "cigeroglu2009", ~usable)
 
 
 def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArray]:
-    """Static contact forces (T1, T2, N) per newton and the displacement along them that the retained modes leave out.
+    """Compute the static contact forces and the displacement that the retained modes omit under them, per newton of load.
 
-    Both are (n_points, 3).  Of the user's finite element analysis where the model has it for every friction interface,
-    else of the condensed problem.
+    The finite element analysis in the model is used if it covers every friction interface, otherwise the condensed contact
+    problem.
+
+    Returns
+    -------
+    force : (n_points, 3) float
+        T1, T2, N.
+    displacement : (n_points, 3) float, m/N
+        Positive along the force; Eqs (2) and (8) added up.
     """
-    forces = _forces_for_paper(coupling, friction)
-    if _has_static(coupling):
-        return forces, _left_out_of_finite_elements(coupling, forces)
-    return forces, (coupling.residual_flexibility(1).real @ forces.ravel()).reshape(-1, 3)
+    force = _static_contact_forces(coupling, friction)
+    if _has_static_solution(coupling):
+        return force, _omitted_displacement(coupling, force)
+    return force, (coupling.residual_flexibility(1).real @ force.ravel()).reshape(-1, 3)
 
 
-def _has_static(coupling: Coupling) -> bool:
+def _has_static_solution(coupling: Coupling) -> bool:
     return all(name in coupling.model.static for name in coupling.friction_faces)
 
 
-def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
-    """Static contact forces as (T1, T2, N): the user's where the model has them, else the condensed problem's."""
+def _static_contact_forces(coupling: Coupling, friction: NDArray) -> NDArray:
+    """Return forces (T1, T2, N) from the model if it has a static solution, otherwise from the condensed problem."""
     faces = coupling.friction_faces
-    out = np.zeros((coupling.n_points, 3))
-    out_of_balance = 0.02  # largest difference, relative to the load, between the user's contact forces and equilibrium
-    if _has_static(coupling):
-        for name in faces:
-            # the file holds the force on body a; (T1, T2) act against u_b - u_a, hence along the force on a
-            out[coupling.rows(name)] = coupling.model.static[name].force * np.array([1.0, 1.0, -1.0])
-        problem = static_contact_problem(coupling)
-        given, load = problem.rigid.T @ out.ravel(), problem.load
-        worst = float(np.abs(given - load).max() / max(float(np.abs(load).max()), 1e-300))
-        expected = f"equilibrium with a load of 1 N within {out_of_balance:.0%}"
-        found = f"a difference of {worst:.3g} times the load"
-        require(worst <= out_of_balance, "static contact forces of the model", expected, found)
-        return out
-    only_faces = replace(coupling, interfaces=faces)
-    rows = coupling.friction_rows
-    problem = static_contact_problem(only_faces, friction[rows])
-    out[rows] = solve_static_contact(problem).force
-    return out
+    force = np.zeros((coupling.n_points, 3))
+    if not _has_static_solution(coupling):
+        rows = coupling.friction_rows
+        problem = static_contact_problem(replace(coupling, interfaces=faces), friction[rows])
+        force[rows] = solve_static_contact(problem).force
+        return force
+    for name in faces:
+        # the file has the force on body a; T1 and T2 oppose u_b - u_a and thus act along the force on a
+        force[coupling.rows(name)] = coupling.model.static[name].force * np.array([1.0, 1.0, -1.0])
+    problem = static_contact_problem(coupling)
+    imbalance = np.abs(problem.rigid.T @ force.ravel() - problem.load).max()
+    worst, limit = float(imbalance / max(float(np.abs(problem.load).max()), 1e-300)), 0.02
+    expected = f"equilibrium with a load of 1 N within {limit:.0%}"
+    found = f"a difference of {worst:.3g} times the load"
+    require(worst <= limit, "static contact forces of the model", expected, found)
+    return force
 
 
-def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
-    """Eqs (2), (8) with the displacements of the user's analysis; the rigid-body motion is fitted to the full model."""
-    full = static_contact_problem(coupling)
+def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
+    """Evaluate Eqs (2) and (8) with displacements of a finite element analysis; fit the rigid-body motion of Eq (6)."""
+    problem = static_contact_problem(coupling)
     rows = coupling.friction_rows
-    given = np.zeros((coupling.n_points, 3))
+    components = (3 * rows[:, None] + np.arange(3)).ravel()
+    motion = np.zeros((coupling.n_points, 3))
     for name in coupling.friction_faces:
         static = coupling.model.static[name]
-        given[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array([1.0, 1.0, -1.0])
-    elastic = full.offset.ravel() - full.flexibility @ force.ravel()
-    at = (3 * rows[:, None] + np.arange(3)).ravel()
-    eta = np.linalg.lstsq(full.rigid[at], (given.ravel() - elastic)[at], rcond=None)[0]
-    rest = given.ravel() - elastic - full.rigid @ eta
-    worst = float(np.linalg.norm(rest[at]) / max(float(np.linalg.norm((full.flexibility @ force.ravel())[at])), 1e-300))
-    other_model = 0.2  # largest difference of the user's displacements from the model's, relative to the deformation
-    expected = f"those of its static flexibility under its contact forces within {other_model:.0%}"
+        motion[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array([1.0, 1.0, -1.0])
+    deformation = problem.flexibility @ force.ravel()
+    elastic = problem.offset.ravel() - deformation
+    eta = np.linalg.lstsq(problem.rigid[components], (motion.ravel() - elastic)[components], rcond=None)[0]
+    difference = motion.ravel() - elastic - problem.rigid @ eta
+    size = max(float(np.linalg.norm(deformation[components])), 1e-300)
+    worst, limit = float(np.linalg.norm(difference[components]) / size), 0.2
+    expected = f"agreement with its static flexibility under its contact forces within {limit:.0%}"
     found = f"a difference of {worst:.3g} times the deformation"
-    require(worst <= other_model, "static contact displacements of the model", expected, found)
-    modal = full.flexibility - coupling.residual_flexibility(0).real
-    # x = offset + Psi eta - R_modal F - (what is left out)
-    left_out = full.offset.ravel() + full.rigid @ eta - modal @ force.ravel() - given.ravel()
-    out = np.zeros((coupling.n_points, 3))
-    out[rows] = left_out.reshape(-1, 3)[rows]
-    return out
+    require(worst <= limit, "static contact displacements of the model", expected, found)
+    modal = problem.flexibility - coupling.residual_flexibility(0).real
+    # motion = offset + Psi eta - R_modal F - omitted displacement
+    omitted = problem.offset.ravel() + problem.rigid @ eta - modal @ force.ravel() - motion.ravel()
+    displacement = np.zeros((coupling.n_points, 3))
+    displacement[rows] = omitted.reshape(-1, 3)[rows]
+    return displacement
 
 
-def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
+# ---- Other methods ----
+
+
+def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
+    """Compute the stiffness of one face under a uniform traction in each direction, ``k_i = A_i/(R A)_i``.
+
+    Parameters
+    ----------
+    residual : (3 n, 3 n) complex or float, m/N
+        Residual flexibility between the points of the face.
+    area : (n,) float, m2
+
+    Returns
+    -------
+    ContactStiffness
+        Points with a displacement that is not positive have the median displacement per area of the others.
+
+    Raises
+    ------
+    ModelError
+        If a uniform traction gives no point a positive displacement.
+    """
+    n = len(area)
+    blocks = residual.real.reshape(n, 3, n, 3)
+    stiffness = np.empty((n, 3))
+    fallback = np.zeros((n, 3), bool)
+    for axis in range(3):
+        displacement = blocks[:, axis, :, axis] @ area
+        positive = displacement > 0.0
+        quantity, expected = f"residual flexibility along axis {axis}", "a positive displacement under a uniform traction"
+        found = f"at most {displacement.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
+        require(positive.any(), quantity, expected, found)
+        fallback[:, axis] = ~positive
+        displacement[~positive] = np.median(displacement[positive] / area[positive]) * area[~positive]
+        stiffness[:, axis] = area / displacement
+    return ContactStiffness(stiffness, "unit_traction", fallback)
+
+
+def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
+    """Apply :func:`unit_traction` to every interface with the residual flexibility of the fundamental harmonic."""
+    residual = coupling.residual_flexibility(1)
+    stiffness = {}
+    for name in coupling.interfaces:
+        rows = coupling.rows(name)
+        block = slice(3 * rows.start, 3 * rows.stop)
+        stiffness[name] = unit_traction(residual[block, block], coupling.model.interfaces[name].area)
+    return stiffness
+
+
+def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
+    has_load = any(body.load is not None and np.any(body.load.generalised) for body in coupling.model.bodies.values())
+    static = _static_contact_forces(coupling, friction) if has_load and options.n_vectors != "all" else None
+    residual_set = ResidualSet.make(coupling, friction, options, static)
+    stiffness = {}
+    for name, uniform in _unit_tractions(coupling).items():
+        diagonal = residual_set.flexibility[coupling.rows(name)]
+        k = np.divide(1.0, diagonal, out=uniform.stiffness.copy(), where=diagonal > 0.0)
+        stiffness[name] = ContactStiffness(k, "residual_modes")
+    return Contact(stiffness, residual_set)
+
+
+def _user_values(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
     if isinstance(value, Mapping):
         validation.mapping("contact_stiffness", value, coupling.model.interfaces, "interfaces")
         missing = [name for name in coupling.interfaces if name not in value]
         if missing:
             raise SettingError(f"contact_stiffness: expected values for interfaces {missing} as well")
-    out = {}
+    stiffness = {}
     for name in coupling.interfaces:
-        n = coupling.model.interfaces[name].n_points
-        given: Any = value[name] if isinstance(value, Mapping) else value
-        if isinstance(given, PerArea):
-            given = coupling.model.interfaces[name].area[:, None] * np.asarray(given.stiffness, float)
+        face = coupling.model.interfaces[name]
+        numbers: Any = value[name] if isinstance(value, Mapping) else value
+        if isinstance(numbers, PerArea):
+            numbers = face.area[:, None] * np.asarray(numbers.stiffness, float)
         try:
-            k = np.array(np.broadcast_to(np.asarray(given, float), (n, 3)))
+            k = np.array(np.broadcast_to(np.asarray(numbers, float), (face.n_points, 3)))
         except (TypeError, ValueError) as error:
-            expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(n, 3)}"
-            raise validation.unfit(f"contact_stiffness['{name}']", expected, given) from error
-        softens = coupling.model.interfaces[name].kind == "cubic"
-        wrong = k[~(np.isfinite(k) & ((k >= 0.0) | softens))]
+            expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(face.n_points, 3)}"
+            raise validation.unfit(f"contact_stiffness['{name}']", expected, numbers) from error
+        # a cubic spring may soften
+        wrong = k[~(np.isfinite(k) & ((k >= 0.0) | (face.kind == "cubic")))]
         if wrong.size:
             raise validation.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
-        out[name] = ContactStiffness(k, "user")
-    return out
+        stiffness[name] = ContactStiffness(k, "user")
+    return stiffness

@@ -1,10 +1,9 @@
 """Finite element structures reduced to modes and static flexibility, and generated models.
 
-`CyclicSector` and `FreeBody` reduce the matrices of one body to modes and to receptances at contact points, which are
-means over patches of the contact faces.  `reduced_bodies` makes the bodies of a model from them
-(:class:`bdamper.model.structure.Body`), and `local_basis` the sector-local basis of a mistuned disk.  `bladed_disk` and
-`blade_to_ground` generate complete models from dimensions; they need scikit-fem (extra ``bdamper[fe]``), imported at first
-use.
+`CyclicSector` and `FreeBody` reduce the matrices of one body to modes and to receptances between contact points, which are
+means over patches of the contact faces.  `reduced_bodies` converts them to bodies of a model
+(:class:`bdamper.model.structure.Body`), and `local_basis` computes the basis of blade and disk for mistuned bladed disks.
+`bladed_disk` and `blade_to_ground` generate complete models from dimensions; they need scikit-fem (extra ``bdamper[fe]``).
 """
 
 from importlib import import_module

@@ -1,18 +1,17 @@
-r"""Contact points as averages over patches of the faces of two bodies whose meshes need not match.
+r"""Contact points as averages over patches of two faces, with matching or different meshes.
 
-Each patch is one contact point.  Displacement and force of patch i with area :math:`A_i` are exchanged by
+Each patch is one contact point.  Displacement and force of patch i with area :math:`A_i` are
 
-.. math:: B_i = \frac{1}{A_i}\int_{A_i} N\,dA, \qquad u_i = B_i u, \qquad f = \textstyle\sum_i B_i^T F_i ,
+.. math:: B_i = \frac{1}{A_i}\int_{A_i} N\,dA, \qquad u_i = B_i u, \qquad f = \textstyle\sum_i B_i^T F_i .
 
-so a force is spread evenly over its patch and works on the mean displacement.  Receptances between single nodes
-diverge when a mesh is refined, those between patches converge.
+A force is thus distributed uniformly over its patch and does work on the mean displacement.  With mesh refinement,
+receptances between single nodes diverge, while receptances between patches converge.
 
-Facets of both bodies are projected onto the plane of the face and cut with each other and with the patch
-(Sutherland-Hodgman); each piece lies in one facet of either body.  It is split into triangles with seven integration
-points each, at which the shape functions of both facets are taken: both bodies are averaged over the very same area.
-The map from the square or triangle of a facet to the plane is that of its corners and is inverted by Newton's method.
-The weights of a patch are divided by their sum, so a rigid motion is averaged to its value at the mean position up to
-rounding.
+Facets of both bodies are projected onto the plane of the face and intersected with each other and with the patch
+(Sutherland-Hodgman).  Each intersection lies in one facet of either body.  It is divided into triangles with seven
+integration points for the shape functions of both facets, so both bodies are averaged over the same area.  The map from the
+reference square or triangle to the plane uses the corners of a facet; Newton iteration inverts it.  The weights of a patch
+are normalised to the sum 1, so that the mean of a rigid motion is exact up to rounding.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from bdamper.fem.surface import Facets, area_vectors, check, corner_count
 
 
 def _seven_points() -> tuple[NDArray, NDArray]:
-    """Barycentric coordinates (7, 3) and weights (7,), sum 1, on a triangle; exact for degree 5."""
+    """Return barycentric coordinates (7, 3) and weights (7,) with sum 1 on a triangle, exact for degree 5."""
     root = np.sqrt(15.0)
     near, far = (6.0 - root) / 21.0, (6.0 + root) / 21.0
     points = [np.full((1, 3), 1.0 / 3.0)] + [np.full((3, 3), a) + (1.0 - 3.0 * a) * np.eye(3) for a in (near, far)]
@@ -39,13 +38,13 @@ def _seven_points() -> tuple[NDArray, NDArray]:
 _BARYCENTRIC, _WEIGHTS = _seven_points()
 
 SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-"""Corners of the square from which facets are mapped."""
+"""Corners of the reference square of a facet."""
 
 SIDES = np.array([[0, -1], [0, 1], [1, 0], [-1, 0]], float)
-"""Directions of the sides of a rectangle: left, right, bottom, top, counter-clockwise."""
+"""Directions of the sides of a rectangle counter-clockwise: left, right, bottom, top."""
 
 SMALL_CELL = 0.02
-"""Covered share of a grid cell below which its covered part is added to the neighbouring patch."""
+"""Covered fraction of a grid cell below which the covered part is added to the neighbouring patch."""
 
 
 @dataclass(frozen=True)
@@ -71,13 +70,13 @@ class Patches:
         return self.size.prod(axis=1)
 
     def turned(self, rotation: NDArray) -> Patches:
-        """The patches after a rotation (3, 3)."""
+        """Return the patches after a rotation (3, 3)."""
         return Patches(self.centre @ rotation.T, self.frame @ rotation.T, self.size)
 
 
 @dataclass(frozen=True)
 class PatchMeans:
-    """Patches laid over a face of one body, or over what two faces have in common.
+    """Means over patches on the face of one body, or on the common area of two faces.
 
     Parameters
     ----------
@@ -85,9 +84,9 @@ class PatchMeans:
     frame : (n, 3, 3) float
         Rows t1, t2, n.
     points_a, points_b : (n, 3) float, m
-        Mean positions on either body (b is None if there is no second body).
+        Mean positions on each body; b is None without a second body.
     matrix_a, matrix_b : (3 n, 3 n_nodes) sparse
-        From nodal displacements to patch means along t1, t2, n.
+        Matrices from nodal displacements to patch means along t1, t2, n.
     """
 
     area: NDArray
@@ -99,36 +98,36 @@ class PatchMeans:
 
     @property
     def distance(self) -> NDArray:
-        """(n,) mean normal distance of the two faces, m; zero without a second one."""
+        """Mean normal distance (n,) of the two faces, m; zero without a second face."""
         if self.points_b is None:
             return np.zeros(len(self.area))
         return np.einsum("ij,ij->i", self.frame[:, 2], self.points_b - self.points_a)
 
 
 def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tuple[int, int]:
-    """Number of patches along the two edges of a face.
+    """Return the number of patches along the two edges of a face.
 
-    A plain number is split into two factors so that the patches come as close to squares as they can.
+    A single number is factorised so that the patches are as close to squares as possible.
     """
     if not isinstance(points, (int, np.integer)):
         return int(points[0]), int(points[1])
     check(points >= 1, f"points must be at least 1, not {points}")
     factors = [n for n in range(1, points + 1) if points % n == 0]
     n_s = min(factors, key=lambda n: (abs(np.log(length / n / (width / (points // n)))), n))
-    # Nine points are meant as three by three, although longer patches would be closer to squares then.
+    # nine points are always three by three, although longer patches may be closer to squares
     root = round(np.sqrt(points))
     return (root, root) if root * root == points else (n_s, points // n_s)
 
 
 def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
-    """Contact axes (3, 3), rows t1, t2, n, of a face: n its mean outward normal, t2 against the axis Z.
+    """Return the contact axes t1, t2, n of a face as rows (3, 3): n the mean outward normal, t2 opposite to Z.
 
-    For a face normal to the axis, t1 is the direction in which its centre would move in a rotation toward +X.
+    If the normal is along the axis of rotation, t1 is the direction of motion of the centre in a rotation toward +X.
 
     Raises
     ------
     ValueError
-        If the normals of the facets contradict each other.
+        If the normals of the facets have no common side.
     """
     vectors = area_vectors(facets, nodes)
     total = vectors.sum(axis=0)
@@ -154,7 +153,7 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
 
 
 def serendipity(xi: NDArray) -> NDArray:
-    """Shape functions (m, 8) of the quadrilateral: corners as in ``SQUARE``, then middles of the edges."""
+    """Return the shape functions (m, 8) of the quadrilateral: corners as in ``SQUARE``, then midpoints of the edges."""
     a, b = xi[:, :1], xi[:, 1:]
     sa, sb = SQUARE[:, 0], SQUARE[:, 1]
     corners = 0.25 * (1 + a * sa) * (1 + b * sb) * (a * sa + b * sb - 1)
@@ -164,19 +163,19 @@ def serendipity(xi: NDArray) -> NDArray:
 
 
 def _bilinear(xi: NDArray) -> NDArray:
-    """Shape functions (m, 4) of the corners of the quadrilateral."""
+    """Return the shape functions (m, 4) of the corners of the quadrilateral."""
     return 0.25 * (1 + xi[:, :1] * SQUARE[:, 0]) * (1 + xi[:, 1:] * SQUARE[:, 1])
 
 
 def shape_functions(xi: NDArray, n_nodes: int) -> NDArray:
-    """Shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
+    """Return shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
     if n_nodes in (4, 8):
         return _bilinear(xi) if n_nodes == 4 else serendipity(xi)
     return xi if n_nodes == 3 else np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
 
 
 def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
-    """Coordinates on the square (m, 2), or barycentric (m, 3), of points ``x`` (m, 2) in a facet."""
+    """Return reference coordinates (m, 2), or barycentric coordinates (m, 3), of the points ``x`` (m, 2) in a facet."""
     if len(corner) == 3:
         edges = np.stack([corner[1] - corner[0], corner[2] - corner[0]], axis=1)
         st = np.linalg.solve(edges, (x - corner[0]).T).T
@@ -200,7 +199,7 @@ def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
 
 
 def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
-    """Part (m, 2) of a convex polygon where the distance ``inside`` of its corners from a line is not negative."""
+    """Return the part (m, 2) of a convex polygon with non-negative distance ``inside`` of its corners from a line."""
     if inside.min() >= 0.0:
         return polygon
     out = []
@@ -214,14 +213,14 @@ def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
 
 
 def rectangle(low: NDArray, high: NDArray) -> NDArray:
-    """Points (4, 2) on the sides of the rectangle from ``low`` (2,) to ``high`` (2,), which run along ``SIDES``."""
+    """Return points (4, 2) on the sides ``SIDES`` of the rectangle from ``low`` (2,) to ``high`` (2,)."""
     return np.array([low, high, low, high])
 
 
 def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = None) -> NDArray:
-    """Part (m, 2) of a convex polygon in a convex, counter-clockwise ``window`` (k, 2).
+    """Return the part (m, 2) of a convex polygon inside a convex, counter-clockwise ``window`` (k, 2).
 
-    ``sides`` (k, 2) lead from its corners to the next ones by default.
+    ``sides`` (k, 2) are the directions from its corners, by default to the next corners.
     """
     for a, side in zip(window, np.roll(window, -1, axis=0) - window if sides is None else sides):
         if len(polygon) == 0:
@@ -233,7 +232,10 @@ def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = N
 def overlaps(
     polygons: Sequence[NDArray], windows: Sequence[NDArray], sides: NDArray | None = None
 ) -> Iterator[tuple[int, int, NDArray]]:
-    """Parts (m, 2) of convex polygons in windows as of :func:`clip_to_polygon`, each after the numbers of both."""
+    """Intersect convex polygons with windows; return both numbers and the intersection (m, 2) for each overlap.
+
+    For the parameters see :func:`clip_to_polygon`.
+    """
     low, high = (np.array([end(window, axis=0) for window in windows]).reshape(-1, 2) for end in (np.min, np.max))
     for k, polygon in enumerate(polygons):
         near = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
@@ -244,13 +246,13 @@ def overlaps(
 
 
 def polygon_area(polygon: NDArray) -> float:
-    """Signed area of a polygon (m, 2)."""
+    """Return the signed area of a polygon (m, 2)."""
     x, y = polygon[:, 0], polygon[:, 1]
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
-    """Points (m, 2) and weights (m,) on a convex polygon."""
+    """Return points (m, 2) and weights (m,) of quadrature on a convex polygon."""
     triangles = np.stack([np.broadcast_to(polygon[0], polygon[2:].shape), polygon[1:-1], polygon[2:]], axis=1)
     d1, d2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     area = 0.5 * np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])
@@ -262,14 +264,14 @@ def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
 
 
 class _Flat(NamedTuple):
-    """Facets of one body projected onto a plane: their nodes and their convex, counter-clockwise corners."""
+    """Facets of one body projected onto a plane, with nodes and convex, counter-clockwise corners."""
 
     nodes: list[NDArray]
     corner: list[NDArray]
 
 
 def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, what: str) -> _Flat:
-    """Project facets; those seen from behind are turned around, folded ones are refused."""
+    """Project facets onto a plane; reverse clockwise facets, and raise ValueError for folded ones."""
     rows, corners = [], []
     for row in facets.each():
         n = corner_count(len(row))
@@ -293,7 +295,7 @@ class _Piece(NamedTuple):
 
 
 def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
-    """Intersections of the facets of both faces."""
+    """Return the intersections of the facets of both faces."""
     if flat_b is None:
         return [_Piece(corner, k, -1) for k, corner in enumerate(flat_a.corner)]
     return [_Piece(part, k, m) for k, m, part in overlaps(flat_a.corner, flat_b.corner)]
@@ -336,7 +338,7 @@ def _means(
 def patches_on_rectangles(
     patches: Patches, nodes: NDArray, facets: Facets, what: str = "the surface of the body"
 ) -> PatchMeans:
-    """Means over given rectangles on the surface of one body.
+    """Compute means over rectangles on the surface of one body.
 
     Parameters
     ----------
@@ -344,9 +346,13 @@ def patches_on_rectangles(
         In one plane, with one frame.
     nodes : (n_nodes, 3) float, m
     facets : Facets
-        Any part of the surface that contains the patches; facets out of the plane of a patch are left out.
+        Part of the surface that contains the patches; facets outside the plane have no effect.
     what : str
         Name of the surface in messages.
+
+    Returns
+    -------
+    PatchMeans
 
     Raises
     ------
@@ -374,24 +380,28 @@ def patches_on_faces(
     points: int | tuple[int, int], nodes_a: NDArray, facets_a: Facets, nodes_b: NDArray | None = None,
     facets_b: Facets | None = None, frame: NDArray | None = None, what: tuple[str, str] = ("face a", "face b"),
 ) -> PatchMeans:  # fmt: skip
-    """A grid of patches over a face, or over what two faces have in common.
+    """Compute means over a grid of patches on a face, or on the common area of two faces.
 
     Parameters
     ----------
     points : int or (int, int)
-        Patches in all, or along t1 and t2.
+        Total number of patches, or numbers along t1 and t2.
     nodes_a, nodes_b : (n_nodes, 3) float, m
-        Of both bodies, at the place where they touch.
+        Nodes of both bodies in the contact position.
     facets_a, facets_b : Facets
     frame : (3, 3) float, optional
-        Rows t1, t2, n; by default those of `mean_frame` of face a.
+        Rows t1, t2, n; by default `mean_frame` of face a.
     what : (str, str)
         Names of the faces in messages.
+
+    Returns
+    -------
+    PatchMeans
 
     Raises
     ------
     ValueError
-        If a face is folded, or the faces have nothing in common.
+        If a face is folded, or the faces do not overlap.
     """
     if frame is None:
         frame = mean_frame(facets_a, nodes_a)
@@ -420,13 +430,13 @@ def patches_on_faces(
 
 
 def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:
-    """Join cells of which a face covers hardly anything to the nearest of the others."""
+    """Merge almost uncovered cells with the nearest other cells."""
     area = np.array([sum(polygon_area(p.polygon) for p in cell) for cell in cells])
-    kept = np.flatnonzero(area > SMALL_CELL * full)
-    if len(kept) == 0:
-        kept = np.array([int(area.argmax())])
-    place = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
-    for small in np.setdiff1d(np.flatnonzero(area > 0.0), kept):
-        nearest = kept[np.abs(place[kept] - place[small]).sum(axis=1).argmin()]
+    large = np.flatnonzero(area > SMALL_CELL * full)
+    if len(large) == 0:
+        large = np.array([int(area.argmax())])
+    position = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
+    for small in np.setdiff1d(np.flatnonzero(area > 0.0), large):
+        nearest = large[np.abs(position[large] - position[small]).sum(axis=1).argmin()]
         cells[nearest].extend(cells[small])
-    return [cells[k] for k in kept]
+    return [cells[k] for k in large]

@@ -1,27 +1,20 @@
-r"""One sector of a cyclic structure at one nodal diameter (cyclic symmetry: paper, Eq. (17)).
+r"""Cyclic symmetry: one sector at one nodal diameter (paper, Eq. 17), and travelling waves from modes of other programs.
 
-A travelling wave of nodal diameter d has :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}`, :math:`\varphi = 2\pi
-d/N`, with R the rotation that carries sector k onto sector k+1 (see :func:`bdamper.model.structure.turn`).  The right
-face of sector 0 is the left face of sector 1, so with :math:`x_R = R x_L`
+A travelling wave of nodal diameter d is :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}` with :math:`\varphi = 2\pi d/N` and the
+rotation R from sector k to sector k+1 (:func:`bdamper.model.structure.turn`).  The right face of sector 0 is the left face
+of sector 1, so with :math:`x_R = R x_L`
 
 .. math:: u(x_R) = e^{i\varphi} R\, u(x_L),
 
-by interpolation where their meshes differ (:mod:`bdamper.fem.sector_faces`).  Collected in a matrix T from the
-independent degrees of freedom to all of the sector, this gives the Hermitian
-problem :math:`(T^H K T - \omega^2 T^H M T)\,q = 0` of one sector; :math:`u = T q` with :math:`u^H M u = 1`.
-The matrices are real for d = 0 and d = N/2.  A single factorisation of :math:`T^H K T` serves both the modes
-(shift and invert about zero) and the static receptances.
+by interpolation if the meshes of the faces differ (:mod:`bdamper.fem.sector_faces`).  With the matrix T from the
+independent to all degrees of freedom, the Hermitian eigenproblem of one sector is :math:`(T^H K T - \omega^2 T^H M T)\,q =
+0`, :math:`u = T q`, :math:`u^H M u = 1`.  The matrices are real for d = 0 and d = N/2.  One factorisation of :math:`T^H K
+T` is sufficient for modes (shift and invert about zero) and static receptances.
 
-Travelling waves from modes of other programs, whose phase convention is not known.
-
-Programs differ in the sign of the phase, in the direction in which they count sectors, and in how they split a wave into
-real shapes.  The faces of the sector decide: at their matching nodes, :math:`x_R = R x_L`, a wave of nodal diameter d
-toward +X satisfies (paper, Eq. (17))
-
-.. math:: u(x_R) = e^{+ 2\pi i d/N} R\,u(x_L) .
-
-A complex shape that satisfies it with the other sign is replaced by its conjugate.  A pair of real shapes a, b of one
-frequency is combined to :math:`a + c\,b` with the c of least squares,
+Programs differ in the sign of the phase, in the numbering of sectors, and in the representation of waves by real shapes.
+:func:`travelling_waves` uses the condition above at matching nodes of the faces to find the waves toward +X.  A complex
+shape that satisfies it with the opposite phase is replaced by its conjugate.  Two real shapes a, b of one frequency are
+combined to :math:`a + c\,b` by least squares,
 
 .. math:: c = - \frac{\langle \delta b, \delta a\rangle}{\langle \delta b, \delta b\rangle},\qquad
           \delta u = u(x_R) - e^{2\pi i d/N} R\,u(x_L) .
@@ -45,16 +38,16 @@ from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Structure, check, hermitian
 from bdamper.model.modal_basis import fix_phase
 
-# ---- One sector of a cyclic structure at one nodal diameter (cyclic symmetry ----
+# ---- Cyclic sector ----
 
 
 def factorise(matrix: sp.spmatrix) -> SuperLU:
-    """Sparse factorisation of a positive definite Hermitian matrix.
+    """Factorise a sparse positive definite Hermitian matrix.
 
     Raises
     ------
     ValueError
-        If its diagonal is not positive; SuperLU crashes on an empty row in its symmetric mode.
+        If the diagonal is not positive; SuperLU crashes on an empty row in its symmetric mode.
     """
     diagonal = matrix.diagonal().real
     if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
@@ -63,15 +56,20 @@ def factorise(matrix: sp.spmatrix) -> SuperLU:
 
 
 def cyclic_transformation(n_nodes: int, faces: SectorFaces, clamped: NDArray, nodal_diameter: int) -> sp.csr_matrix:
-    """Matrix T (3 n_nodes, n_independent) of the module's docstring.
+    """Return the matrix T (3 n_nodes, n_independent) of the phase condition.
 
-    ``clamped`` are nodes (n,), or a mask (n_nodes, 3) of fixed components.  On the faces a rotation about Z mixes
-    X and Y, so there both or neither of them must be fixed.
+    Parameters
+    ----------
+    n_nodes : int
+    faces : SectorFaces
+    clamped : (n,) int or (n_nodes, 3) bool
+        Clamped nodes, or fixed components.  A rotation about Z mixes X and Y, so on the faces both or neither are fixed.
+    nodal_diameter : int
 
     Raises
     ------
     ValueError
-        If the fixed components of the faces do not allow the phase condition.
+        If the fixed components of the faces contradict the phase condition.
     """
     clamped = np.asarray(clamped)
     fixed = np.zeros((n_nodes, 3), bool)
@@ -105,7 +103,7 @@ def cyclic_transformation(n_nodes: int, faces: SectorFaces, clamped: NDArray, no
 def lowest_modes(
     stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Callable[[NDArray], NDArray], n_modes: int
 ) -> tuple[NDArray, NDArray]:
-    """Lowest modes of ``stiffness x = omega2 mass x``; ``solve`` is the action of the inverse stiffness.
+    """Compute the lowest modes of ``stiffness x = omega2 mass x``; ``solve`` applies the inverse of the stiffness.
 
     Returns
     -------
@@ -119,7 +117,7 @@ def lowest_modes(
         lowest = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())[:n_modes]  # without rigid motions
         return omega2[lowest], v[:, lowest]
     inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
-    # A fixed start makes the result reproducible.
+    # a fixed start vector makes the result reproducible
     start = np.random.default_rng(0).standard_normal(n).astype(mass.dtype)
     _, v = eigsh(stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20))
     # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them orthogonal in
@@ -130,15 +128,15 @@ def lowest_modes(
 
 @dataclass
 class CyclicSector:
-    """One sector at one nodal diameter: reduced matrices, factorisation and modes, made once when needed.
+    """One sector at one nodal diameter: reduced matrices, factorisation and modes, computed on demand.
 
     Parameters
     ----------
     body : Structure
     faces : SectorFaces
-        Of one sector, or :func:`bdamper.fem.sector_faces.no_faces`.
+        Faces of the sector, or :func:`bdamper.fem.sector_faces.no_faces`.
     clamped : int array or mask
-        Clamped nodes or components (see :func:`cyclic_transformation`).
+        Clamped nodes or components, see :func:`cyclic_transformation`.
     nodal_diameter : int
     """
 
@@ -161,18 +159,18 @@ class CyclicSector:
         return factorise(self.stiffness)
 
     def forget_factors(self) -> None:
-        """Free the memory of the factorisation; it is made again when needed.  Modes stay."""
+        """Free the memory of the factorisation, but keep the modes."""
         if "solver" in vars(self):
             del self.solver
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Lowest modes.
+        """Compute the lowest modes.
 
         Returns
         -------
         omega2 : (n_modes,) float, rad2/s2
         shapes : (3 n_nodes, n_modes) float or complex, kg^-1/2
-            Of all nodes of the sector.
+            On all nodes of the sector.
         """
         if self._modes is None or len(self._modes[0]) < n_modes:
             omega2, reduced = lowest_modes(self.stiffness, self.mass, self.solver.solve, n_modes)
@@ -180,29 +178,28 @@ class CyclicSector:
         return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
 
     def static_response(self, load: sp.spmatrix | NDArray) -> NDArray:
-        """Displacements (n_independent, n) under loads ``load`` (3 n_nodes, n) on all nodes of the sector."""
+        """Return displacements (n_independent, n) under ``load`` (3 n_nodes, n) on all nodes of the sector."""
         reduced = self.transformation.conj().T @ load
         reduced = reduced.toarray() if sp.issparse(reduced) else np.asarray(reduced)
         return self.solver.solve(np.ascontiguousarray(reduced.astype(self.stiffness.dtype)))
 
     def contact_response(self, contact: sp.spmatrix) -> NDArray:
-        """Displacements (n_independent, n) by unit forces on the rows of ``contact`` (n, 3 n_nodes), kept."""
+        """Return displacements (n_independent, n) under unit forces on the rows of ``contact`` (n, 3 n_nodes); cached."""
         if self._contact is None or self._contact[0] is not contact:
             self._contact = contact, self.static_response(contact.T)
         return self._contact[1]
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
-        """Static receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
+        """Return the static receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
         reduced = contact @ self.transformation
         return hermitian(reduced @ self.contact_response(contact))
 
 
-# ---- Travelling waves from modes of other programs, whose phase convention is not known ----
+# ---- Travelling waves from modes of other programs ----
 
 
 PAIR_TOLERANCE, PHASE_TOLERANCE = 1e-4, 1e-3
-"""Relative difference of frequencies up to which two real shapes can be one wave; violation of the phase condition over
-the size of the shape on the faces."""
+"""Relative difference of the frequencies of two real shapes of one wave; relative violation of the phase condition."""
 
 
 @dataclass(frozen=True)
@@ -212,15 +209,15 @@ class Waves:
     Parameters
     ----------
     index : (n,) int
-        Of the (first) shape of the file that each wave was made of.
+        Number of the (first) shape in the file for each wave.
     shapes : (3 n_nodes, n) complex, or float for d = 0 and N/2
-        With the length that the file gave them.
+        With the normalisation of the file.
     mismatch : (n,) float
         Largest violation of the phase condition, relative to the size on the faces.
     turned : int
-        Waves that went the other way in the file.
+        Number of waves in the opposite direction in the file.
     combined : int
-        Waves made of two real shapes.
+        Number of waves from two real shapes.
     """
 
     index: NDArray
@@ -231,15 +228,15 @@ class Waves:
 
 
 def _difference(shapes: NDArray, faces: SectorFaces, d: int) -> NDArray:
-    """(k, n) violation of the phase condition on the faces."""
+    """Return the violation of the phase condition on the faces, (k, n)."""
     u = shapes.reshape(-1, 3, shapes.shape[1])
     phase, rotation = faces.tie(d)
-    own = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(-1, *u.shape[1:])
-    return np.asarray(u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, own)).reshape(-1, shapes.shape[1])
+    tied = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(-1, *u.shape[1:])
+    return np.asarray(u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, tied)).reshape(-1, shapes.shape[1])
 
 
 def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, nodal_diameter: int) -> Waves:
-    """Waves toward +X from the shapes of a file.
+    """Convert shapes of other programs to waves toward +X.
 
     Parameters
     ----------
@@ -252,13 +249,13 @@ def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, no
     Raises
     ------
     ValueError
-        If a shape, or a pair of shapes, is no wave of this nodal diameter.
+        If a shape or a pair of shapes is not a wave of this nodal diameter.
     """
     d, n = nodal_diameter, faces.n_sectors
     check(0 <= d <= n // 2, f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
     size = np.linalg.norm(shapes.reshape(-1, 3, len(frequency))[faces.nodes], axis=(0, 1))
     whole = np.linalg.norm(shapes, axis=0)
-    # A mode that leaves the faces at rest does not determine the phase; its size elsewhere is the scale then.
+    # a mode without motion of the faces does not determine the phase; its size elsewhere is then the scale
     size = np.maximum(size, 1e-6 * whole)
     if 2 * d % n == 0:
         return _standing(frequency, shapes, faces, d, size)
@@ -291,7 +288,7 @@ def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, no
 
 
 def _standing(frequency: NDArray, shapes: NDArray, faces: SectorFaces, d: int, size: NDArray) -> Waves:
-    """Nodal diameters 0 and N/2: remove the common phase of each shape, and check the faces."""
+    """Remove the common phase of each shape at nodal diameters 0 and N/2, and check the faces."""
     if np.iscomplexobj(shapes):
         square = np.einsum("ij,ij->j", shapes, shapes)
         shapes = shapes * np.exp(-0.5j * np.angle(square))

@@ -1,17 +1,17 @@
-r"""Stress at the nodes of solid elements, as rows over nodal displacements.
+r"""Stress at the nodes of solid elements as a linear function of nodal displacements, and stress sets of a sector.
 
-As CalculiX, Abaqus, Ansys and Nastran do, the stress is taken at the integration points of an element, extrapolated to its
-nodes, and averaged over the elements that meet at a node.  How far these differ is a sign of the error of the mesh; at an
-edge without a fillet the stress does not converge at all.  On a coarse, distorted block each type agrees with CalculiX to
-3e-4 of the largest stress, the digits of its file; strain taken at the nodes themselves is off by 7e-3 with 20 nodes.
+As in CalculiX, Abaqus, Ansys and Nastran, the stress at the integration points of an element is extrapolated to its nodes
+and averaged over adjacent elements.  The difference between adjacent elements indicates the discretisation error.  At an
+edge without fillet the stress does not converge.  On a coarse, distorted block each element type agrees with CalculiX to
+3e-4 of the largest stress, the precision of its file.  Strain evaluated at the nodes differs by 7e-3 with 20 nodes.
 
-Shape functions, places of nodes and integration points are those of scikit-fem (extra ``bdamper[fe]``).  It has no wedge of
-15 nodes: with its functions of the triangle (first order :math:`\lambda_a`, second order :math:`T`) and of the line
-(:math:`l_e`, bubble b)
+Shape functions, nodes and integration points come from scikit-fem (extra ``bdamper[fe]``).  It lacks the wedge of 15
+nodes, which follows from its functions of the triangle (first order :math:`\lambda_a`, second order :math:`T`) and of the
+line (:math:`l_e`, bubble b):
 
 .. math:: N_{ae} = T_a l_e - \tfrac12 \lambda_a b,\qquad N_{ab,e} = T_{ab} l_e,\qquad N_a = \lambda_a b .
 
-Stress sets of a sector: rows of its modes, contact forces and centrifugal load at chosen nodes.
+A stress set contains the stress of modes, of contact forces and of the centrifugal load at chosen nodes:
 
 .. math:: S = C B \Phi, \qquad A = C B\,(K^{-1} P^H - \Phi \Omega^{-2} \Phi^H P^H),
           \qquad \sigma_1 = C B\,u_s,\quad K u_s = M E_s x,\ E_s = \mathrm{diag}(1, 1, 0).
@@ -46,7 +46,7 @@ from bdamper.fem.rotation import spin_displacement
 from bdamper.fem.surface import N_CORNER
 from bdamper.model.structure import StressSet
 
-# ---- Stress at the nodes of solid elements, as rows over nodal displacements ----
+# ---- Stress at nodes ----
 
 
 SHEARS = ((0, 1), (1, 2), (0, 2))
@@ -59,7 +59,7 @@ _COMMON = {
     6: np.array([[*xy, z] for z in (0.0, 1.0) for xy in _TRIANGLE]),
     8: np.array([[*xy, z] for z in (0.0, 1.0) for xy in 0.5 * (SQUARE + 1.0)]),
 }
-"""Corners of tetrahedron, wedge and hexahedron in the order on which programs agree, on scikit-fem's elements."""
+"""Corners of tetrahedron, wedge and hexahedron in the usual order, on the reference elements of scikit-fem."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class Solids:
     Parameters
     ----------
     kind : str
-        As CalculiX and Abaqus call it: "C3D4", "C3D6", "C3D8", "C3D8I", "C3D8R", "C3D10", "C3D15", "C3D20", "C3D20R".
-        "C3D6R" is the wedge of CalculiX, which has two integration points; "C3D6" has six.
+        Name in CalculiX and Abaqus: "C3D4", "C3D6", "C3D8", "C3D8I", "C3D8R", "C3D10", "C3D15", "C3D20", "C3D20R".  "C3D6"
+        has six integration points; "C3D6R" is the wedge of CalculiX with two.
     nodes : (n, 4 | 6 | 8 | 10 | 15 | 20) int
-        Corners first, in the common order; nodes between them in any order.
+        Corners first, in the usual order; midside nodes in any order.
     youngs_modulus : float, Pa
     poisson_ratio : float
     """
@@ -84,13 +84,13 @@ class Solids:
 
 
 def _values(element: object, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Shape functions (n, n_points) and their gradients (n, dimension, n_points) of an element of scikit-fem."""
+    """Return shape functions (n, n_points) and gradients (n, dimension, n_points) of an element of scikit-fem."""
     both = [element.lbasis(points, k) for k in range(len(element.doflocs))]  # type: ignore[attr-defined]
     return np.array([value for value, _ in both]), np.array([gradient for _, gradient in both])
 
 
 def _wedge(points: NDArray) -> NDArray:
-    """Gradients (15, 3, n_points) of the wedge of second order: corners, edges of the triangles, edges between these."""
+    """Return gradients (15, 3, n_points) of the second-order wedge: corners, edges of the triangles, other edges."""
     (t, dt), (p, dp) = (_values(e, points[:2]) for e in (ElementTriP2(), ElementTriP1()))
     (l, dl), (q, dq) = (_values(e, points[2:]) for e in (ElementLineP1(), ElementLineP2()))
     b, db = q[2], dq[2]
@@ -105,7 +105,7 @@ def _wedge(points: NDArray) -> NDArray:
 
 @cache
 def _places(n_nodes: int) -> NDArray:
-    """(n_nodes, 3) nodes of a reference element."""
+    """Return the nodes (n_nodes, 3) of a reference element."""
     if n_nodes != 15:
         return np.asarray({**_FIRST, **_SECOND}[n_nodes].doflocs)
     corner, edge = _FIRST[6].doflocs, ElementTriP2().doflocs[3:]
@@ -115,9 +115,9 @@ def _places(n_nodes: int) -> NDArray:
 
 @cache
 def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
-    """Integration points (3, n_points) of an element, and the extrapolation (n_nodes, n_points) from there to its nodes.
+    """Return integration points (3, n_points) and the extrapolation (n_nodes, n_points) from them to the nodes.
 
-    It is that of the shape functions of first order, by least squares; from 27 points that of the 20 functions.
+    The extrapolation fits the first-order shape functions by least squares; with 27 points it uses all 20 functions.
     """
     element = first = _FIRST[N_CORNER[n_nodes]]
     if len(first.doflocs) == 6:
@@ -136,38 +136,38 @@ def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
 
 
 def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
-    """The nodes of elements in the order of :func:`_places`; those between corners are found by their positions.
+    """Return the nodes of elements in the order of :func:`_places`; positions identify the midside nodes.
 
     Raises
     ------
     ValueError
-        If a node between two corners is missing.
+        If a midside node is missing.
     """
     n = elements.shape[1]
     places, corners = _places(n), N_CORNER[n]
     order = np.linalg.norm(_COMMON[corners] - places[:corners, None], axis=2).argmin(axis=1)
-    own = elements[:, order]
+    corner_nodes = elements[:, order]
     if n == corners:
-        return own
+        return corner_nodes
     pairs = np.array(list(combinations(range(corners), 2)))
     middles = 0.5 * (places[pairs[:, 0]] + places[pairs[:, 1]])
     edge = pairs[np.linalg.norm(middles - places[corners:, None], axis=2).argmin(axis=1)]
-    ends, between = nodes[own[:, edge]], elements[:, corners:]
+    ends, between = nodes[corner_nodes[:, edge]], elements[:, corners:]
     distance = np.linalg.norm(nodes[between][:, None] - ends.mean(axis=2)[:, :, None], axis=3)
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     if np.any(distance.min(axis=2) > 0.3 * length + 1e-9 * length.max()):
         raise ValueError("no node between two corners of an element of second order")
-    return np.hstack([own, np.take_along_axis(between, distance.argmin(axis=2), axis=1)])
+    return np.hstack([corner_nodes, np.take_along_axis(between, distance.argmin(axis=2), axis=1)])
 
 
 def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
-    """Gradients of all shape functions at the nodes of elements ``x`` (n_elements, n, 3).
+    """Return gradients of all shape functions at the nodes of elements ``x`` (n_elements, n, 3).
 
     Returns
     -------
-    gradient : (n_elements, n, n, 3); (n_elements, 8, 11, 3) of C3D8I, the bubbles last
-    bubbles : (n_elements, 9, 24), of C3D8I
-        Their amplitudes by the displacements of the nodes.
+    gradient : (n_elements, n, n, 3), for C3D8I (n_elements, 8, 11, 3) with the bubbles last
+    bubbles : (n_elements, 9, 24), only for C3D8I
+        Bubble amplitudes for nodal displacements.
     """
     n, bubbles = x.shape[1], None
     points, spread = _samples(group.kind, n)
@@ -186,17 +186,17 @@ def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
 def _with_bubbles(
     group: Solids, x: NDArray, points: NDArray, gradient: NDArray, volume: NDArray
 ) -> tuple[NDArray, NDArray]:
-    """Incompatible modes of C3D8I (Wilson), without force of their own.
+    """Add the incompatible modes of C3D8I (Wilson), condensed for zero force.
 
-    As in CalculiX 2.20 their gradients are those of the map at the centre; other programs scale them by its volume, which
-    moves the stress of a distorted block by 5 %.
+    As in CalculiX 2.20 their gradients use the map at the centre.  Other programs scale them by its volume, which changes
+    the stress of a distorted block by 5 %.
     """
     centre = np.einsum("eai,ajp->eij", x, _values(_FIRST[8], np.full((3, 1), 0.5))[1])
     local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)  # of 4 s (1 - s) along each axis
-    own = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
-    gradient = np.concatenate([gradient, own], axis=2)
+    bubble_gradient = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
+    gradient = np.concatenate([gradient, bubble_gradient], axis=2)
     lame, shear = lame_constants(group.youngs_modulus, group.poisson_ratio)
-    h = np.einsum("ep,epki,epbj->ekibj", volume, own, gradient, optimize=True)
+    h = np.einsum("ep,epki,epbj->ekibj", volume, bubble_gradient, gradient, optimize=True)
     stiffness = lame * h + shear * h.transpose(0, 1, 4, 3, 2)
     stiffness[:, :, range(3), :, range(3)] += shear * np.einsum("ekibi->ekb", h)
     stiffness = stiffness.reshape(len(x), 9, 33)
@@ -204,12 +204,12 @@ def _with_bubbles(
 
 
 def lame_constants(young: float, nu: float) -> tuple[float, float]:
-    """Lame's constants, Pa, from Young's modulus and Poisson's ratio."""
+    """Return Lame's constants, Pa, for Young's modulus and Poisson's ratio."""
     return young * nu / ((1 + nu) * (1 - 2 * nu)), young / (2 * (1 + nu))
 
 
 def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> tuple[sp.csr_matrix, NDArray]:
-    """Stress at nodes by each element that meets there.
+    """Compute the stress at nodes from each adjacent element.
 
     Parameters
     ----------
@@ -220,45 +220,45 @@ def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> t
     Returns
     -------
     rows : (6 m, 3 n_nodes) sparse, Pa/m
-        Components xx, yy, zz, xy, yz, xz of ``m`` pairs of a node and an element.  A collapsed element, in which a node
-        stands several times, makes one pair with it: the mean over these places.
+        Components xx, yy, zz, xy, yz, xz for ``m`` pairs of node and element.  If a node occurs repeatedly in a collapsed
+        element, the mean over its positions forms one pair.
     owner : (m,) int
-        The node of each pair, as its place in ``wanted``.
+        Index of the node of each pair in ``wanted``.
 
     Raises
     ------
     ValueError
-        If an element has no volume at a point of its own, or lacks a node between two corners.
+        If an element has no volume at an integration point, or lacks a midside node.
     """
     parts, owners = [], []
-    place = np.full(len(nodes), -1)
-    place[wanted] = np.arange(len(wanted))
+    position = np.full(len(nodes), -1)
+    position[wanted] = np.arange(len(wanted))
     for group in solids:
-        touched = group.nodes[(place[group.nodes] >= 0).any(axis=1)]
+        touched = group.nodes[(position[group.nodes] >= 0).any(axis=1)]
         if not len(touched):
             continue
-        own = in_reference_order(touched, nodes)
+        ordered = in_reference_order(touched, nodes)
         try:
-            gradient, bubbles = _gradients(group, nodes[own])
+            gradient, bubbles = _gradients(group, nodes[ordered])
         except np.linalg.LinAlgError:
             raise ValueError(f"elements {group.kind} without volume at one of their points") from None
-        e, L = np.nonzero(place[own] >= 0)
+        e, L = np.nonzero(position[ordered] >= 0)
         blocks = _stress(group, gradient[e, L])
         if bubbles is not None:
             blocks = blocks[..., :24] + blocks[..., 24:] @ bubbles[e]
-        dof = (3 * own[e][:, :, None] + np.arange(3)).reshape(len(e), 1, -1)
+        dof = (3 * ordered[e][:, :, None] + np.arange(3)).reshape(len(e), 1, -1)
         columns = np.broadcast_to(dof, blocks.shape)
         lines = np.repeat(np.arange(6 * len(e)), dof.shape[2])
         shape = (6 * len(e), 3 * len(nodes))
         rows = sp.csr_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape)
-        pairs, pair = np.unique(e * len(nodes) + place[own[e, L]], return_inverse=True)
+        pairs, pair = np.unique(e * len(nodes) + position[ordered[e, L]], return_inverse=True)
         parts.append(node_average(pair, len(pairs)) @ rows)
         owners.append(pairs % len(nodes))
     return sp.vstack(parts, format="csr"), np.concatenate(owners)
 
 
 def _stress(group: Solids, g: NDArray) -> NDArray:
-    """(m, 6, 3 n) stress by the amplitudes of shape functions with the gradients ``g`` (m, n, 3)."""
+    """Return the stress (m, 6, 3 n) for shape functions with the gradients ``g`` (m, n, 3)."""
     (m, n, _), (lame, shear) = g.shape, lame_constants(group.youngs_modulus, group.poisson_ratio)
     blocks = np.zeros((m, 6, n, 3))
     for i in range(3):
@@ -271,14 +271,14 @@ def _stress(group: Solids, g: NDArray) -> NDArray:
 
 
 def von_mises_size(stress: NDArray) -> NDArray:
-    """(...) size of complex or real stress amplitudes (..., 6) by the form of von Mises."""
+    """Return the von Mises norm (...) of complex or real stress amplitudes (..., 6)."""
     normal, tangential = stress[..., :3], stress[..., 3:]
     square = 0.5 * (np.abs(normal - np.roll(normal, -1, axis=-1)) ** 2).sum(axis=-1)
     return np.sqrt(square + 3.0 * (np.abs(tangential) ** 2).sum(axis=-1))
 
 
 def node_average(owner: NDArray, n: int) -> sp.csr_matrix:
-    """(6 n, 6 m) sparse: mean of the six components over the pairs of each node."""
+    """Return the sparse matrix (6 n, 6 m) of the mean over the pairs of each node."""
     share = 1.0 / np.bincount(owner, minlength=n)[owner]
     mean = sp.csr_matrix((share, (owner, np.arange(len(owner)))), shape=(n, len(owner)))
     return sp.kron(mean, sp.identity(6), format="csr")
@@ -288,7 +288,7 @@ def node_average(owner: NDArray, n: int) -> sp.csr_matrix:
 
 
 def near_patches(points: NDArray, *faces: Patches) -> NDArray:
-    """(n,) bool: points that lie on a patch or nearer to one than the mean length of its edges."""
+    """Return (n,) bool: points on a patch, or closer to it than the mean length of its edges."""
     near = np.zeros(len(points), bool)
     for face in faces:
         local = np.einsum("pij,npj->npi", face.frame, points[:, None] - face.centre)
@@ -299,7 +299,7 @@ def near_patches(points: NDArray, *faces: Patches) -> NDArray:
 
 
 class StressRows:
-    """Collects the stress of all vectors that a body carries, one nodal diameter after the other, in single precision.
+    """Collector of the stress of all vectors of a body over nodal diameters, in single precision.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ class StressRows:
     solids : sequence of Solids
     positions : (n_nodes, 3) float, m
     nodes : (n,) int
-        Away from the cut faces of the sector, where the neighbour's elements would belong to the average.
+        Not on the cut faces of the sector, where elements of the neighbouring sector would contribute to the average.
     near_contact : (n,) bool, optional
 
     Raises
@@ -329,10 +329,15 @@ class StressRows:
         self._spread: NDArray | None = None
 
     def add(self, sector: CyclicSector, contact: sp.spmatrix, omega2: NDArray, shapes: NDArray) -> None:
-        """The vectors of one nodal diameter; 0 brings the centrifugal load.
+        """Add the vectors of one nodal diameter; at 0 also the centrifugal load.
 
-        ``contact`` (3 n_points, 3 n_nodes) leads from nodal displacements to the contact points of all ports; ``omega2``
-        (n,) and ``shapes`` (3 n_nodes, n) are those of the body's basis.
+        Parameters
+        ----------
+        sector : CyclicSector
+        contact : (3 n_points, 3 n_nodes) sparse
+            From nodal displacements to the contact points of all ports.
+        omega2, shapes : (n,), (3 n_nodes, n)
+            Basis of the body.
         """
         d = sector.nodal_diameter
         S = self._rows @ shapes
@@ -355,7 +360,7 @@ class StressRows:
         return out.astype(single).astype(out.dtype)
 
     def set(self, body: str, source: str) -> StressSet:
-        """The stress set of a body of that name."""
+        """Return the stress set for the body of this name."""
         return StressSet(
             name=self.name, body=body, points=self.points, modes=self._modes, contact=self._contact, static=self._static,
             spread=self._spread, near_contact=self._near, source=source,

@@ -1,11 +1,7 @@
-"""The reference models that are too large for the wheel, as `bdamper.reference_model` makes them on first use.
+"""Generated models: the reference disk (paper, section 4.1) and the blade-to-ground damper (paper, section 4.2).
 
-In: name and number of contact points.  Out: the model, the same as the stored one up to rounding
-(``tools/make_reference_model.py --check``).
-
-The reference model (paper, section 4.1): a bladed disk of 65 sectors with wedge dampers, from finite element meshes.
-
-The blade (with its disk segment) touches two dampers, the damper two blades:
+**Reference disk.**  The bladed disk has wedge dampers between neighbouring blades, so a blade has contact with two dampers
+and a damper with two blades:
 
 =========  ===============  ==================  ==========================
 interface  body a (normal)  body b              kind
@@ -16,41 +12,27 @@ front      damper 0         ground (axial stop) constraint, with clearance
 back       damper 0         ground (axial stop) constraint, with clearance
 =========  ===============  ==================  ==========================
 
-Positions and axes of an interface are those of its place on the damper of sector 0.  The modes and
-receptances of the blade at "right" belong to blade 0's own left underside, with the axes turned back by one
-pitch; the phase of the neighbouring sector enters where the interface is put together.
+Positions and axes of an interface are those on the damper of sector 0.  Modes and receptances of the blade at "right"
+belong to the left underside of blade 0, with axes rotated back by one pitch; :mod:`bdamper.model.kinematics` adds the
+phase.
 
-One sector of the reference disk and its wedge damper as finite element bodies.
-
-`SectorFE` holds the meshes, matrices, factorisations and modes, none of which depends on the contact points: one
-object serves several grids of contact points and the full finite element solution that they are compared with.
-
-Blade-to-ground damper (paper, section 4.2): one blade that rubs on the ground, with separation and many points.
-
-The blade of the reference sector with its disk segment, held at the bore and at the two cut faces of the
-segment as in a test block, touches a rigid ground with the right underside of its platform:
-
-=========  =====================  =======  ========
-interface  body a (normal)        body b   kind
-=========  =====================  =======  ========
-platform   blade                  ground   friction
-=========  =====================  =======  ========
-
-The structure is acyclic (``n_blades = 1``), so that one basis of real modes serves every harmonic.  There is no
-free body and no load: normal loads and gaps are settings of a study (``constant_loads``, ``gap``).
-
-Contact points and contact axes of the reference model (paper, Figs. 1 and 3): rectangular patches of its plane faces.
-
-Contact axes, with a the angle of a face from the radial axis, in the axes of the damper (rows t1, t2, n)::
+Contact points are the centres of rectangular patches of the plane faces (paper, Figs 1 and 3).  With the angle a of a face
+from the radial axis, the contact axes t1, t2, n in the axes of the damper are::
 
     left   (sin a, cos a, 0)    (0, 0, -1)   (-cos a, sin a, 0)
     right  (sin a, -cos a, 0)   (0, 0, -1)   ( cos a, sin a, 0)
     front  (1, 0, 0)            (0, 1, 0)    (0, 0, 1)
     back   (1, 0, 0)            (0, -1, 0)   (0, 0, -1)
 
-so t1 lies in the cross-section, n is the outward normal of the damper, and t1, t2, n is right-handed.
+so t1 is in the cross-section, n is the outward normal of the damper, and t1, t2, n are right-handed.
 
-Stress of the reference blade at the points that ship with its model; see :mod:`bdamper.fem.element_stress`.
+:class:`SectorFE` contains meshes, matrices, factorisations and modes, which do not depend on the contact points.  One
+object is thus sufficient for several grids of contact points and for reference solutions of the full finite element model.
+
+**Blade-to-ground damper.**  The blade with its disk segment is clamped at the bore and at the two cut faces, as in a test
+block.  The right underside of its platform has friction contact with the rigid ground (interface "platform", body a the
+blade).  The structure is acyclic (``n_blades = 1``), with one basis of real modes for every harmonic.  There is no free
+body and no load: normal loads and gaps are settings of a study (``constant_loads``, ``gap``).
 """
 
 from __future__ import annotations
@@ -95,11 +77,11 @@ from bdamper.model.structure import Body, Interface, Model, StressSet, turn
 from bdamper.util import validation
 from bdamper.util.progress import each
 
-# ---- Contact points and contact axes of the reference model (paper, Figs ----
+# ---- Contact points and axes ----
 
 
 def face_frame(name: str, face_angle: float) -> NDArray:
-    """Rows t1, t2, n (3, 3) of a face of the damper ("left", "right", "front", "back") in its own axes."""
+    """Return the rows t1, t2, n (3, 3) of a damper face ("left", "right", "front", "back") in the axes of the damper."""
     s, c = np.sin(face_angle), np.cos(face_angle)
     frames = {
         "left": [[s, c, 0], [0, 0, -1], [-c, s, 0]],
@@ -111,7 +93,7 @@ def face_frame(name: str, face_angle: float) -> NDArray:
 
 
 def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patches:
-    """Patches of the damper's ``"left"`` or ``"right"`` face, at its place, in the axes of blade 0."""
+    """Return the patches of the ``"left"`` or ``"right"`` face of the damper of sector 0, in the axes of blade 0."""
     n_s, n_z = patch_grid(points, g.face_length, g.face_width)
     s = (np.arange(n_s) + 0.5) * g.face_length / n_s
     z = ((np.arange(n_z) + 0.5) / n_z - 0.5) * g.face_width
@@ -125,7 +107,7 @@ def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patc
 
 
 def end_patches(g: Geometry, side: str) -> Patches:
-    """Four small patches near the corners of the damper's ``"front"`` (+Z) or ``"back"`` (-Z) end face."""
+    """Return four small patches near the corners of the ``"front"`` (+Z) or ``"back"`` (-Z) end face of the damper."""
     eaves = g.ridge_radius - g.face_length * np.cos(g.face_angle)
     width = 0.5 * g.ridge_width + g.face_length * np.sin(g.face_angle)
     z = (0.5 if side == "front" else -0.5) * g.face_width
@@ -137,7 +119,7 @@ def end_patches(g: Geometry, side: str) -> Patches:
 
 
 def averaging_matrix(body: Discretisation, patches: Patches) -> sp.csr_matrix:
-    """Matrix (3 n_patches, 3 n_nodes) from nodal displacements to patch means along t1, t2, n.
+    """Return the matrix (3 n_patches, 3 n_nodes) from nodal displacements to patch means along t1, t2, n.
 
     Raises
     ------
@@ -147,7 +129,7 @@ def averaging_matrix(body: Discretisation, patches: Patches) -> sp.csr_matrix:
     return patches_on_rectangles(patches, body.nodes, body.surface).matrix_a
 
 
-# ---- One sector of the reference disk and its wedge damper as finite element bodies ----
+# ---- Finite element bodies ----
 
 
 @dataclass
@@ -160,8 +142,7 @@ class SectorFE:
     density : MeshDensity
     material : Material
     keep_factors : bool
-        Keep the factorisations of all nodal diameters, instead of that of the latest alone (half a gigabyte each on the
-        reference mesh).
+        Keep the factorisations of all nodal diameters, not only the latest (half a gigabyte each for the reference mesh).
     """
 
     geometry: Geometry = field(default_factory=Geometry)
@@ -186,7 +167,7 @@ class SectorFE:
         self._cyclic: dict[int, CyclicSector] = {}
 
     def cyclic(self, nodal_diameter: int) -> CyclicSector:
-        """The sector at one nodal diameter, 0 to ``n_blades // 2``."""
+        """Return the sector at one nodal diameter, 0 to ``n_blades // 2``."""
         validation.whole("nodal diameter", nodal_diameter, most=self.geometry.n_blades // 2)
         if not self.keep_factors:
             for d, other in self._cyclic.items():
@@ -197,17 +178,17 @@ class SectorFE:
         return self._cyclic[nodal_diameter]
 
     def rotation(self, check_at: float | None = None) -> Rotation:
-        """How the stiffness of the sector changes with rotor speed.
+        """Return the change of the stiffness of the sector with rotor speed.
 
         Parameters
         ----------
         check_at : float, rad/s, optional
-            Speed at which frequencies are compared with those of the full matrices.
+            Speed for a comparison with the frequencies of the full matrices.
         """
         return Rotation(stiffness_per_squared_speed(self.blade, self.cyclic(0)), 0.0, check_at, "bdamper.fem")
 
     def blade_part(self) -> BladePart:
-        """Shank, platform and airfoil, the blade of a wheel; it meets the disk at the rim, under the shank."""
+        """Return shank, platform and airfoil as the blade of a mistuned bladed disk; its root is at the rim."""
         blocks = sector_blocks(self.geometry, self.density)[1:]  # without the disk
         part = discretise(join_blocks(blocks), self.material)
         nodes = cKDTree(self.blade.nodes).query(part.nodes)[1]
@@ -220,29 +201,29 @@ class SectorFE:
         return BladePart(self.blade, nodes, fixed, stiffness)
 
     def local_basis(self, wanted: Wanted, interfaces: Mapping[str, Interface], sizes: LocalSizes) -> LocalBasis:
-        """Coordinates of blade and disk for mistuned wheels; see :func:`bdamper.fem.local_basis`."""
+        """Compute the local basis of blade and disk for mistuned bladed disks; see :func:`bdamper.fem.local_basis`."""
         dampers = damper_motion(wanted.ports, interfaces)
         return local_basis(self.blade_part(), self.cyclic, wanted, dampers, sizes, "shank, platform and airfoil")
 
     def blade_contact(self, left: Patches, right: Patches) -> sp.csr_matrix:
-        """Averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.
+        """Return the averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.
 
-        At "right" the blade stands in sector +1, so what blade 0 carries is its own left underside: the
-        patches turned back by one pitch.
+        At "right" the blade is in sector +1.  The corresponding face of blade 0 is its left underside: the patches rotated
+        back by one pitch.
         """
         back = right.turned(turn(-self.geometry.pitch))
         return sp.vstack([averaging_matrix(self.blade, left), averaging_matrix(self.blade, back)], format="csr")
 
     def damper_contact(self, *patches: Patches) -> sp.csr_matrix:
-        """Averaging matrix of the damper over patches of its faces, one below the other."""
+        """Return the averaging matrix of the damper over the patches of its faces, stacked."""
         return sp.vstack([averaging_matrix(self.damper.body, p) for p in patches], format="csr")
 
 
-# ---- Stress of the reference blade at the points that ship with its model; see  ----
+# ---- Stress of the blade ----
 
 
 def solids_of(body: Discretisation) -> tuple[Solids, ...]:
-    """The elements of a body."""
+    """Return the elements of a body with their material."""
     m = body.material
     return (Solids("C3D20", body.elements[:, local_order()], m.youngs_modulus, m.poisson_ratio),)
 
@@ -250,13 +231,13 @@ def solids_of(body: Discretisation) -> tuple[Solids, ...]:
 def blade_stress(
     fe: SectorFE, contact: sp.spmatrix, faces: tuple[Patches, Patches], nodal_diameters: Iterable[int], n_modes: int
 ) -> dict[str, StressSet]:
-    """The set "blade" of the reference sector, at :func:`blade_points`, in single precision.
+    """Compute the stress set "blade" of the reference sector at :func:`blade_points`, in single precision.
 
     Parameters
     ----------
     fe : SectorFE
     contact : (3 n_points, 3 n_nodes) sparse
-    faces : the patches "left" and "right" of the damper of sector 0
+    faces : Patches of the damper faces "left" and "right"
     nodal_diameters : iterable of int
     n_modes : int
     """
@@ -269,12 +250,13 @@ def blade_stress(
 
 
 def blade_points(body: Discretisation, g: Geometry) -> NDArray:
-    """Nodes of the shipped points: around the airfoil a sixth of its height above the root, and around the shank halfway.
+    """Return nodes around the airfoil, at a sixth of its height, and around the shank, at half its height.
 
-    Leading and trailing edge and the middle of either side; the four edges of the shank and the middle of either side.
+    Around the airfoil these are leading edge, trailing edge and the middle of either side; around the shank its four edges
+    and the middle of either side.
     """
     root = g.ridge_radius + g.platform_edge_thickness
-    # height of the shipped points above the root of the airfoil, of its whole height; the root itself is a sharp edge
+    # height of the points relative to the height of the airfoil; the root itself is a sharp edge
     above_root = 1.0 / 6.0
     y = root + above_root * g.airfoil_height
     chord = g.root_chord + above_root * (g.tip_chord - g.root_chord)
@@ -283,13 +265,13 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
     section = [(-2.0 * g.camber / 3.0, sense * 0.5 * chord) for sense in (-1.0, 1.0)]
     section += [(g.camber / 3.0 + sense * 0.5 * thickness, 0.0) for sense in (-1.0, 1.0)]
     places = [[c * x + s * z, y, c * z - s * x] for x, z in section]
-    underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # where it meets the shank
+    underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # at the shank
     middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + underside)
     places += [[sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length] for sx in (-1, 1) for sz in (-1, 0, 1)]
     return np.array([body.nearest_node(np.array(place)) for place in places])
 
 
-# ---- The reference model (paper, section 4 ----
+# ---- Bladed disk (paper, section 4.1) ----
 
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
@@ -323,39 +305,39 @@ def bladed_disk(
     stress: bool = False,
     progress: bool = False,
 ) -> Model:
-    """Build the reference model.
+    """Generate the reference disk.
 
     Parameters
     ----------
     points : int or (int, int)
-        Contact points on each face, or their number along slope and axis; more than the mesh has nodes on the face make
-        the static receptance singular.
+        Number of contact points on each face, or numbers along slope and axis.  With more points than nodes on the face the
+        static receptance is singular.
     mesh : {"coarse", "reference"}, ignored if ``fe`` is given
     n_modes : int
         Modes of the blade at each nodal diameter.
     n_damper_modes : int
-        Modes of the damper, the six rigid ones included.
+        Modes of the damper including six rigid-body modes.
     engine_order, harmonics : int
-        Decide which nodal diameters are stored, unless ``nodal_diameters`` is given.
+        Determine the nodal diameters, unless ``nodal_diameters`` is given.
     damping_ratio : float, of all elastic modes
     nodal_diameters : tuple of int, optional
-        0 to N/2; 0 is always added, for the bias.
+        0 to N/2; 0 is always added for the mean position.
     pictures : tuple of int
-        Nodal diameters whose mode shapes are kept on the surface of the blade.
+        Nodal diameters with mode shapes on the surface of the blade.
     rotation : Rotation or float, optional
-        For a model over rotor speed: what :meth:`SectorFE.rotation` says, or the speed (rad/s) at which it is checked.
+        For a model over rotor speed: result of :meth:`SectorFE.rotation`, or the speed (rad/s) of its check.
     fe : SectorFE, optional
-        Finite element objects to use again; only the parts that depend on the contact points are computed.
+        Existing finite element bodies; only the parts that depend on the contact points are computed.
     wheel : LocalSizes, optional
-        Numbers of shapes of a local basis, for mistuned wheels; none by default.
+        Sizes of a local basis for mistuned bladed disks; none by default.
     stress, progress : bool
-        Whether to add the stress set "blade" (:func:`blade_points`) at all nodal diameters; whether to show a progress bar.
+        Add the stress set "blade" (:func:`blade_points`) at all nodal diameters; show a progress bar.
 
     Returns
     -------
     Model
-        Without contact stiffness (``contact`` is empty).  The rigid translations of the damper are along its own
-        tangential, radial and axial direction; everything else is in the axes of blade 0.
+        Without contact stiffness (``contact`` is empty).  Rigid translations of the damper are along its tangential, radial
+        and axial direction; all other data are in the axes of blade 0.
     """
     fe = fe or SectorFE(density=MeshDensity.preset(mesh))
     g = fe.geometry
@@ -372,8 +354,8 @@ def bladed_disk(
     blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
     local = None if wheel is None else fe.local_basis(wanted, faces, wheel)
     on_damper = fe.damper_contact(left, right, front, back)
-    own = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)
-    damper = free_body("damper", own, fe.damper, turn(0.5 * g.pitch)[:, 1])
+    damper_wanted = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)
+    damper = free_body("damper", damper_wanted, fe.damper, turn(0.5 * g.pitch)[:, 1])
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
@@ -388,18 +370,18 @@ def bladed_disk(
     )
 
 
-# ---- The reference models that are too large for the wheel, as `bdamper ----
+# ---- Large reference models, made by `bdamper.reference_model` on first use ----
 
 
 def reference_disk(points: int, progress: bool = False) -> Model:
-    """The disk of 65 blades with 24 or 48 contact points on each face."""
+    """Generate the disk of 65 blades with 24 or 48 contact points on each face."""
     fe = SectorFE(Geometry(), MeshDensity.preset("reference"), keep_factors=False)
     return bladed_disk(points, fe=fe, pictures=(5,), progress=progress)
 
 
 def paper_disk(points: int, progress: bool = False) -> Model:
-    """The body of the paper with 9, 24 or 48 contact points: 3, 4 and 4 rows along the slope, where the mesh has five."""
-    rows, full = 3 if points == 9 else 4, points == 24  # the others have one harmonic only, for the size of their files
+    """Generate the disk of the paper with 9, 24 or 48 contact points: 3, 4 and 4 rows along the slope."""
+    rows, full = 3 if points == 9 else 4, points == 24  # others: one harmonic, for small files
     return bladed_disk(
         (rows, points // rows),
         fe=SectorFE(paper_geometry(), MeshDensity.preset("coarse")),
@@ -414,11 +396,11 @@ def paper_disk(points: int, progress: bool = False) -> Model:
 MAKERS = {"bladed_disk": reference_disk, "paper_disk": paper_disk}
 
 
-# ---- Blade-to-ground damper (paper, section 4 ----
+# ---- Blade-to-ground damper (paper, section 4.2) ----
 
 
 def blade_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
-    """The sector of one blade, held at the bore and at its cut faces: an acyclic structure."""
+    """Return the sector of one blade, clamped at the bore and at its cut faces, as an acyclic structure."""
     body = discretise(sector_mesh(g, density), material)
     return body, clamped_segment(body, g, 1)
 
@@ -431,22 +413,22 @@ def blade_to_ground(
     geometry: Geometry | None = None,
     material: Material | None = None,
 ) -> Model:
-    """Build the model of a blade that rubs on the ground.
+    """Generate the model of a blade in friction contact with the ground.
 
     Parameters
     ----------
     points : int or (int, int)
-        Contact points, or their number along slope and axis.
+        Number of contact points, or numbers along slope and axis.
     mesh : {"coarse", "reference"}
     n_modes : int
     damping_ratio : float
-        Of all modes.
+        Damping ratio of all modes.
     geometry, material : optional
     """
     g = geometry or Geometry()
     body, structure = blade_structure(g, MeshDensity.preset(mesh), material or Material())
 
-    # the underside as the blade has it: t1 up the slope like the damper's, the normal toward the ground
+    # underside in the axes of the blade: t1 up the slope as on the damper, normal toward the ground
     face = wedge_patches(g, "left", points)
     patches = Patches(face.centre, face.frame * np.array([1.0, -1.0, -1.0])[:, None], face.size)
     nodes, contact = blade_nodes(body, g), averaging_matrix(body, patches)

@@ -1,26 +1,25 @@
-"""The local basis of a wheel from the matrices of one sector: the blade by itself, the disk as waves see it.
+"""Local basis of a mistuned bladed disk from the matrices of one sector.
 
-The blade meets the disk in the nodes of its root.  With f for the other nodes of the blade, r for the root and g for the
-rest of the disk, the coordinates of :mod:`bdamper.model.modal_basis` have these shapes:
+The blade is connected to the disk at the nodes of its root.  With f for the other nodes of the blade, r for the root and g
+for the rest of the disk, the coordinates of :mod:`bdamper.model.modal_basis` have these shapes:
 
 * cantilever modes U: modes of :math:`K_{ff}, M_{ff}`;
-* attachments X: static shapes :math:`K_{ff}^{-1} P^T q` of loads q on the contact points, without their part in U.  The
-  loads q are the principal contact forces in the lowest modes of wheels whose dampers stick (:func:`stuck_loads`);
-* static shapes of forces at the locations, without their part in U and X, where they are asked for; they count as
-  attachments;
-* shapes of the root V, with the static shapes of blade, :math:`-K_{ff}^{-1} K_{fr} V`, and disk, at each nodal diameter.
-  V are the principal shapes (singular vectors) of the root's motion, divided by the frequency, in the lowest modes of the
-  sector at nodal diameters 0, 1, 2, 4, 8 ... N/2 (all of them change nothing: the largest error of family 1 of the 65
-  blades of :mod:`bdamper.fem` is 0.00016 against 0.00012 %).
+* attachment modes X: static shapes :math:`K_{ff}^{-1} P^T q` of loads q on the contact points, without their part in U.
+The
+  loads are the principal contact forces in the lowest modes with sticking dampers (:func:`stuck_loads`);
+* if requested, static shapes of forces at the locations, without their part in U and X, counted as attachment modes;
+* root shapes V with the static shapes of blade, :math:`-K_{ff}^{-1} K_{fr} V`, and disk, at each nodal diameter.  V are the
+  principal shapes (singular vectors) of the motion of the root, divided by the frequency, in the lowest modes of the sector
+  at nodal diameters 0, 1, 2, 4, 8 ... N/2.  With all nodal diameters the largest error of family 1 of the 65 blades of
+  :mod:`bdamper.fem` changes from 0.00012 to 0.00016 % only.
 
-None but the last moves the root, and all are static or modes, so that U, X and V do not couple in the stiffness (Craig
-and Bampton, AIAA Journal 6, 1968, p. 1313).
+Only V moves the root.  All shapes are modes or static, so U, X and V do not couple in the stiffness (Craig and Bampton,
+AIAA Journal 6, 1968, p. 1313).
 
-The stiffness of the blade alone is that of its own elements.  From matrices of a whole sector it cannot be told at the
-root, where entries of blade and disk are added up; then all of the stiffness of the coordinates of the root counts as the
-disk's.  This has no effect on equal blades, and none on the frequencies of unequal ones clamped at the root; what a
-deviation leaves out is the strain of the blade when its root deforms (a deviation of 5 % moves family 1 of a coarse wheel
-with a soft disk by 0.05 % too little).
+The stiffness of the blade is assembled from its elements.  Matrices of a whole sector contain sums of blade and disk at the
+root; the whole stiffness of the root shapes then counts as part of the disk.  This has no effect on identical blades or on
+frequencies of different blades clamped at the root.  It neglects the change of the strain energy of the blade by
+deformation of its root: a deviation of 5 % changes family 1 of a coarse disk with a soft rim by 0.05 % too little.
 """
 
 from __future__ import annotations
@@ -44,26 +43,27 @@ from bdamper.model.structure import Interface, Port
 from bdamper.util import validation
 
 SPRINGS = (0.3, 3.0)
-"""Springs on which dampers stick where the loads of attachments are chosen, times the mean stiffness of a contact point on
-the blade without its cantilever modes.  On the shipped disk (1, 10) or (0.1, 1, 10) leave errors half as large again."""
+"""Stiffness of the contact springs for the loads of attachment modes, relative to the mean stiffness of a contact point of
+the blade without its cantilever modes.  On the shipped disk (1, 10) or (0.1, 1, 10) give errors larger by half.
+"""
 
 
 @dataclass(frozen=True)
 class LocalSizes(validation.Checked):
-    """How many shapes a local basis has.
+    """Number of shapes of a local basis.
 
     Parameters
     ----------
     cantilever : int
-        Modes of the blade clamped at its root, well above the families of interest.  Ten leave the sixth stuck family of
-        coarse wheels of 5, 6, 7 and 8 blades 0.6, 6.3, 0.4 and 0.2 % too high, twelve 0.2, 0.3, 0.35 and 0.2 %; more
-        attachments do not help there.
+        Modes of the blade clamped at its root, with frequencies well above the families of interest.  For coarse disks of
+        5, 6, 7 and 8 blades the error of the sixth stuck family is 0.6, 6.3, 0.4 and 0.2 % with ten, and 0.2, 0.3, 0.35 and
+        0.2 % with twelve; more attachment modes do not reduce it.
     attachment : int
         Static shapes of contact forces.
     interface : int
-        Shapes of the root.
+        Root shapes.
     modes : int
-        Modes at each nodal diameter from which shapes of the root and loads of the attachments are taken.
+        Modes at each nodal diameter that determine root shapes and loads of the attachment modes.
     """
 
     cantilever: validation.Count = 12
@@ -74,20 +74,20 @@ class LocalSizes(validation.Checked):
 
 @dataclass
 class BladePart:
-    """The nodes of a blade within a sector.
+    """Nodes of the blade within a sector.
 
     Parameters
     ----------
     body : Structure
-        The sector.
+        Sector.
     nodes : (n,) int
-        All nodes of the blade, those of its root included.
+        Nodes of the blade including its root.
     fixed : (n_nodes, 3) bool
-        Components that do not move.
+        Fixed components.
     stiffness : (3 n_nodes, 3 n_nodes) sparse, optional
-        Of the elements of the blade alone, N/m.
+        Stiffness of the elements of the blade alone, N/m.
     step : function of a text
-        Told each nodal diameter of the disk as its work begins.
+        Called before each nodal diameter, to show progress.
     """
 
     body: Structure
@@ -114,7 +114,7 @@ class BladePart:
         return np.isin(np.arange(len(self.body.nodes)), self.nodes)
 
     def check_wanted(self, wanted: Wanted, faces: SectorFaces) -> None:
-        """Contact points and locations are on the blade, which has no node on the faces of the sector.
+        """Check that contact points and locations are on the blade, which has no node on the cut faces.
 
         Raises
         ------
@@ -131,43 +131,43 @@ class BladePart:
         return factorise(self.body.stiffness[self.own_dofs][:, self.own_dofs])
 
     def _spread(self, values: NDArray) -> NDArray:
-        """Values of the blade without its root as columns over all nodes of the sector."""
+        """Expand columns from the blade without its root to all nodes of the sector."""
         out = np.zeros((self.body.n_dof, values.shape[1]))
         out[self.own_dofs] = values
         return out
 
     def cantilever(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped at its root."""
+        """Return squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped at its root."""
         stiffness, mass = (m[self.own_dofs][:, self.own_dofs] for m in (self.body.stiffness, self.body.mass))
         omega2, shapes = lowest_modes(stiffness, mass, self.solver.solve, n_modes)
         return omega2, fix_phase(self._spread(shapes), self.body.mass)
 
     def contact_columns(self, contact: sp.csr_matrix) -> NDArray:
-        """Displacements (3 n_nodes, n) of the clamped blade under unit forces on the rows of ``contact`` (n, 3 n_nodes)."""
+        """Return displacements (3 n_nodes, n) of the clamped blade under unit forces on the rows of ``contact``."""
         return self._spread(self.solver.solve(contact[:, self.own_dofs].T.toarray()))
 
     def attachments(self, columns: NDArray, modes: NDArray) -> NDArray:
-        """Attachment shapes, mass-normalised and orthogonal to each other and to the cantilever modes.
+        """Orthogonalise static shapes ``columns`` (3 n_nodes, n) to the cantilever modes and to each other.
 
-        ``columns`` (3 n_nodes, n) are static shapes, ``modes`` the cantilever modes.
+        The result is mass-normalised.
         """
         shapes = columns - modes @ (modes.T @ (self.body.mass @ columns))  # rounding
         k, m = (shapes.T @ (matrix @ shapes) for matrix in (self.body.stiffness, self.body.mass))
         return np.asarray(shapes @ eigh(k, m)[1])
 
     def carried(self, shapes: NDArray) -> NDArray:
-        """Static shapes (3 n_nodes, n) of the blade alone on motions (n_root_dofs, n) of its root."""
+        """Return static shapes (3 n_nodes, n) of the blade for motions (n_root_dofs, n) of its root."""
         out = -self._spread(self.solver.solve(self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes))
         out[self.root_dofs] = shapes
         return out
 
 
 def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> tuple[NDArray, NDArray]:
-    """Stiffness and mass (N // 2 + 1, n, n) of static shapes of blade (3 n_nodes, n) and disk together, complex.
+    """Return stiffness and mass (N // 2 + 1, n, n), complex, of static shapes of blade (3 n_nodes, n) and disk.
 
-    ``sector`` is the sector at any of them.  The disk between its cut faces and the roots is factorised once, real; what
-    depends on the nodal diameter is the stiffness of the faces.  With a factorisation at each of 19 nodal diameters
-    the whole import of a sector of 2,865 nodes takes 1.4 times as long.
+    ``sector`` is the sector at any of the nodal diameters.  The disk between its cut faces and the roots is real and
+    factorised once; only the stiffness of the faces depends on the nodal diameter.  With a factorisation at each of 19
+    nodal diameters the whole import of a sector of 2,865 nodes takes 1.4 times as long.
     """
     body, held = blade.body, blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
@@ -201,13 +201,13 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> t
 
 
 def sampled_waves(n_sectors: int) -> list[int]:
-    """Nodal diameters 0, 1, 2, 4, 8 ... N/2, from whose modes shapes are taken."""
+    """Return the nodal diameters 0, 1, 2, 4, 8 ... N/2 from which shapes are computed."""
     half = n_sectors // 2
     return sorted({0, half, *(2**k for k in range(half.bit_length() - 1))})
 
 
 def root_shapes(blade: BladePart, sector: Callable[[int], CyclicSector], n_sectors: int, sizes: LocalSizes) -> NDArray:
-    """Principal shapes (n_root_dofs, n) of the root in the lowest modes."""
+    """Return the principal shapes (n_root_dofs, n) of the root in the lowest modes."""
     motion = []
     for d in sampled_waves(n_sectors):
         omega2, shapes = sector(d).modes(sizes.modes)
@@ -218,17 +218,17 @@ def root_shapes(blade: BladePart, sector: Callable[[int], CyclicSector], n_secto
 
 
 def damper_motion(ports: Sequence[Port], interfaces: Mapping[str, Interface]) -> tuple[NDArray, NDArray]:
-    """Rigid motion of the dampers (3 n_points, 6) at the points of a blade's ports, and their sectors (3 n_points,).
+    """Return rigid-body motions of the dampers (3 n_points, 6) at the ports of a blade, and their sectors (3 n_points,).
 
-    Sectors count from that of the blade; what meets the ground, or another blade, does not move.
+    Sectors are relative to the blade.  Points in contact with the ground or another blade have zero motion.
     """
     motion, sector = [], []
     for name, side in ports:
         face = interfaces[name]
         other = face.body_b if side == "a" else face.body_a
         rigid = face.frame @ rigid_motions(face.points, np.zeros(3), np.eye(3)).reshape(-1, 3, 6)
-        own = face.body_a if side == "a" else face.body_b
-        motion.append(rigid.reshape(-1, 6) * (other not in (own, "ground")))
+        body = face.body_a if side == "a" else face.body_b
+        motion.append(rigid.reshape(-1, 6) * (other not in (body, "ground")))
         sector.append(np.full(3 * face.n_points, (face.sector_b - face.sector_a) * (1 if side == "a" else -1)))
     return np.concatenate(motion), np.concatenate(sector)
 
@@ -236,11 +236,11 @@ def damper_motion(ports: Sequence[Port], interfaces: Mapping[str, Interface]) ->
 def stuck_loads(
     wheel: LocalBasis, loads: NDArray, dampers: tuple[NDArray, NDArray], n_sectors: int, sizes: LocalSizes
 ) -> NDArray:
-    """Principal loads (3 n_points, n) of the contact forces in the lowest modes of wheels whose dampers stick.
+    """Return the principal loads (3 n_points, n) of the contact forces in the lowest modes with sticking dampers.
 
-    Dampers are rigid, free and without mass, on springs :data:`SPRINGS` at every point.  Principal are those loads that
-    carry most of the forces' energy in the flexibility that the cantilever modes leave out.  On the coarse disk of 65
-    blades (9 points a face, 12 attachments) the six lowest frequencies at nodal diameters 0 to 32 are off by at most
+    Dampers are rigid, free and massless, on springs :data:`SPRINGS` at every point.  The principal loads have the largest
+    energy of the contact forces in the flexibility without cantilever modes.  On the coarse disk of 65 blades (9 points a
+    face, 12 attachments) the largest errors of the six lowest frequencies at nodal diameters 0 to 32 are
 
     | springs at the points, N/m | 2e7 | 2e8 | 2e9 | rigid, with the residual stiffness of the points |
     |---|---|---|---|---|
@@ -250,11 +250,11 @@ def stuck_loads(
     Parameters
     ----------
     wheel : LocalBasis
-        With the static shapes of all loads as attachments.
+        With the static shapes of all loads as attachment modes.
     loads : (3 n_points, n_attachment) float
-        On the contact points, orthogonal in the flexibility that the cantilever modes leave out.
+        Loads on the contact points, orthogonal in the flexibility without cantilever modes.
     dampers, n_sectors, sizes
-        As in :func:`local_basis`.
+        See :func:`local_basis`.
     """
     found, root = [], np.linalg.pinv(loads)  # the flexibility is root.T @ root
     spring = len(loads) / float(np.square(root).sum())
@@ -277,15 +277,15 @@ def local_shapes(
     blade: BladePart, sector: Callable[[int], CyclicSector], wanted: Wanted, dampers: tuple[NDArray, NDArray],
     sizes: LocalSizes,
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:  # fmt: skip
-    """The shapes of :func:`local_basis`, parameters as there.
+    """Compute the shapes of the local basis; for the parameters see :func:`local_basis`.
 
     Returns
     -------
     omega2 : (n_cantilever,) float, rad2/s2
     shapes : (3 n_nodes, n) float, kg^-1/2
-        Of the blade, on all nodes of the sector; cantilever modes, attachments, shapes carried by the root.
+        Shapes of the blade on all nodes of the sector: cantilever modes, attachment modes, root shapes.
     stiffness, mass : (N // 2 + 1, n_interface, n_interface) complex
-        Of the last shapes, blade and disk together, at each nodal diameter.
+        Matrices of the root shapes, blade and disk together, at each nodal diameter.
     """
     contact, (omega2, modes) = wanted.contact, blade.cantilever(sizes.cantilever)
     first = sector(0)
@@ -322,51 +322,55 @@ def local_basis(
     ----------
     blade : BladePart
     sector : function of the nodal diameter
-        Not acyclic.
+        Returns a sector with cyclic symmetry.
     wanted : Wanted
-        All of it on the blade; ``sizes`` say how many modes.
+        Contact points and locations on the blade; ``sizes`` determines the number of modes.
     dampers : (3 n_points, 6) float, (3 n_points,) int
-        Rigid motion of what the contact points meet, and its sector (:func:`damper_motion`).
+        Rigid-body motion of the bodies in contact, and their sectors (:func:`damper_motion`).
     sizes : LocalSizes
     region : str
-        What counts as the blade, in words.
+        Description of the part of the sector that is the blade.
+
+    Returns
+    -------
+    LocalBasis
 
     Raises
     ------
     ValueError
-        If contact points or locations are not on the blade, or its root lies on a face at which the sector repeats.
+        If contact points or locations are not on the blade, or its root is on a cut face.
     """
     blade.check_wanted(wanted, sector(0).faces)
-    made = _made_of(blade, wanted, *local_shapes(blade, sector, wanted, dampers, sizes))
+    basis = _made_of(blade, wanted, *local_shapes(blade, sector, wanted, dampers, sizes))
     flexibility = hermitian(wanted.contact @ blade.contact_columns(wanted.contact))
-    return replace(made, region=region, flexibility=flexibility)
+    return replace(basis, region=region, flexibility=flexibility)
 
 
 def _made_of(
     blade: BladePart, wanted: Wanted, omega2: NDArray, shapes: NDArray, stiffness: NDArray, mass: NDArray
 ) -> LocalBasis:
-    """The local basis of shapes as :func:`local_shapes` returns them."""
+    """Return the local basis for the shapes of :func:`local_shapes`."""
     body, n, r = blade.body, shapes.shape[1], stiffness.shape[1]
-    own, rest, strain = slice(0, n - r), slice(n - r, n), np.zeros((r, r))
-    carried = shapes[:, rest]
+    clamped, root_rows, strain = slice(0, n - r), slice(n - r, n), np.zeros((r, r))
+    carried = shapes[:, root_rows]
     if blade.stiffness is not None:
         strain = hermitian(carried.T @ (blade.stiffness @ carried))
     blade_stiffness = np.zeros((n, n))
-    attached = np.einsum("ij,ij->j", shapes[:, own], body.stiffness @ shapes[:, own])[len(omega2) :]
-    blade_stiffness[own, own] = np.diag(np.append(omega2, attached))
-    blade_stiffness[rest, rest] = strain
+    attached = np.einsum("ij,ij->j", shapes[:, clamped], body.stiffness @ shapes[:, clamped])[len(omega2) :]
+    blade_stiffness[clamped, clamped] = np.diag(np.append(omega2, attached))
+    blade_stiffness[root_rows, root_rows] = strain
     blade_mass = shapes.T @ (body.mass @ shapes)
     root = carried[blade.root_dofs]
-    blade_mass[rest, rest] -= root.T @ (body.mass[blade.root_dofs][:, blade.root_dofs] @ root)  # counts as the disk's
+    blade_mass[root_rows, root_rows] -= root.T @ (body.mass[blade.root_dofs][:, blade.root_dofs] @ root)  # part of the disk
     blade_mass = hermitian(blade_mass)
     return LocalBasis(
         region="", omega2=omega2.copy(), damping_ratio=np.full(n, wanted.damping_ratio), blade_stiffness=blade_stiffness,
-        blade_mass=blade_mass, disk_stiffness=stiffness - strain, disk_mass=mass - blade_mass[rest, rest],
+        blade_mass=blade_mass, disk_stiffness=stiffness - strain, disk_mass=mass - blade_mass[root_rows, root_rows],
         contact_modes=(wanted.contact @ shapes).reshape(-1, 3, n), locations=location_rows(wanted.locations, shapes),
     )  # fmt: skip
 
 
 def mean_over_waves(matrices: NDArray, n_sectors: int) -> NDArray:
-    """Mean (n, n), real, of Hermitian matrices (N // 2 + 1, n, n) over all waves of both directions."""
+    """Return the real mean (n, n) of Hermitian matrices (N // 2 + 1, n, n) over all waves in both directions."""
     weight = np.where(2 * np.arange(len(matrices)) % n_sectors == 0, 1.0, 2.0)
     return np.asarray(np.einsum("d,dij->ij", weight, matrices).real / n_sectors)

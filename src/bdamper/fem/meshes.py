@@ -1,32 +1,16 @@
-r"""Hexahedral meshes of one sector and of the wedge damper, made of structured blocks.
+r"""Meshes and matrices of the generated models: dimensions, blocks of hexahedra, stiffness, mass, geometric stiffness.
 
-Every block is a logical box of nodes ``(i, j, k)``: ``i`` across the sector (X), ``j`` outward (Y), ``k``
-along the axis (Z).  Disk and platform use all columns, the shank the middle ones of ``i``, the airfoil the
-middle ones of ``i`` and of ``k``; blocks share the layer of nodes on which they meet, so the mesh conforms.
-
-Airfoil section at the height fraction :math:`\eta`, with :math:`\xi \in [-1, 1]` along the chord and
-:math:`\zeta \in [-1, 1]` through the thickness,
-
-.. math:: x = \kappa(\tfrac13 - \xi^2) + \tfrac12 \zeta\, t(\eta)(1 - \tfrac34 \xi^2),\qquad
-          z = \tfrac12 \xi\, c(\eta),
-
-turned about Y by :math:`\eta` times the twist; chord c, thickness t vary linearly.  Elements have straight
-edges: midside nodes are the midpoints, so that the trilinear map of the eight corners is exact.
-
-Dimensions of the reference sector and of its wedge damper, and the contact planes (paper, Figs. 2 and 3).
-
-Axes of the blade: X tangential (toward the next sector), Y radial, Z along the axis.  One pitch is
+**Axes.**  X is tangential (toward the next sector), Y radial, Z along the axis of rotation.  One pitch is
 :math:`\gamma = 2\pi/N`.  The rotation
 
 .. math:: R = R_z(-\gamma) = \begin{bmatrix}\cos\gamma & \sin\gamma & 0\\ -\sin\gamma & \cos\gamma & 0\\
           0 & 0 & 1\end{bmatrix}
 
-turns +Y toward +X, so it carries sector k onto sector k+1.  The axes of the damper are those of the blade
-turned by half a pitch, :math:`Q = R_z(-\gamma/2)`, so that the damper stands between blade 0 and blade 1.
+from +Y toward +X maps sector k onto sector k+1.  The axes of the damper are the axes of the blade rotated by half a pitch,
+:math:`Q = R_z(-\gamma/2)`, so the damper is between blade 0 and blade 1.
 
-Cross-section of the damper in its own axes (x, y), ``r`` the radius of its ridge, ``w`` the width of the
-ridge, ``l`` the length of a face, ``a`` the angle of the faces from the radial axis, ``h`` the height of its
-body::
+**Damper** (paper, Figs 2 and 3).  Cross-section in its axes (x, y), with ``r`` the radius of the ridge, ``w`` its width,
+``l`` the length of a face, ``a`` the angle of the faces from the radial axis, ``h`` the height of the body::
 
             (-w/2, r) ____ (w/2, r)            left face:  p(s) = (-w/2 - s sin a, r - s cos a),  0 <= s <= l
                      /    \                    right face: its mirror image
@@ -35,29 +19,29 @@ body::
                    |        |
                    |________|  h below the eaves
 
-The underside of the platform of blade 0 lies in the plane of the left face and reaches from the edge of the
-platform (``c`` the clearance between two platforms, so ``x = -c/2``) down to the shank.
+The underside of the platform of blade 0 is in the plane of the left face.  It extends from the edge of the platform at
+``x = -c/2``, with the clearance ``c`` between two platforms, to the shank.
 
-Stiffness and mass matrices and body-force loads of 20-node hexahedra.
+**Blocks** are boxes of nodes ``(i, j, k)`` along X, Y and Z.  Disk and platform have all columns, the shank the middle ones
+of ``i``, the airfoil the middle ones of ``i`` and ``k``.  Adjacent blocks share a layer of nodes, so the mesh conforms.
 
-With the shape functions :math:`N_a`, gradients :math:`g_a = \nabla N_a` and the Lamé constants,
+**Airfoil** section at the height fraction :math:`\eta`, with :math:`\xi \in [-1, 1]` along the chord and
+:math:`\zeta \in [-1, 1]` through the thickness, rotated about Y by :math:`\eta` times the twist:
 
-.. math:: K_{ai,bj} = \int \lambda g_{ai} g_{bj} + \mu g_{aj} g_{bi} + \mu \delta_{ij}\, g_a\cdot g_b\,dV,
-          \qquad M_{ai,bj} = \delta_{ij} \int \rho N_a N_b\,dV,
+.. math:: x = \kappa(\tfrac13 - \xi^2) + \tfrac12 \zeta\, t(\eta)(1 - \tfrac34 \xi^2),\qquad
+          z = \tfrac12 \xi\, c(\eta).
 
-integrated with 3 x 3 x 3 Gauss points.  Shape functions, the map and the numbering come from scikit-fem's
-scalar element; the three components of node ``a`` are the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a +
-2``.  Nodes are the corners of the mesh first, in its order, then the midpoints of its edges, in its order.
+Chord c and thickness t are linear in :math:`\eta`.  Elements have straight edges with midside nodes at the midpoints.
 
-Parts that the finite element models have in common: interfaces, locations, surfaces, provenance.
+**Matrices** of 20-node hexahedra, with shape functions :math:`N_a`, gradients :math:`g_a = \nabla N_a`, the Lamé constants
+and 3 x 3 x 3 Gauss points; the geometric stiffness contains the stress :math:`\sigma` under the centrifugal load:
 
-Geometric stiffness of 20-node hexahedra under centrifugal load.
+.. math:: K_{ai,bj} &= \int \lambda g_{ai} g_{bj} + \mu g_{aj} g_{bi} + \mu \delta_{ij}\, g_a\cdot g_b\,dV, \\
+          M_{ai,bj} &= \delta_{ij} \int \rho N_a N_b\,dV, \qquad
+          K_{\sigma, ai,bj} = \delta_{ij} \int g_a \cdot \sigma\, g_b\,dV .
 
-With the stress :math:`\sigma` of a displacement :math:`u_s` and the gradients :math:`g_a` of the shape functions,
-
-.. math:: K_{\sigma, ai,bj} = \delta_{ij} \int g_a \cdot \sigma\, g_b\,dV ,
-
-integrated with the 27 points of the stiffness matrix.
+Shape functions and numbering are those of the scalar element of scikit-fem: first the corners of the mesh, then the
+midpoints of its edges.  Node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a + 2``.
 """
 
 from __future__ import annotations
@@ -85,7 +69,7 @@ from bdamper.fem.surface import Facets, Structure, boundary_facets
 from bdamper.model.structure import Interface, Location, SurfaceMesh, turn
 from bdamper.util import validation
 
-# ---- Dimensions of the reference sector and of its wedge damper, and the contact planes (paper, ----
+# ---- Dimensions and contact planes ----
 
 
 @dataclass(frozen=True)
@@ -123,7 +107,7 @@ class Geometry:
         From the eaves to the flat bottom of the damper.
     platform_clearance, platform_edge_thickness : float
     airfoil_height, root_chord, tip_chord, root_thickness, tip_thickness, camber, twist : float
-        The chord lies along the axis at the root and turns by ``twist`` about Y toward the tip.
+        The chord is axial at the root and rotated by ``twist`` about Y at the tip.
     end_gap : float
         Clearance between each end face of the damper and its axial stop.
     """
@@ -161,17 +145,17 @@ class Geometry:
         return 2.0 * np.pi / self.n_blades
 
     def face_points(self, s: NDArray) -> NDArray:
-        """Points (n, 2) of the left face plane in the damper's axes, ``s`` (n,) metres below the ridge."""
+        """Return points (n, 2) of the left face plane in damper axes, at distances ``s`` (n,), m, below the ridge."""
         s, a = np.asarray(s, float), self.face_angle
         return np.stack([-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1)
 
     def underside_points(self, s: NDArray) -> NDArray:
-        """The same points (n, 2) in the axes of blade 0: its right underside."""
+        """Return these points (n, 2) in the axes of blade 0, on its right underside."""
         return self.face_points(s) @ turn(0.5 * self.pitch)[:2, :2].T
 
     @property
     def underside_range(self) -> tuple[float, float]:
-        """Distances below the ridge at which the underside meets the platform's edge and the shank, m."""
+        """Distances below the ridge of the edge of the platform and of the shank on the underside, m."""
         edge = 0.5 * (self.platform_clearance - self.ridge_width) / np.sin(self.face_angle)
         # Along the slope the blade's x falls linearly with s, so one linear equation gives the shank's
         # corner.
@@ -181,11 +165,11 @@ class Geometry:
 
 
 def paper_geometry() -> Geometry:
-    """A sector on which the method of the paper finds what the paper reports in sections 4.1.1 and 4.1.3.
+    """Return a sector for which the method of the paper reproduces its results in sections 4.1.1 and 4.1.3.
 
-    A stiff shank, a thick blade with little twist and a small damper give the frequency shifts of its Figs 8 and 9;
-    with more twist mode 2 would open the contacts.  All lengths are scaled so that the first frequency without
-    dampers is 263 Hz: its Fig. 16 has the resonance of 5 kN at 308.3 Hz, which the shift of 17.2 % takes there.
+    A stiff shank, a thick blade with little twist and a small damper give the frequency shifts of its Figs 8 and 9.  With
+    more twist, mode 2 would separate the contacts.  The scale of all lengths gives a first frequency of 263 Hz without
+    dampers: in Fig. 16 the resonance at 5 kN is at 308.3 Hz, a shift of 17.2 %.
     """
     lengths: dict[str, Any] = {
         "bore_radius": 262.144, "rim_radius": 400.0, "axial_length": 35.319, "shank_width": 9.446, "face_length": 10.047,
@@ -197,7 +181,7 @@ def paper_geometry() -> Geometry:
     return Geometry(face_angle=0.872094, twist=0.06, **{name: scale * value for name, value in lengths.items()})
 
 
-# ---- Hexahedral meshes of one sector and of the wedge damper, made of structured blocks ----
+# ---- Structured meshes ----
 
 
 # Local corners in the order in which scikit-fem numbers them.
@@ -210,7 +194,7 @@ class MeshDensity:
     Parameters
     ----------
     centre : int
-        Through the thickness of shank and airfoil; even, so that a node lies on the mean line.
+        Through the thickness of shank and airfoil; even, so that the mean line has nodes.
     contact, fillet : int
         Across each wing of the platform: under the contact face, and from there to the shank.
     chord : int
@@ -235,18 +219,18 @@ class MeshDensity:
 
     @classmethod
     def preset(cls, name: str) -> MeshDensity:
-        """The density called ``"coarse"`` or ``"reference"``."""
+        """Return the density ``"coarse"`` or ``"reference"``."""
         presets = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
         return cls(*presets[validation.choice("mesh", name, presets)])
 
 
 def join_blocks(blocks: list[NDArray]) -> MeshHex:
-    """One mesh from structured blocks of node positions.
+    """Join structured blocks of node positions to one mesh.
 
     Parameters
     ----------
     blocks : list of (ni, nj, nk, 3) float, m
-        Positions that two blocks share must be equal to 1e-9 m.
+        Common positions of two blocks must be equal to 1e-9 m.
     """
     points, cells, start = [], [], 0
     corners = ((1, 1, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))
@@ -264,7 +248,7 @@ def join_blocks(blocks: list[NDArray]) -> MeshHex:
 
 
 def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
-    """Straight interpolation in ``n`` steps between two sheets (ni, nk, 3): a block (ni, n + 1, nk, 3)."""
+    """Interpolate linearly in ``n`` steps between two sheets (ni, nk, 3) to a block (ni, n + 1, nk, 3)."""
     w = np.linspace(0.0, 1.0, n + 1)[None, :, None, None]
     block = (1.0 - w) * bottom[:, None] + w * top[:, None]
     block[:, 0], block[:, -1] = bottom, top
@@ -272,7 +256,7 @@ def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
 
 
 def _airfoil_section(g: Geometry, zeta: NDArray, xi: NDArray, eta: float, root: float) -> NDArray:
-    """Sheet (n_zeta, n_xi, 3) of the airfoil at the height fraction ``eta``, m."""
+    """Return a sheet (n_zeta, n_xi, 3) of the airfoil at the height fraction ``eta``, m."""
     zeta, xi = np.meshgrid(zeta, xi, indexing="ij")
     chord = g.root_chord + eta * (g.tip_chord - g.root_chord)
     thickness = g.root_thickness + eta * (g.tip_thickness - g.root_thickness)
@@ -283,7 +267,7 @@ def _airfoil_section(g: Geometry, zeta: NDArray, xi: NDArray, eta: float, root: 
 
 
 def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
-    """Blocks of disk segment, shank, platform and airfoil of blade 0, in this order."""
+    """Return the blocks of disk segment, shank, platform and airfoil of blade 0, in this order."""
     half = 0.5 * g.pitch
     xi = np.linspace(-1.0, 1.0, n.chord + 1)
     zeta = np.linspace(-1.0, 1.0, n.centre + 1)
@@ -334,12 +318,12 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
 
 
 def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
-    """Disk segment, shank, platform and airfoil of blade 0."""
+    """Return the mesh of disk segment, shank, platform and airfoil of blade 0."""
     return join_blocks(sector_blocks(g, n))
 
 
 def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
-    """The damper of sector 0 at its place between blade 0 and blade 1, in the axes of blade 0."""
+    """Return the mesh of the damper of sector 0, between blade 0 and blade 1, in the axes of blade 0."""
     left = g.face_points(np.linspace(g.face_length, 0.0, n.damper_face + 1))
     ridge = np.linspace(-0.5, 0.5, n.damper_ridge + 1)[1:-1] * g.ridge_width
     roof = np.concatenate([left, np.stack([ridge, np.full_like(ridge, g.ridge_radius)], axis=-1), left[::-1] * [-1.0, 1.0]])
@@ -351,11 +335,11 @@ def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
     return join_blocks([_layers(bottom, top, n.damper_height) @ turn(0.5 * g.pitch).T])
 
 
-# ---- Stiffness and mass matrices and body-force loads of 20-node hexahedra ----
+# ---- Stiffness and mass of 20-node hexahedra ----
 
 
 def local_order() -> NDArray:
-    """Numbers in scikit-fem of the 20 local nodes in the order of CalculiX and Abaqus."""
+    """Return the numbers in scikit-fem of the 20 local nodes in the order of CalculiX and Abaqus."""
     ours = 2.0 * ElementHexS2().doflocs - 1.0
     middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
     layers = ((SQUARE, -1.0), (SQUARE, 1.0), (middles, -1.0), (middles, 1.0), (SQUARE, 0.0))  # on the cube [-1, 1]^3
@@ -365,13 +349,13 @@ def local_order() -> NDArray:
 
 @dataclass(frozen=True)
 class Discretisation(Structure):
-    """A meshed body with its matrices.
+    """Meshed body with its matrices.
 
     Parameters
     ----------
     mesh : MeshHex
     elements : (n_elements, 20) int
-        Nodes of each element in scikit-fem's local order.
+        Nodes of each element in the local order of scikit-fem.
     material : Material
     """
 
@@ -381,7 +365,7 @@ class Discretisation(Structure):
 
     @cached_property
     def surface(self) -> Facets:
-        """All outer faces."""
+        """Outer faces of all elements."""
         return boundary_facets((self.elements[:, local_order()],), self.nodes)
 
 
@@ -413,16 +397,16 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
         (m.ravel(), (np.repeat(elements, 20, axis=1).ravel(), np.tile(elements, (1, 20)).ravel())), shape=(n_nodes,) * 2
     )
     mass = sp.kron(scalar, sp.identity(3), format="csr")
-    # Rounding leaves a trace of asymmetry, which the Hermitian solvers would only carry along.
+    # the Hermitian solvers need exact symmetry, which rounding disturbs
     stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
     return Discretisation(basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material)
 
 
-# ---- Parts that the finite element models have in common ----
+# ---- Common parts of the generated models ----
 
 
 def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
-    """Disk segment of ``n_pitches`` pitches, clamped at the bore and at its two cut faces: an acyclic structure."""
+    """Return a disk segment of ``n_pitches`` pitches, clamped at the bore and at its cut faces: an acyclic structure."""
     angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
     cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
     clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
@@ -430,22 +414,22 @@ def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> Cyclic
 
 
 def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = None) -> SurfaceMesh:
-    """Outer surface of a body as quadrilaterals of its corner nodes.
+    """Return the outer surface of a body as quadrilaterals of its corner nodes.
 
     Parameters
     ----------
     body : Discretisation
     shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
-        Mode shapes that are kept at the nodes of the surface.
+        Mode shapes to store at the nodes of the surface.
     """
-    kept = {d: columns.reshape(-1, 3, columns.shape[1])[..., : PICTURED_MODES] for d, columns in (shapes or {}).items()}
-    return picture_mesh(body.surface, body.nodes, kept)
+    modes = {d: columns.reshape(-1, 3, columns.shape[1])[..., : PICTURED_MODES] for d, columns in (shapes or {}).items()}
+    return picture_mesh(body.surface, body.nodes, modes)
 
 
 def interface(
     name: str, patches: Patches, body_a: str, body_b: str, *, sector_b: int = 0, clearance: float | None = None
 ) -> Interface:
-    """Interface with a contact point in each patch: friction without gap, or an axial stop with a clearance (m)."""
+    """Return an interface with one contact point per patch: friction without gap, or an axial stop with clearance (m)."""
     kind: Literal["friction", "constraint"] = "friction" if clearance is None else "constraint"
     gap = np.full(len(patches.size), clearance or 0.0)
     places = (patches.centre.copy(), patches.area, np.array(patches.frame))
@@ -453,8 +437,10 @@ def interface(
 
 
 def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
-    """Nodes of the blade at which it is excited and observed: "tip" and "platform" in the middle of the chord,
-    "tip_trailing_edge" and "tip_leading_edge" at its ends (toward +Z and -Z), on the mean line of the airfoil.
+    """Return the nodes for excitation and response.
+
+    "tip" and "platform" are in the middle of the chord, "tip_trailing_edge" and "tip_leading_edge" at its ends (toward +Z
+    and -Z), all on the mean line of the airfoil.
     """
     top = g.ridge_radius + g.platform_edge_thickness
     c, s, x, z = np.cos(g.twist), np.sin(g.twist), -2.0 * g.camber / 3.0, 0.5 * g.tip_chord
@@ -466,12 +452,12 @@ def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
 
 
 def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict[str, Location]:
-    """Named nodes of a body as locations."""
+    """Return named nodes of a body as locations."""
     return {place: Location(place, name, body.nodes[node].copy()) for place, node in nodes.items()}
 
 
 def provenance(source: str, *bodies: Discretisation, over_speed: bool = False) -> dict[str, str]:
-    """Origin of a model: function, programs, date and mesh."""
+    """Return the origin of a model: function, programs, date and mesh."""
     elements = " + ".join(str(body.mesh.t.shape[1]) for body in bodies)
     return {
         "source": source,
@@ -482,11 +468,11 @@ def provenance(source: str, *bodies: Discretisation, over_speed: bool = False) -
     }
 
 
-# ---- Geometric stiffness of 20-node hexahedra under centrifugal load ----
+# ---- Geometric stiffness ----
 
 
 def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_matrix:
-    """Symmetric matrix (3 n_nodes, 3 n_nodes) of the stress by a displacement (3 n_nodes,), linear in it."""
+    """Return the symmetric matrix (3 n_nodes, 3 n_nodes) for the stress of a displacement (3 n_nodes,), linear in it."""
     basis = Basis(body.mesh, ElementHexS2(), intorder=5)
     gradient = np.stack([b[0].grad for b in basis.basis])  # (20, 3, n_elements, n_points)
     moved = displacement.reshape(-1, 3)[body.elements]  # (n_elements, 20, 3)
@@ -503,12 +489,12 @@ def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_m
 
 
 def stiffness_per_squared_speed(body: Discretisation, standstill: CyclicSector) -> sp.csr_matrix:
-    """Geometric stiffness less spin softening (3 n_nodes, 3 n_nodes), kg, of a sector with ``body``.
+    """Return geometric stiffness minus spin softening (3 n_nodes, 3 n_nodes), kg, of a sector with ``body``.
 
     Parameters
     ----------
     body : Discretisation
     standstill : CyclicSector
-        Of nodal diameter 0, with the stiffness of standstill: it gives the centrifugal stress.
+        At nodal diameter 0 with the stiffness at standstill, for the centrifugal stress.
     """
     return (geometric_stiffness(body, spin_displacement(standstill)) - spin_softening(body)).tocsr()

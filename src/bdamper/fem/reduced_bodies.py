@@ -1,24 +1,20 @@
-r"""The bodies of a model from reduced structures: modes, receptances and loads at contact points.
+r"""Bodies of a model from finite element structures: modes, receptances and loads at contact points.
 
-The free body: rigid-body modes, elastic modes, and the elastic receptance with inertia relief.
-
-The displacement of a free body is a rigid-body motion and an elastic deformation (paper, Eqs (5) to (7)).  Rigid modes
-are three translations and three rotations about the centre of gravity, made orthonormal in the mass matrix:
-:math:`\Psi^T M \Psi = I`.  A load on a free body accelerates it; what remains after the inertia forces of that rigid
-motion are subtracted is self-equilibrated,
+The displacement of a free body is the sum of a rigid-body motion and an elastic deformation (paper, Eqs 5 to 7).  The
+rigid- body modes are three translations and three rotations about the centre of mass, orthonormal in the mass matrix:
+:math:`\Psi^T M \Psi = I`.  A load accelerates the body.  Load and inertia forces together are self-equilibrated,
 
 .. math:: P^T f, \qquad P = I - \Psi\Psi^T M,
 
-and deforms the body.  Six constraints that only remove the rigid motion take no reaction under it, so with
-the stiffness matrix :math:`K_c` of the constrained body the elastic displacement orthogonal to the rigid
-modes is
+and deform the body (inertia relief).  Six statically determinate constraints have no reaction under these forces.  With the
+stiffness matrix :math:`K_c` of the constrained body, the elastic displacement orthogonal to the rigid-body modes is
 
-.. math:: u_e = P K_c^{-1} P^T f ,
+.. math:: u_e = P K_c^{-1} P^T f
 
-whatever the choice of the constraints.  Its expansion in elastic modes is :math:`\sum \phi\phi^T/\omega^2`.
+for any choice of the constraints.  Its expansion in elastic modes is :math:`\sum \phi\phi^T/\omega^2`.
 
-Under rotation the body force per mass is :math:`\Omega^2 (x, y, 0)` from the axis; it is scaled to a
-resultant of 1 N along the radial direction of the damper.
+Rotation causes a body force per mass :math:`\Omega^2 (x, y, 0)`, here scaled to a resultant of 1 N along the radial
+direction of the damper.
 """
 
 from __future__ import annotations
@@ -41,17 +37,17 @@ from bdamper.model.modal_basis import fix_phase, rigid_motions
 from bdamper.model.rotation import SpinStatic
 from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
 
-# ---- The free body ----
+# ---- Free body ----
 
 
 def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
-    """Six degrees of freedom whose removal leaves no rigid motion: 3 + 2 + 1 at three nodes far apart.
+    """Return six degrees of freedom that constrain rigid-body motion: 3 + 2 + 1 at three distant nodes.
 
     Parameters
     ----------
     nodes : (n, 3) float, m
     corner : int
-        The first node; another one gives another, equally valid choice.
+        First node; every choice is valid.
     """
     a = corner
     b = int(np.argmax(np.linalg.norm(nodes - nodes[a], axis=1)))
@@ -61,7 +57,7 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     candidates = np.concatenate([3 * a + np.arange(3), 3 * b + np.arange(3), 3 * c + np.arange(3)])
     motion = rigid_motions(nodes, nodes[a], np.eye(3))[candidates]
     motion[:, 3:] /= np.linalg.norm(nodes[b] - nodes[a])
-    # six independent rows, each the one least explained by those before
+    # choose six rows by pivoting: the largest component orthogonal to the previous rows
     chosen = qr(motion.T, mode="r", pivoting=True)[1][:6]
     return np.sort(candidates[chosen])
 
@@ -71,15 +67,15 @@ S = TypeVar("S", bound=Structure)
 
 @dataclass
 class FreeBody(Generic[S]):
-    """A free body at its place.
+    """Free body in its position in the model.
 
     Parameters
     ----------
     body : Structure
     axes : (3, 3) float
-        Rows: the directions of the rigid translations and rotations.
+        Directions of the rigid-body translations and rotations as rows.
     constrained : (6,) int, optional
-        Degrees of freedom held in the auxiliary problem.
+        Constrained degrees of freedom of the auxiliary problem.
     """
 
     body: S
@@ -97,7 +93,7 @@ class FreeBody(Generic[S]):
         rotation = rigid_motions(body.nodes, self.centre, np.eye(3))[:, 3:]
         self.inertia: NDArray = rotation.T @ (mass @ rotation)
         motion = rigid_motions(body.nodes, self.centre, self.axes)
-        # Twice, so that rounding in the first does not remain.
+        # twice, to remove the rounding error of the first projection
         for _ in range(2):
             lower = np.linalg.cholesky(motion.T @ (mass @ motion))
             motion = np.linalg.solve(lower, motion.T).T
@@ -111,18 +107,18 @@ class FreeBody(Generic[S]):
         return factorise(self.body.stiffness[self._kept][:, self._kept])
 
     def remove_rigid(self, displacement: NDArray) -> NDArray:
-        """``P u``: the part (3 n_nodes, ...) orthogonal to the rigid modes in the mass matrix."""
+        """Return ``P u``, the part (3 n_nodes, ...) orthogonal to the rigid-body modes in the mass matrix."""
         return displacement - self.rigid @ (self._rigid_momentum.T @ displacement)
 
     def elastic_response(self, load: NDArray) -> NDArray:
-        """Elastic displacement (3 n_nodes, ...) under ``load`` (3 n_nodes, ...) with inertia relief."""
+        """Return the elastic displacement (3 n_nodes, ...) under ``load`` (3 n_nodes, ...) with inertia relief."""
         load = load - self._rigid_momentum @ (self.rigid.T @ load)
         out = np.zeros_like(load)
         out[self._kept] = self.solver.solve(np.ascontiguousarray(load[self._kept]))
         return self.remove_rigid(out)
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Six rigid modes, then elastic ones, ``n_modes`` in all: omega2 (n_modes,) and shapes (3 n_nodes, n_modes)."""
+        """Return omega2 (n_modes,) and shapes (3 n_nodes, n_modes) of six rigid-body modes, then elastic modes."""
         check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
         n = n_modes - 6
         if n and (self._modes is None or len(self._modes[0]) < n):
@@ -133,62 +129,65 @@ class FreeBody(Generic[S]):
         return np.append(np.zeros(6), self._modes[0][:n]), np.hstack([self.rigid, self._modes[1][:, :n]])
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
-        """Elastic receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
+        """Return the elastic receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
         return hermitian(contact @ self.elastic_response(contact.T.toarray()))
 
     def centrifugal_load(self, radial: NDArray) -> NDArray:
-        """Nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along ``radial`` (3,)."""
+        """Return nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along ``radial`` (3,)."""
         force = self.body.body_force(self.body.nodes * [1.0, 1.0, 0.0])
         return (force / (force.sum(axis=0) @ radial)).ravel()
 
 
-# ---- The bodies of a model from reduced structures ----
+# ---- Bodies of a model ----
 
 
 LEAST = 1e-8
-"""Energy of a residual shape, over that of the static shape of its force, and of a combination of such over that of the
-others, that counts as rounding."""
+"""Energy that counts as zero: of a residual shape relative to the static shape of its force, and of a combination of
+residual shapes relative to the others.
+"""
 
 PICTURED_MODES = 10
 """Number of mode shapes at each nodal diameter that a model stores for plots."""
 
 
 def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
-    """Nodal diameters of the harmonics 0 to ``harmonics`` of an engine order, folded to at most N/2."""
+    """Return the nodal diameters of harmonics 0 to ``harmonics`` of an engine order, folded to at most N/2."""
     orders = (engine_order * h % n_blades for h in range(harmonics + 1))
     return tuple(sorted({min(d, n_blades - d) for d in orders}))
 
 
 Place = int | NDArray
-"""Where forces act: the index of a node, or a field (n_nodes, 3) complex of forces (N)."""
+"""Index of a node, or field (n_nodes, 3) complex of forces (N)."""
 
 
 def nodes_of(place: Place) -> NDArray:
-    """Indices of the nodes at which forces act."""
+    """Return the indices of the nodes with forces."""
     return np.flatnonzero(place.any(axis=1)) if isinstance(place, np.ndarray) else np.array([place])
 
 
 def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
-    """Unit forces (n_dof, 3) along X, Y and Z at a node; the real and the imaginary part of a field, and zeros."""
+    """Return unit forces (n_dof, 3) along X, Y and Z at a node, or real part, imaginary part and zeros of a field."""
     if isinstance(place, np.ndarray):
         return sp.csc_matrix(np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1))
     return sp.csc_matrix((np.ones(3), (3 * place + np.arange(3), np.arange(3))), shape=(n_dof, 3))
 
 
 def location_rows(places: Mapping[str, Place], shapes: NDArray) -> dict[str, NDArray]:
-    """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes): motion of a node; work of the real
-    and of the imaginary part of a field of forces, and zeros."""
+    """Return rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes) for a location.
+
+    These are the motion of a node, or the work of the real and of the imaginary part of a field of forces, and zeros.
+    """
     return {name: place_loads(place, len(shapes)).T @ shapes for name, place in places.items()}
 
 
 def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
-    """The loads (3 n_nodes, n) of several places that are not zero."""
+    """Return the nonzero loads (3 n_nodes, n) of several locations."""
     loads = sp.hstack([place_loads(place, body.n_dof) for place in places], format="csc")
     return loads[:, np.diff(loads.indptr) > 0]
 
 
 def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
-    """Quadrilaterals of a surface by its corners, triangles with their last corner twice, for pictures.
+    """Return the corners of a surface as quadrilaterals for plots; triangles repeat their last corner.
 
     ``shapes`` are mode shapes (n_nodes, 3, n_modes) by nodal diameter.
     """
@@ -210,9 +209,9 @@ class Wanted:
     locations : mapping of name to node index, or to a field (n_nodes, 3) complex of forces (N)
     n_modes : int
     damping_ratio : float
-        Of all elastic modes.
+        Damping ratio of all elastic modes.
     static_shapes : bool
-        Whether a sector has static shapes of forces at its locations besides; stored models of reference have none.
+        Add static shapes of forces at the locations to the modes of a sector; the stored reference models have none.
     """
 
     ports: tuple[Port, ...]
@@ -223,18 +222,19 @@ class Wanted:
     static_shapes: bool = False
 
     def shapes(self, sector: CyclicSector) -> tuple[NDArray, NDArray, int | None]:
-        """Squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and how many of the last are no modes."""
+        """Return squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and the number of static shapes."""
         omega2, modes = sector.modes(self.n_modes)
         if not (self.static_shapes and self.locations):
             return omega2, modes, None
         loads = location_loads(sector.body, self.locations.values())
-        found, static = residual_shapes(sector.body, modes, loads, sector.transformation @ sector.static_response(loads))
-        return np.append(omega2, found), np.hstack([modes, static]), len(found)
+        response = sector.transformation @ sector.static_response(loads)
+        stiffness, static = residual_shapes(sector.body, modes, loads, response)
+        return np.append(omega2, stiffness), np.hstack([modes, static]), len(stiffness)
 
     def basis(
         self, omega2: NDArray, shapes: NDArray, flexibility: NDArray | None = None, static: int | None = None
     ) -> ModalBasis:
-        """Mass-normalised modes (3 n_nodes, n) of squared frequencies (n,) at the contact points and locations."""
+        """Return the modal basis for mass-normalised modes (3 n_nodes, n) with squared frequencies (n,)."""
         return ModalBasis(
             omega2=omega2.copy(),
             damping_ratio=np.where(omega2 > 0.0, self.damping_ratio, 0.0),
@@ -246,13 +246,13 @@ class Wanted:
 
 
 def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static: NDArray) -> tuple[NDArray, NDArray]:
-    r"""What kept shapes leave out of static ones: :math:`(K^{-1} - \Phi \Omega^{-2} \Phi^H) f`, made orthogonal.
+    r"""Return residual static shapes :math:`(K^{-1} - \Phi \Omega^{-2} \Phi^H) f`, orthogonalised.
 
     Parameters
     ----------
     body : Structure
     kept : (3 n_nodes, n_kept)
-        Orthogonal in the stiffness.
+        Shapes that are retained, orthogonal in the stiffness.
     loads, static : (3 n_nodes, n) sparse, (3 n_nodes, n)
         Forces and their static shapes.
 
@@ -260,27 +260,27 @@ def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static
     -------
     omega2 : (m,) float, ascending
     shapes : (3 n_nodes, m)
-        Mass-normalised, orthogonal to those kept in the stiffness and to each other in mass and stiffness; fewer than the
-        loads where these leave fewer.
+        Mass-normalised; orthogonal to the retained shapes in the stiffness and to each other in mass and stiffness.  There
+        are fewer shapes than loads if residual shapes are zero or dependent.
     """
-    own, rest = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real, static
-    for _ in range(2):  # twice, for rounding
-        rest = rest - (kept / own) @ (kept.conj().T @ (body.stiffness @ rest))
-    energy = np.einsum("ij,ij->j", rest.conj(), body.stiffness @ rest).real
+    kept_stiffness, residual = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real, static
+    for _ in range(2):  # twice, to reduce rounding errors
+        residual = residual - (kept / kept_stiffness) @ (kept.conj().T @ (body.stiffness @ residual))
+    energy = np.einsum("ij,ij->j", residual.conj(), body.stiffness @ residual).real
     left = energy > LEAST * loads.multiply(static.conj()).sum(axis=0).A1.real
-    rest = rest[:, left] / np.sqrt(energy[left])
-    size, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.stiffness @ rest)))
+    residual = residual[:, left] / np.sqrt(energy[left])
+    size, V = np.linalg.eigh(hermitian(residual.conj().T @ (body.stiffness @ residual)))
     real = size > LEAST * size.max(initial=0.0)
-    rest = rest @ (V[:, real] / np.sqrt(size[real]))
-    square, V = np.linalg.eigh(hermitian(rest.conj().T @ (body.mass @ rest)))
-    return 1.0 / square[::-1], fix_phase((rest @ V / np.sqrt(square))[:, ::-1], body.mass)
+    residual = residual @ (V[:, real] / np.sqrt(size[real]))
+    square, V = np.linalg.eigh(hermitian(residual.conj().T @ (body.mass @ residual)))
+    return 1.0 / square[::-1], fix_phase((residual @ V / np.sqrt(square))[:, ::-1], body.mass)
 
 
 def constrained_body(
     name: str, wanted: Wanted, sector: Callable[[int], CyclicSector], nodal_diameters: Iterable[int],
     rotation: Rotation | None = None, seen: Callable[[CyclicSector, NDArray, NDArray], None] = lambda *_: None,
 ) -> Body:  # fmt: skip
-    """A sector that is held somewhere, at several nodal diameters.
+    """Return the body for a supported sector at several nodal diameters.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def constrained_body(
     sector : function of the nodal diameter
     nodal_diameters : iterable of int
     rotation : Rotation, optional
-        What changes with the speed of rotation.
+        Change of the stiffness with rotor speed.
     seen : function of a sector, squared frequencies (n,) and shapes (3 n_nodes, n), optional
         Called at each nodal diameter.
     """
@@ -311,9 +311,9 @@ def constrained_body(
 
 
 def free_body(name: str, wanted: Wanted, free: FreeBody, radial: NDArray) -> Body:
-    """A free body with its rigid-body and elastic modes, under centrifugal load along ``radial`` (3,).
+    """Return a free body with rigid-body and elastic modes under centrifugal load along ``radial`` (3,).
 
-    The six rigid-body modes are among those wanted.
+    The number of modes in ``wanted`` includes the six rigid-body modes.
     """
     omega2, shapes = free.modes(wanted.n_modes)
     force = free.centrifugal_load(radial)

@@ -1,7 +1,7 @@
-"""Models that come with the package, or, where they are large, are made by `bdamper.fem` on first use and kept.
+"""Reference models: shipped with the package, or large ones computed by `bdamper.fem` on first use and cached.
 
-In: a name and a number of contact points.  Out: the model, from the wheel; from the folder that the environment variable
-BDAMPER_MODELS names; from ``models/`` of a checkout; or from the user's cache folder, where the first that asks makes it.
+The search order is the installed package, the folder in the environment variable BDAMPER_MODELS, ``models/`` of a checkout,
+and the cache folder of the user, where the first use stores the model.
 """
 
 from __future__ import annotations
@@ -29,21 +29,20 @@ CONTACT_POINTS = {
 
 
 def reference_model(name: str = "bladed_disk", contact_points: int | None = None) -> Model:
-    """A model that comes with the package, made by ``tools/make_reference_model.py`` from :mod:`bdamper.fem`.
+    """Return a reference model, generated with :mod:`bdamper.fem` by ``tools/make_reference_model.py``.
 
-    "bladed_disk" and "paper_disk" with 24 or 48 points are too large for the wheel: the first use makes them, in minutes,
-    and keeps them in the user's cache folder.  That needs the extra ``bdamper[fe]``.
+    "bladed_disk" and "paper_disk" with 24 or 48 points are too large for the package.  The first use generates them in
+    minutes and stores them in the cache folder of the user.  This needs the extra ``bdamper[fe]``.
 
     Parameters
     ----------
     name : str
         "turbine_blade": 60 blades of 100 mm with light wedge dampers, the typical case, for any harmonic of engine order 5.
-        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for engine order 5 up to its
-        seventh harmonic; with 9 points for engine orders 3 to 10 up to their third, with data over rotor speed, stress
-        rows, and a local basis for mistuned wheels.
-        "paper_disk": another disk, on which the method of the paper (:data:`bdamper.CIGEROGLU_2009`, friction coefficient
-        0.46, driven at "tip_trailing_edge") finds the numbers of its Figs 8 and 9; with 9 and 48 points modes of one
-        harmonic. "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps
+        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for engine order 5 up to
+        harmonic 7.  With 9 points: engine orders 3 to 10 up to harmonic 3, data over rotor speed, stress, local basis.
+        "paper_disk": another disk, with which the method of the paper (:data:`bdamper.CIGEROGLU_2009`, friction coefficient
+        0.46, excitation at "tip_trailing_edge") reproduces its Figs 8 and 9; with 9 and 48 points one harmonic only.
+        "blade_to_ground": one blade with friction between one side of its platform and the ground; normal loads and gaps
         are settings of a study (``constant_loads``, ``gap``).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
         "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for engine order 4.
@@ -54,9 +53,9 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     Raises
     ------
     SettingError
-        If there is no such model.
+        If the model does not exist.
     BdamperError
-        If it must be made, and scikit-fem is not installed.
+        If the model must be generated and scikit-fem is not installed.
     """
     validation.choice("reference model", name, sorted(CONTACT_POINTS))
     points = CONTACT_POINTS[name][0] if contact_points is None else contact_points
@@ -65,17 +64,17 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     package = Path(__file__).resolve().parents[1]
     folders = (package / "data", Path(os.environ.get("BDAMPER_MODELS", package / "data")), package.parents[1] / "models")
     paths = (folder / f"{name}_{points}.h5" for folder in folders)
-    found = next((path for path in paths if path.is_file()), None)
-    return _kept(name, points) if found is None else load_model(found)
+    stored = next((path for path in paths if path.is_file()), None)
+    return _kept(name, points) if stored is None else load_model(stored)
 
 
 def _kept(name: str, points: int) -> Model:
-    """From the cache folder of this version."""
+    """Return a model from the cache folder of this version; generate it first if it is missing."""
     folder = user_cache_path("bdamper", version=HERE.bdamper)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}_{points}.h5"
     with open(path.with_suffix(".lock"), "w") as lock:
-        with suppress(ImportError):  # on Windows two may make it at once, each a whole file
+        with suppress(ImportError):  # on Windows two processes may write it at once
             import fcntl
 
             fcntl.flock(lock, fcntl.LOCK_EX)

@@ -1,23 +1,23 @@
-r"""Rotating bodies: static displacement by rotation, and how modes and flexibility change with speed.
+r"""Rotating bodies: static displacement, and change of modes and flexibility with rotor speed.
 
 In the rotating frame, with E = diag(1, 1, 0) at every node, the mass in the plane of rotation is :math:`M_s = M E`, and
 
 .. math:: K(\Omega) = K_0 + \Omega^2 B, \qquad B = K_\sigma - M_s, \qquad K_0 u_s = M_s x
 
-with the geometric stiffness :math:`K_\sigma` of the stress of the static displacement :math:`\Omega^2 u_s` (nodal diameter
-0; it serves all of them).  The stiffness is linear in the squared speed, so that that of two speeds, from any program,
-gives B by a difference.  On the modes :math:`\Phi` of one speed, mass-normalised, it is :math:`\Phi^H B \Phi`, and the
-flexibility that they leave out,
+with the geometric stiffness :math:`K_\sigma` of the stress of the static displacement :math:`\Omega^2 u_s` at nodal
+diameter 0, the same for all nodal diameters.  Stiffness is linear in the squared speed.  The difference of two stiffness
+matrices at different speeds, from any program, thus gives B.  In modal coordinates at one speed it is :math:`\Phi^H B
+\Phi`.  The residual flexibility of these modes,
 
 .. math:: R_{res}(\Omega) = P K(\Omega)^{-1} P^H - P \Phi\, [\Phi^H K(\Omega) \Phi]^{-1} \Phi^H P^H ,
 
-is positive semidefinite with the modes of *one* speed in both places.  Its derivative by the squared speed follows from the
-static solutions :math:`X = K^{-1} P^H` that the flexibility takes anyway:
+is positive semi-definite if both terms use the modes of the same speed.  Its derivative with respect to the squared speed
+follows from the static solutions :math:`X = K^{-1} P^H` of the flexibility:
 
 .. math:: \frac{dR_{res}}{d\Omega^2} = - X^H B X + P \Phi\, \omega^{-2}\, \Phi^H B \Phi\, \omega^{-2} \Phi^H P^H .
 
-On the shipped disk at 600 rad/s this tangent is off by 5e-4 of the residual flexibility with 40 modes (2e-3 with ten), and
-frequencies by 4e-7 (3e-5).
+On the shipped disk at 600 rad/s the error of this linearisation is 5e-4 of the residual flexibility with 40 modes (2e-3
+with ten), and 4e-7 (3e-5) of the frequencies.
 """
 
 from __future__ import annotations
@@ -43,29 +43,29 @@ def _of_nodes(structure: Structure, matrix: NDArray) -> sp.csr_matrix:
 
 
 def centrifugal_force(structure: Structure) -> NDArray:
-    """Nodal forces (3 n_nodes,) of rotation about Z per squared speed, kg m."""
+    """Return the nodal forces (3 n_nodes,) of rotation about Z per squared speed, kg m."""
     return structure.body_force(structure.nodes @ IN_PLANE).ravel()
 
 
 def spin_softening(structure: Structure) -> sp.csr_matrix:
-    """Mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg: what rotation takes from the stiffness, per speed^2."""
+    """Return the mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg: the decrease of stiffness per squared speed."""
     plane = _of_nodes(structure, IN_PLANE)
     return (plane @ structure.mass @ plane).tocsr()
 
 
 def coriolis_matrix(structure: Structure) -> sp.csr_matrix:
-    """Skew-symmetric S (3 n_nodes, 3 n_nodes), kg; Coriolis forces are ``-2 Omega S du/dt``."""
+    """Return the skew-symmetric matrix S (3 n_nodes, 3 n_nodes), kg; Coriolis forces are ``-2 Omega S du/dt``."""
     matrix = structure.mass @ _of_nodes(structure, _ACROSS)
     return (0.5 * (matrix - matrix.T)).tocsr()
 
 
 def spin_displacement(sector: CyclicSector) -> NDArray:
-    """Static displacement (3 n_nodes,) of a sector by rotation per squared speed, m s2, without contact.
+    """Return the static displacement (3 n_nodes,) of a sector without contact due to rotation, per squared speed, m s2.
 
     Parameters
     ----------
     sector : CyclicSector
-        Of nodal diameter 0; with the stiffness of standstill for linear theory, of the speed for stiffened blades.
+        At nodal diameter 0, with the stiffness at standstill (linear theory) or at the speed (stiffened blades).
     """
     check(sector.nodal_diameter == 0, f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}")
     moved = sector.transformation @ sector.static_response(centrifugal_force(sector.body)[:, None])
@@ -74,16 +74,16 @@ def spin_displacement(sector: CyclicSector) -> NDArray:
 
 @dataclass(frozen=True)
 class Rotation:
-    """How the stiffness of a body changes with its speed of rotation.
+    """Change of the stiffness of a body with rotor speed.
 
     Parameters
     ----------
     per_squared_speed : (3 n_nodes, 3 n_nodes) sparse, kg
-        Symmetric: geometric stiffness less spin softening.
+        Symmetric: geometric stiffness minus spin softening.
     omega_ref : float, rad/s
-        Speed to which the stiffness of the body belongs.
+        Speed at which the stiffness of the body is valid.
     check_at : float, rad/s, optional
-        Speed at which frequencies are compared with those of the full matrices, which costs another factorisation.
+        Speed for a comparison with the frequencies of the full matrices, at the expense of one factorisation.
     source : str
     """
 
@@ -93,21 +93,21 @@ class Rotation:
     source: str = ""
 
     def at_speed(self, sector: CyclicSector, omega: float) -> CyclicSector:
-        """The sector, given at ``omega_ref``, with the stiffness of another speed (rad/s)."""
+        """Return the sector, valid at ``omega_ref``, with the stiffness at another speed (rad/s)."""
         stiffness = sector.body.stiffness + (omega**2 - self.omega_ref**2) * self.per_squared_speed
         return replace(sector, body=replace(sector.body, stiffness=stiffness))
 
     def basis(self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix) -> ModalBasis:
-        """The basis of a sector with its data over speed.
+        """Add data over speed to the basis of a sector.
 
         Parameters
         ----------
         basis : ModalBasis
-            Modes of ``sector``, with its flexibility.
+            Modes of ``sector`` and its flexibility.
         sector : CyclicSector
-            With the stiffness of the speed ``omega_ref``.
+            With the stiffness at the speed ``omega_ref``.
         shapes : (3 n_nodes, n_modes)
-            Of the basis, on all nodes.
+            Modes of the basis on all nodes.
         contact : (3 n_points, 3 n_nodes) sparse
             From nodal displacements to contact points.
         """

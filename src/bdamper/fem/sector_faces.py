@@ -1,14 +1,14 @@
-r"""The two faces at which a sector repeats, and how the motion of one follows from that of the other.
+r"""Cut faces of a sector, and the motion of one face as a function of the other.
 
-With R the rotation by one pitch, :math:`\varphi = 2\pi d/N` the phase of nodal diameter d and :math:`s = \pm 1` the side on
-which the dependent face lies (+1 toward +X),
+With the rotation R by one pitch, the phase :math:`\varphi = 2\pi d/N` of nodal diameter d and the side :math:`s = \pm 1` of
+the dependent face (+1 toward +X),
 
 .. math:: u_{dep} = e^{i s \varphi} R^s\, W u_{ind} .
 
-Row i of W has a single one where node i of the dependent face is the image of a node of the independent face.  Where the
-meshes of the faces differ, it holds the shape functions of the facet of the independent face on which node i lies; the
-finer face is the dependent one, as every one of its nodes is tied then.  Nodes on the axis of rotation are their own
-images: they can move as :math:`u = e^{i \varphi} R\, u` lets them.
+If node i of the dependent face is the image of a node of the independent face, row i of W has a single one.  If the meshes
+differ, the row contains the shape functions of the facet of the independent face at node i.  The finer face is the
+dependent one, since each of its nodes is then constrained.  Nodes on the axis of rotation are images of themselves, with
+the condition :math:`u = e^{i \varphi} R\, u`.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from bdamper.fem.surface import Facets, check, corner_count, facets_on_nodes
 from bdamper.model.structure import turn
 
 MOST_SECTORS = 1000
-"""Sectors up to which :func:`find_faces` looks for the number of sectors."""
+"""Largest number of sectors that :func:`find_faces` tries."""
 
 
 @dataclass(frozen=True)
 class SectorFaces:
-    """The faces of a sector.
+    """Cut faces of a sector.
 
     Parameters
     ----------
     n_sectors : int
     independent, dependent : (k,), (m,) int
-        Nodes; none of an acyclic structure.
+        Nodes; empty for an acyclic structure.
     weights : (m, k) sparse
-        W of the module's docstring.
+        W.
     side : {1, -1}
-        Whether the dependent face is the one toward +X.
+        1 if the dependent face is toward +X.
     distance : float, m
         Largest distance of a dependent node from the independent face.
     axis : (n,) int
-        Nodes on the axis of rotation, none of the dependent ones.
+        Nodes on the axis of rotation; ``dependent`` does not contain them.
     """
 
     n_sectors: int
@@ -57,27 +57,27 @@ class SectorFaces:
 
     @property
     def nodes(self) -> NDArray:
-        """All nodes of both faces, once each."""
+        """Nodes of both faces without repetition."""
         return np.unique(np.concatenate([self.independent, self.dependent, self.axis]))
 
     @property
     def matching(self) -> bool:
-        """Whether each node of one face is the image of a node of the other."""
+        """Whether each node of one face is the image of a node of the other face."""
         return self.weights.nnz == len(self.dependent) == len(self.independent)
 
     def tie(self, nodal_diameter: int) -> tuple[complex, NDArray]:
-        """Phase factor and rotation (3, 3) from the independent to the dependent face."""
+        """Return phase factor and rotation (3, 3) from the independent to the dependent face."""
         phase = sector_phase(self.n_sectors, nodal_diameter)
         return np.conj(phase) if self.side < 0 else phase, turn(self.side * 2.0 * np.pi / self.n_sectors)
 
     def among(self, known: NDArray) -> SectorFaces:
-        """The part of the dependent face whose motion follows from known nodes (n_nodes,) bool, itself among them."""
+        """Restrict the dependent face to the nodes determined by ``known`` nodes (n_nodes,) bool and contained in them."""
         unknown = abs(self.weights) @ (~known[self.independent]).astype(float) > 0.0
         rows = known[self.dependent] & ~unknown
         return replace(self, dependent=self.dependent[rows], weights=self.weights[rows])
 
     def images(self, held: NDArray) -> NDArray:
-        """Nodes (n_nodes,) bool that are held because they lie where the other face is held, those given included."""
+        """Return ``held`` nodes (n_nodes,) bool and their images on the other face."""
         out, size = held.copy(), abs(self.weights)
         out[self.dependent] |= (size > 1e-4) @ (~held[self.independent]).astype(float) == 0.0  # positions are rounded
         out[self.independent] |= (size > 0.5).T @ held[self.dependent].astype(float) > 0.0  # the nearest one
@@ -85,20 +85,20 @@ class SectorFaces:
 
 
 def no_faces() -> SectorFaces:
-    """Sector faces of an acyclic structure: none."""
+    """Return the empty faces of an acyclic structure."""
     nothing = np.empty(0, int)
     return SectorFaces(1, nothing, nothing, sp.csr_matrix((0, 0)))
 
 
 def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
-    """Factor ``exp(2 pi i d/N)`` from one sector to the next; +1 or -1, hence real, for d = 0 and d = N/2."""
+    """Return ``exp(2 pi i d/N)``, the phase factor to the next sector; real for d = 0 and d = N/2."""
     if 2 * nodal_diameter % n_sectors == 0:
         return -1.0 if nodal_diameter % n_sectors else 1.0
     return np.exp(2j * np.pi * nodal_diameter / n_sectors)
 
 
 def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, tolerance: float = 1e-8) -> SectorFaces:
-    """Faces whose meshes match: rotation by one pitch carries the nodes ``left`` onto ``right``.
+    """Return the faces for matching meshes: rotation by one pitch maps the nodes ``left`` onto ``right``.
 
     Raises
     ------
@@ -112,12 +112,13 @@ def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, t
         found = f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
         raise ValueError(f"sector faces do not match under rotation by {pitch:.6g} rad: {found}")
     on_axis = left == right[index]
-    own, image = left[~on_axis], right[index][~on_axis]
-    return SectorFaces(n_sectors, own, image, sp.identity(len(own), format="csr"), 1, float(distance.max()), left[on_axis])
+    independent, image = left[~on_axis], right[index][~on_axis]
+    weights = sp.identity(len(independent), format="csr")
+    return SectorFaces(n_sectors, independent, image, weights, 1, float(distance.max()), left[on_axis])
 
 
 def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_sectors: int) -> SectorFaces:
-    """Faces whose meshes differ, tied by interpolation; ``distance`` tells how well they lie on each other.
+    """Return the faces for different meshes, with interpolation; ``distance`` shows the geometric error.
 
     Parameters
     ----------
@@ -125,13 +126,13 @@ def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_
     surface : Facets
         Outer faces of the elements.
     left, right : (k,), (m,) int
-        Nodes of the face toward -X and of that toward +X.
+        Nodes of the faces toward -X and toward +X.
     n_sectors : int
 
     Raises
     ------
     ValueError
-        If the nodes of the coarser face are not the corners of any face of an element.
+        If the nodes of the coarser face contain no element face.
     """
     side = 1 if len(right) >= len(left) else -1
     independent, dependent = (left, right) if side > 0 else (right, left)
@@ -141,12 +142,12 @@ def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_
     check(len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one")
     target = nodes[dependent] @ turn(-side * 2.0 * np.pi / n_sectors).T
     weights, distance = interpolation(nodes, facets, target)
-    own = facets.nodes
-    return SectorFaces(n_sectors, own, dependent, weights[:, own].tocsr(), side, float(distance.max()), axis)
+    corners = facets.nodes
+    return SectorFaces(n_sectors, corners, dependent, weights[:, corners].tocsr(), side, float(distance.max()), axis)
 
 
 def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.csr_matrix, NDArray]:
-    """Shape functions of facets at the places nearest to points.
+    """Return the shape functions of facets at the positions closest to points.
 
     Parameters
     ----------
@@ -157,23 +158,24 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
     Returns
     -------
     weights : (n, n_nodes) sparse
-        Each row sums to one.
+        Each row has the sum 1.
     distance : (n,) float, m
-        Of the points from where the facets interpolate; beside the facets at most some tens of per cent too large.
+        Distance between points and interpolated positions.  Outside of all facets it may be too large, by some tens of per
+        cent at most.
     """
     rows = facets.each()
     centres = np.array([nodes[row].mean(axis=0) for row in rows])
     size = np.array([np.ptp(nodes[row], axis=0).max() for row in rows])
     near = np.atleast_2d(cKDTree(centres).query(points, k=min(6, len(rows)))[1].reshape(len(points), -1))
-    distance, found = np.full(len(points), np.inf), [(np.empty(0, int), np.empty(0))] * len(points)
+    distance, best = np.full(len(points), np.inf), [(np.empty(0, int), np.empty(0))] * len(points)
     for k in np.unique(near):
-        row, own = rows[k], np.flatnonzero((near == k).any(axis=1))
+        row, nearby = rows[k], np.flatnonzero((near == k).any(axis=1))
         corner = nodes[row[: corner_count(len(row))]]
         across = np.linalg.svd(corner - corner.mean(axis=0))[2][:2].T
-        aim = points[own] @ across
-        for _ in range(20):  # the map is that of the corners; nodes between them bend it
+        aim = points[nearby] @ across
+        for _ in range(20):  # iterate: the first map uses corners alone, without curved edges
             at = inverse_map(corner @ across, aim)
-            miss = points[own] @ across - shape_functions(at, len(row)) @ (nodes[row] @ across)
+            miss = points[nearby] @ across - shape_functions(at, len(row)) @ (nodes[row] @ across)
             aim += np.clip(miss, -size[k], size[k])
             if np.abs(miss).max() < 1e-12 * size[k]:
                 break
@@ -181,35 +183,35 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
         if len(corner) == 3:
             at = np.maximum(at, 0.0) / np.maximum(at, 0.0).sum(axis=1, keepdims=True)
         values = shape_functions(at, len(row))
-        away = np.linalg.norm(values @ nodes[row] - points[own], axis=1)
-        for i, d, value in zip(own.tolist(), away.tolist(), values):
+        away = np.linalg.norm(values @ nodes[row] - points[nearby], axis=1)
+        for i, d, value in zip(nearby.tolist(), away.tolist(), values):
             if d < distance[i]:
-                distance[i], found[i] = d, (row, value)
-    pointer = np.cumsum([0, *(len(row) for row, _ in found)])
-    columns, data = (np.concatenate(part) for part in zip(*found))
+                distance[i], best[i] = d, (row, value)
+    pointer = np.cumsum([0, *(len(row) for row, _ in best)])
+    columns, data = (np.concatenate(part) for part in zip(*best))
     weights = sp.csr_matrix((data, columns, pointer), shape=(len(points), len(nodes)))
     weights.eliminate_zeros()
     return weights, distance
 
 
 def find_faces(nodes: NDArray, surface: Facets, n_sectors: int | None, tolerance: float) -> SectorFaces | None:
-    """The faces at which a sector repeats, from its geometry: nodes that one rotation carries onto other nodes.
+    """Find the cut faces of a sector by geometry: nodes mapped onto other nodes by one rotation.
 
-    The rotations are those by ``2 pi/N``, from the largest one on; with smaller ones than its pitch a regular mesh may lie
-    upon itself, too.
+    The rotations are ``2 pi/N``, from the largest to smaller ones.  A rotation below one pitch may also map a regular mesh
+    onto itself.
 
     Parameters
     ----------
     nodes, surface
-        As in :func:`tie_faces`.
+        See :func:`tie_faces`.
     n_sectors : int, optional
-        Found, too, if it is not given.
+        Determined as well if not given.
     tolerance : float, m
 
     Returns
     -------
     SectorFaces or None
-        None if no rotation carries a whole face of an element onto another one.
+        None if no rotation maps a whole element face onto another one.
     """
     outer = surface.nodes
     tree = cKDTree(nodes[outer])

@@ -1,12 +1,10 @@
-"""Faces of elements: the quadrilaterals and triangles of which the surface of a body consists.
+"""Finite element bodies: nodes and matrices, and the faces of elements on their surface.
 
-A facet lists its corners in turn, seen from outside counter-clockwise, then, in elements of second order, the node
-between corners ``c`` and ``c + 1`` for each ``c``.  So 3, 4, 6 and 8 nodes tell the kind.
+A facet lists its corners counter-clockwise seen from outside.  In second-order elements the midside node between corners
+``c`` and ``c + 1`` follows for each ``c``.  The number of nodes (3, 4, 6 or 8) thus identifies the type.
 
-Programs agree on the order of the corners of tetrahedra, wedges and hexahedra, but not on that of the nodes between them:
-these are found by their positions.  The sense of rotation follows from the element, which lies inside.
-
-The data of a finite element body that a reduction needs: nodes, stiffness and mass.
+All programs use the same order of the corners of tetrahedra, wedges and hexahedra, but different orders of midside nodes.
+Positions identify midside nodes.  The sense of rotation of a facet follows from the position of its element.
 """
 
 from __future__ import annotations
@@ -18,23 +16,23 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-# ---- The data of a finite element body that a reduction needs ----
+# ---- Nodes and matrices ----
 
 
 def check(good: object, wrong: str) -> None:
-    """Raise a ValueError that says what is wrong, to which an importer adds of which body."""
+    """Raise ValueError with the text ``wrong`` unless ``good``; importers add the name of the body."""
     if not good:
         raise ValueError(wrong)
 
 
 def hermitian(matrix: NDArray) -> NDArray:
-    """The Hermitian part of a matrix, or of each of several (..., n, n)."""
+    """Return the Hermitian part of one or several matrices (..., n, n)."""
     return 0.5 * (matrix + matrix.conj().swapaxes(-1, -2))
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Nodes and matrices; the displacements of node ``a`` are the rows ``3 a``, ``3 a + 1``, ``3 a + 2``.
+    """Nodes and matrices of a body; node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a + 2``.
 
     Parameters
     ----------
@@ -51,17 +49,17 @@ class Structure:
         return 3 * len(self.nodes)
 
     def dofs(self, nodes: NDArray) -> NDArray:
-        """Degrees of freedom (3 n,) of nodes (n,), grouped by node."""
+        """Return the degrees of freedom (3 n,) of nodes (n,), grouped by node."""
         return (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
 
     def nearest_node(self, position: NDArray) -> int:
-        """The node closest to ``position`` (3,)."""
+        """Return the node closest to ``position`` (3,)."""
         return int(np.argmin(np.linalg.norm(self.nodes - position, axis=1)))
 
     def body_force(self, density: NDArray) -> NDArray:
-        """Consistent nodal forces (n_nodes, 3) of a force per mass given at the nodes (n_nodes, 3), N.
+        """Return consistent nodal forces (n_nodes, 3), N, for a force per mass at the nodes (n_nodes, 3).
 
-        The field is interpolated with the shape functions, exactly so if it is linear in the coordinates.
+        Shape functions interpolate the force, which is exact if it is linear in the coordinates.
         """
         return (self.mass @ np.asarray(density, float).ravel()).reshape(-1, 3)
 
@@ -70,29 +68,29 @@ class Structure:
 
 
 N_CORNER = {4: 4, 10: 4, 6: 6, 15: 6, 8: 8, 20: 8}
-"""Corners of an element with so many nodes."""
+"""Number of corners of an element by its number of nodes."""
 
 FACES = {
     4: ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
     6: ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
     8: ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
-"""Corners of the faces of elements, in turn; face S1, S2, ... of CalculiX and Abaqus."""
+"""Corners of the faces S1, S2, ... of elements in CalculiX and Abaqus, in order."""
 LEAST_COSINE = 0.1
-"""Of the angle between two corner normals of a face: a cube with the corners of one face turned by one place has 0, the
-most distorted element of the reference sector 0.67."""
+"""Smallest cosine of the angle between two corner normals of a face.  A cube with the corners of one face shifted by one
+position has 0, the most distorted element of the reference sector 0.67.
+"""
 
 
 def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
-    """Whether the corners of hexahedra or wedges stand in another order than the agreed one, in either sense.
+    """Return whether the corners of hexahedra or wedges have another order than usual, in either sense of rotation.
 
-    Some face crosses itself or is bent by a right angle then: the normals at its four corners, which look to one side
-    otherwise, do not.
+    Some face then intersects itself or is bent by a right angle, so its corner normals point to different sides.
 
     Parameters
     ----------
     corners : (n, 6 | 8) int
-        Repeated ones (collapsed elements) are allowed.
+        May contain repeated corners (collapsed elements).
     nodes : (n_nodes, 3) float
 
     Returns
@@ -110,12 +108,12 @@ def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
 
 @dataclass(frozen=True)
 class Facets:
-    """Faces of elements, grouped by kind.
+    """Faces of elements, grouped by number of nodes.
 
     Parameters
     ----------
     groups : tuple of (n, 3 | 4 | 6 | 8) int arrays
-        Nodes of each facet in the order of the module's docstring.
+        Corners counter-clockwise seen from outside, then midside nodes.
     """
 
     groups: tuple[NDArray, ...]
@@ -125,25 +123,25 @@ class Facets:
 
     @property
     def nodes(self) -> NDArray:
-        """All nodes (n,), once each, ascending."""
+        """All nodes (n,), ascending without repetition."""
         return np.unique(np.concatenate([g.ravel() for g in self.groups])) if self.groups else np.empty(0, int)
 
     def each(self) -> list[NDArray]:
-        """The facets one by one."""
+        """Iterate over the facets."""
         return [row for group in self.groups for row in group]
 
     @property
     def corners(self) -> list[NDArray]:
-        """The corners (n, 3 | 4) of the facets of each group."""
+        """Return the corners (n, 3 | 4) of the facets of each group."""
         return [group[:, : corner_count(group.shape[1])] for group in self.groups]
 
     def flipped(self) -> Facets:
-        """The same facets seen from the other side."""
+        """Return the facets with the opposite normal."""
         return Facets(tuple(_reverse(g) for g in self.groups))
 
 
 def corner_count(n_nodes: int) -> int:
-    """Corners of a facet with 3, 4, 6 or 8 nodes."""
+    """Return the number of corners of a facet with 3, 4, 6 or 8 nodes."""
     return {3: 3, 4: 4, 6: 3, 8: 4}[n_nodes]
 
 
@@ -153,7 +151,7 @@ def _reverse(group: NDArray) -> NDArray:
 
 
 def area_vectors(facets: Facets, nodes: NDArray) -> NDArray:
-    """Area times outward normal (n, 3) of each facet (of its corners), m2."""
+    """Return area times outward normal (n, 3) of each facet, m2, by its corners."""
     out = []
     for x in (nodes[corners] for corners in facets.corners):
         # a triangle is half the parallelogram of two edges, a quadrilateral half that of its diagonals
@@ -163,7 +161,7 @@ def area_vectors(facets: Facets, nodes: NDArray) -> NDArray:
 
 
 def enclosed_volume(facets: Facets, nodes: NDArray) -> float:
-    """Volume (m3) inside a closed surface, by the divergence theorem over triangles of its corners."""
+    """Return the volume (m3) of a closed surface by the divergence theorem over triangles of its corners."""
     volume = 0.0
     for x in (nodes[corners] for corners in facets.corners):
         for k in range(1, x.shape[1] - 1):
@@ -172,20 +170,20 @@ def enclosed_volume(facets: Facets, nodes: NDArray) -> float:
 
 
 def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
-    """Outer faces of solid elements.
+    """Return the outer faces of solid elements.
 
     Parameters
     ----------
     elements : sequence of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
-        Node indices, corners in the common order first.  Repeated corners (collapsed elements) are allowed.
+        Node indices, corners in the usual order first; may contain repeated corners (collapsed elements).
     nodes : (n_nodes, 3) float, m
 
     Raises
     ------
     ValueError
-        If an element has another number of nodes, or a node between two corners cannot be found.
+        If the number of nodes of an element is invalid, or a midside node is missing.
     """
-    found: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
+    by_corners: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
     for group in elements:
         n_node = group.shape[1]
         check(n_node in N_CORNER, f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
@@ -194,9 +192,9 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
             for element, corner in zip(group, group[:, face]):
                 key = frozenset(corner.tolist())
                 if len(key) >= 3:
-                    found.setdefault(key, []).append((corner, element))
+                    by_corners.setdefault(key, []).append((corner, element))
     facets: dict[int, list[NDArray]] = {}
-    for users in found.values():
+    for users in by_corners.values():
         if len(users) == 1:
             facet = oriented_facet(*users[0], nodes)
             facets.setdefault(len(facet), []).append(facet)
@@ -204,12 +202,12 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
 
 
 def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray:
-    """One facet of an element: repeated corners dropped, outward, with the nodes between its corners.
+    """Return one facet of an element with outward normal and midside nodes, without repeated corners.
 
     Parameters
     ----------
     corner : (3 | 4,) int
-        Corners of the facet in turn, either way round.
+        Corners of the facet in either sense of rotation.
     element : (4 | 6 | 8 | 10 | 15 | 20,) int
     nodes : (n_nodes, 3) float
     """
@@ -236,7 +234,7 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
 
 
 def facets_on_nodes(boundary: Facets, wanted: NDArray) -> Facets:
-    """The facets of a surface all of whose corners are among the nodes ``wanted`` (n,)."""
+    """Return the facets of a surface with all corners among the nodes ``wanted`` (n,)."""
     wanted = np.asarray(wanted)
     groups = []
     for group, corners in zip(boundary.groups, boundary.corners):

@@ -1,10 +1,8 @@
-"""Fewer contact points on a face: neighbouring patches are united.
+"""Contact points of a face: union of neighbouring patches, and gaps of imperfect surfaces.
 
-The patches of a face are split by area, along the longer direction first, until there are as many groups as asked for.  A
-group moves with the area-weighted mean ``m = A u`` of its patches, and a force on it is spread over them by ``A^H``: its
-static receptance is ``A R A^H``, and energy is kept.
-
-Initial distance of contact surfaces that do not fit: errors of angle and crowning.
+To reduce the number of contact points, the patches of a face are divided recursively by area, across the longer direction
+first.  A group has the area-weighted mean displacement ``m = A u`` of its patches, and ``A^H`` distributes its force over
+them.  Its static receptance is ``A R A^H``; the work of the forces does not change.
 """
 
 from __future__ import annotations
@@ -21,11 +19,11 @@ from bdamper.model.fields import Kind, Shape, layout
 from bdamper.model.structure import Body, ContactStiffness, Interface, Model, StaticContact
 from bdamper.util import validation
 
-# ---- Fewer contact points on a face ----
+# ---- Union of patches ----
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
-    """(n_points,) number of the group of each patch of a face, groups of about equal area."""
+    """Return the group number of each patch of a face, (n_points,), with about equal area of the groups."""
     plane = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
     label = np.zeros(face.n_points, int)
 
@@ -38,7 +36,7 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
         order = members[np.lexsort((plane[members, 1 - np.argmax(spread)], plane[members, np.argmax(spread)]))]
         area = np.cumsum(face.area[order])
         cut = int(np.argmin(np.abs(area - area[-1] * low / groups))) + 1
-        cut = min(max(cut, low), len(order) - (groups - low))  # no group stays empty
+        cut = min(max(cut, low), len(order) - (groups - low))  # at least one patch per group
         split(order[:cut], first, low)
         split(order[cut:], first + low, groups - low)
 
@@ -47,7 +45,7 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
 
 
 class _Groups:
-    """Matrices that average over the groups of one face."""
+    """Matrices of sums and means over the groups of one face."""
 
     def __init__(self, face: Interface, n_groups: int | None) -> None:
         n = face.n_points
@@ -69,7 +67,7 @@ class _Groups:
 
 
 def unite_contact_points(model: Model, n_points: int) -> Model:
-    """The same structure with at most ``n_points`` contact points on each friction face.
+    """Return the model with at most ``n_points`` contact points on each friction face.
 
     Parameters
     ----------
@@ -99,7 +97,7 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
 
 
 def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
-    """A record of a body with its contact points united: what depends on them, the annotated types tell by its shape."""
+    """Return a record of a body with united contact points, by the shapes in its annotated types."""
     if not body.ports:
         return record
     A = scipy.linalg.block_diag(*(groups[name].vectors for name, _ in body.ports))
@@ -112,27 +110,27 @@ def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
         return x
 
     kind: Kind = type(record)
-    made = {}
-    for item in (item for item in layout(kind) if not item.is_attribute):
-        value: Any = getattr(record, item.name)
-        unite = partial(_united, body=body, groups=groups) if item.is_record else partial(mean, shape=item.data.shape)
+    changed = {}
+    for field in (field for field in layout(kind) if not field.is_attribute):
+        value: Any = getattr(record, field.name)
+        unite = partial(_united, body=body, groups=groups) if field.is_record else partial(mean, shape=field.data.shape)
         if value is not None:
-            made[item.name] = {key: unite(part) for key, part in value.items()} if item.keys else unite(value)
-    return replace(record, **made)
+            changed[field.name] = {key: unite(part) for key, part in value.items()} if field.keys else unite(value)
+    return replace(record, **changed)
 
 
 def united_sum(face: Interface, n_points: int, values: NDArray) -> NDArray:
-    """(n_groups, ...) sums over the groups of a face of values at its patches, (n_points, ...): stiffness, loads."""
+    """Return sums (n_groups, ...) over the groups of a face, for stiffness or loads (n_points, ...) of its patches."""
     sums: NDArray = _Groups(face, n_points).sum @ values
     return sums
 
 
 def united_mean(face: Interface, n_points: int | None, values: NDArray) -> NDArray:
-    """(n_groups,) mean over the groups of a face, by area, of values at its patches, (n_points,): gaps, coefficients."""
+    """Return area-weighted means (n_groups,) over the groups of a face, for gaps or coefficients of its patches."""
     return values if n_points is None else _Groups(face, n_points).mean @ values
 
 
-# ---- Initial distance of contact surfaces that do not fit ----
+# ---- Gaps of imperfect surfaces ----
 
 
 @validation.spelt
@@ -144,26 +142,26 @@ def face_gap(
     crowning: float = 0.0,
     axial_crowning: float = 0.0,
 ) -> NDArray:
-    """Gap at the contact points of a plane face whose partner is turned against it or crowned.
+    """Return the gap at the contact points of a plane face for an angular error or crowning.
 
     Parameters
     ----------
     interface : Interface
     angle, axial_angle : float, rad
-        Slope of the gap along t1, along t2.
+        Slope of the gap along t1 and along t2.
     crowning, axial_crowning : float, m
-        The gap grows quadratically from the middle of the face to its outermost points along t1, along t2 by this height;
-        negative for a hollow face.
+        Height of a gap that increases quadratically from the centre of the face to its outermost points along t1 and along
+        t2; negative for a hollow face.
 
     Returns
     -------
     (n_points,) float, m
-        Smallest value 0: the surfaces are moved together until they touch.
+        Gap with the minimum 0: the surfaces touch at one point at least.
 
     Raises
     ------
     SettingError
-        If a number is not finite, or an angle beyond 0.1 rad.
+        If a number is not finite, or an angle exceeds 0.1 rad.
     """
     validation.instance("interface", interface, Interface, "an Interface, for example model.interfaces['left']")
     for name, value in (("angle", angle), ("axial_angle", axial_angle)):

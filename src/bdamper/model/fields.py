@@ -1,7 +1,7 @@
-"""Checks of the data of a model: type, shape and size of a value, with one error that names the item.
+"""Type, shape and size of the data of a model, checked with one error that names the item.
 
-What a model consists of stands in the annotated types of its classes alone (:class:`Data`).  :func:`check_record` checks a
-record against them, and ``bdamper.model.model_file`` writes and reads it by them.
+The annotated types of the classes of a model define its data (:class:`Data`).  :func:`check_record` checks a record by
+them, and :mod:`bdamper.model.model_file` reads and writes files by them.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from bdamper.util.errors import mismatch
 from bdamper.util.validation import Limits, declarations
 
 SINGLE, ROUNDING = 1e-6, 1e-8
-"""Tolerances, relative to the size of the numbers compared: for data of single precision where such data are common
-(normals, modes), and for the rounding of a large factorisation elsewhere."""
+"""Relative tolerances: for data that are often in single precision (normals, modes), and for the rounding of a large
+factorisation.
+"""
 
 ANY = Limits()
 DAMPING = Limits(least=0.0, below=1.0)
@@ -30,34 +31,34 @@ TYPES = {
     "integer": ("iu", "integers"),
     "bool": ("b", "booleans"),
 }
-"""Letters and words of the types of numbers that :class:`Data` knows."""
+"""Type letters of NumPy and description of each ``kind`` of :class:`Data`."""
 Kind = Callable[..., Any]
-"""A class of a model."""
+"""Class of a part of a model."""
 Shape = tuple[int | str | None, ...]
 Sizes = dict[str, int | None]
-"""Sizes by the names that shapes have for them; None is not known and stays so."""
+"""Sizes by name; None if unknown."""
 
 
 @dataclass(frozen=True)
 class Data:
-    """Marks a field of a model's class, in its annotated type: how it is stored and what is checked.
+    """Mark of a field in its annotated type: storage in a file, and checks.
 
     Parameters
     ----------
     units : str
-        Of a dataset, as they stand in a file; a number without units is an attribute.
+        Units of a dataset in a file.  A number without units is an attribute.
     shape : tuple of int, str or None
-        Names of sizes have one value within a record; None stands for any size.
+        A named size has one value within a record; None is any size.
     kind : {"real", "field", "picture", "integer", "bool"}
-        Type of the numbers; a field is real or complex, and so is a picture, which files have in single precision.
+        Type of the numbers.  A field is real or complex.  So is a picture, in single precision in files.
     file : str
-        Place in a file, that of the field's name by default.  A star stands for the key of a mapping ("nd000" of nodal
-        diameter 0), or for each port of a body.
+        Path in a file, by default the name of the field.  A star is replaced by the key of a mapping ("nd000" for nodal
+        diameter 0), or by each port of a body.
     limits : Limits
-        Of every number.
+        Limits of all numbers.
     matrix : {"", "symmetric", "Hermitian", "skew-Hermitian"}
     derived : bool
-        Whether a file may leave it out, since it follows from other data.
+        Whether a file may omit it, since it follows from other data.
     """
 
     units: str = ""
@@ -70,17 +71,17 @@ class Data:
 
 
 class Item(NamedTuple):
-    """A field of a model's class.
+    """Field of a class of the model.
 
     Parameters
     ----------
     name : str
     kind : type
-        What the field, or each value of its mapping, is.
+        Type of the field, or of the values of its mapping.
     keys : type or None
-        Of its mapping.
+        Type of the keys, if the field is a mapping.
     optional, required : bool
-        Whether it may be None, and whether every file must have it.
+        Whether it may be None, and whether every file must contain it.
     data : Data
     """
 
@@ -93,7 +94,7 @@ class Item(NamedTuple):
 
     @property
     def file(self) -> str:
-        """Place in a file."""
+        """Path in a file."""
         return self.data.file or (f"{self.name}/*" if self.keys else self.name)
 
     @property
@@ -102,82 +103,81 @@ class Item(NamedTuple):
 
     @property
     def is_attribute(self) -> bool:
-        """Whether a file has it as an attribute."""
+        """Whether it is an attribute in a file."""
         return not (self.is_record or self.kind is np.ndarray or self.data.units)
 
     def place(self, key: object = "") -> str:
-        """Place in a file of the value of a key, of all ports of a body."""
+        """Return the path of the value of a key in a file, without the names of ports."""
         return self.file.replace("*", member(key)).rstrip("/")
 
 
 def member(key: object) -> str:
-    """How a file names a key of a mapping: nodal diameter 5 is "nd005"."""
+    """Return the name of a key of a mapping in a file: "nd005" for nodal diameter 5."""
     return f"nd{key:03d}" if isinstance(key, int | np.integer) else str(key)
 
 
 @cache
 def layout(cls: Kind) -> tuple[Item, ...]:
-    """The fields of a model's class, except for its name."""
+    """Return the fields of a class of the model, without its name."""
     return tuple(_item(cls, f) for f in fields(cast(Any, cls)) if f.name != "name")
 
 
-def _item(cls: Kind, own: Any) -> Item:
-    kind, optional, _ = found = declarations(cls)[own.name]
-    data = found.mark(Data) or Data()
+def _item(cls: Kind, field: Any) -> Item:
+    kind, optional, _ = declared = declarations(cls)[field.name]
+    data = declared.mark(Data) or Data()
     keys, kind = get_args(kind) if get_origin(kind) is Mapping else (None, kind)
     if np.ndarray is get_origin(kind) or NDArray in (kind, get_origin(kind)):  # the alias has an origin up to Python 3.11
         kind = np.ndarray
-    item = Item(own.name, kind, keys, optional, False, data)
-    given = own.default is not MISSING or own.default_factory is not MISSING
-    return item._replace(required=not (optional or data.derived or (given and not item.is_attribute)))
+    item = Item(field.name, kind, keys, optional, False, data)
+    default = field.default is not MISSING or field.default_factory is not MISSING
+    return item._replace(required=not (optional or data.derived or (default and not item.is_attribute)))
 
 
 def by_rank(cls: Kind) -> list[Item]:
-    """The fields of a model's class: vectors, which show sizes, before what has a part for each port, and records last."""
+    """Return the fields sorted: vectors (they show sizes), other arrays, arrays with one part per port, records."""
     return sorted(layout(cls), key=lambda i: (i.is_record, len(i.data.shape) > 1, i.keys is not None or "*" not in i.file))
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Records
+# ---- Records ----
 
 
 def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = None) -> None:
-    """Check a record against the annotated types of its class, but not the records in it.
+    """Check a record by the annotated types of its class, without the records that it contains.
 
     Parameters
     ----------
     record : object
     kind : type
-        What it has to be.
+        Required type.
     item : str
-        What messages call it.
+        Name in messages.
     sizes : dict of str to int, optional
-        Sizes that are known.
+        Known sizes.
     """
     check_type(record, cast(type, kind), item)
     known = dict(sizes or {})
-    for own in by_rank(kind):
-        value = getattr(record, own.name)
-        if own.is_record or (value is None and own.optional):
+    for field in by_rank(kind):
+        value = getattr(record, field.name)
+        if field.is_record or (value is None and field.optional):
             continue
-        if own.is_attribute:
-            _check_attribute(value, own, f"{item}/@{own.file}")
+        if field.is_attribute:
+            _check_attribute(value, field, f"{item}/@{field.file}")
             continue
-        if own.keys is not None:
-            check_type(value, Mapping, f"{item}/{own.place()}")
-        for key, part in value.items() if own.keys is not None else (("", value),):
-            _check_data(part, own, f"{item}/{own.place(key)}", known)
+        if field.keys is not None:
+            check_type(value, Mapping, f"{item}/{field.place()}")
+        for key, part in value.items() if field.keys is not None else (("", value),):
+            _check_data(part, field, f"{item}/{field.place(key)}", known)
 
 
-def _check_attribute(value: object, own: Item, item: str) -> None:
-    if own.kind is int:
+def _check_attribute(value: object, field: Item, item: str) -> None:
+    if field.kind is int:
         check_integer(value, item)
-    elif own.kind is float:
-        _check_number(value, own.data, item)
-    elif own.kind is str:
+    elif field.kind is float:
+        _check_number(value, field.data, item)
+    elif field.kind is str:
         require(isinstance(value, str), item, "a text", repr(value))
-    elif get_origin(own.kind) is Literal:
-        require(value in get_args(own.kind), item, f"one of {list(get_args(own.kind))}", repr(value))
+    elif get_origin(field.kind) is Literal:
+        require(value in get_args(field.kind), item, f"one of {list(get_args(field.kind))}", repr(value))
 
 
 def _check_number(value: object, data: Data, item: str) -> None:
@@ -185,9 +185,9 @@ def _check_number(value: object, data: Data, item: str) -> None:
     require(good, item, f"a finite number {data.limits}", repr(value))
 
 
-def _check_data(array: object, own: Item, item: str, sizes: Sizes) -> None:
-    data = own.data
-    if own.kind is float:
+def _check_data(array: object, field: Item, item: str, sizes: Sizes) -> None:
+    data = field.data
+    if field.kind is float:
         _check_number(array, data, item)
         return
     check_array(array, known_shape(data.shape, sizes), item, data.kind)
@@ -200,19 +200,18 @@ def _check_data(array: object, own: Item, item: str, sizes: Sizes) -> None:
 
 
 def known_shape(shape: Shape, sizes: Sizes) -> tuple[int | None, ...]:
-    """A shape with the sizes that are known; None where a size is not."""
+    """Replace the names in a shape by known sizes, and by None if unknown."""
     return tuple(sizes.get(n) if isinstance(n, str) else n for n in shape)
 
 
 def learn(shape: Shape, found: tuple[int, ...], sizes: Sizes) -> None:
-    """Add the sizes that an array shows."""
+    """Add the named sizes of an array of shape ``found``."""
     for name, size in zip(shape, found):
         if isinstance(name, str):
             sizes.setdefault(name, size)
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Values
+# ---- Values ----
 
 
 def require(good: object, item: str, expected: str, found: object) -> None:
@@ -229,7 +228,7 @@ def check_type(value: object, expected: type, item: str) -> None:
 
 
 def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
-    """Type, shape (None stands for any size) and finiteness."""
+    """Check type, shape (None is any size) and finiteness."""
     if not isinstance(array, np.ndarray):
         raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
     letters, words = TYPES[kind]
@@ -241,18 +240,18 @@ def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: s
 
 
 def fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
-    """Whether a shape is the one expected; None stands for any size."""
+    """Return whether a shape has the expected sizes; None is any size."""
     return len(found) == len(expected) and all(e in (None, f) for e, f in zip(expected, found))
 
 
 def shape_text(shape: tuple[int | None, ...]) -> str:
-    """A shape in words, with "any" for a size that is free."""
+    """Return a shape as text, with "any" for None."""
     sizes = ", ".join("any" if n is None else str(n) for n in shape)
     return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
 
 
 def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
-    """Every element is good; otherwise name the first that is not."""
+    """Raise an error with the first element of ``array`` that is not good."""
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])

@@ -1,20 +1,27 @@
-"""From bodies to interfaces: the relative motion at all contact points as a function of modal coordinates.
+r"""Kinematics: motion of the bodies and relative motion at the contact points by modal coordinates (paper, Eqs 12 to 14).
 
-The motion of every body is a superposition of its modes (paper, Eq. (13)), and the relative motion of the two sides of an
-interface is their difference along the contact axes (Eq. (14)).  At harmonic ``l`` of engine order ``EO`` every sector
-repeats its neighbour with the phase ``l phi``, ``phi = 2 pi EO/N`` (Eqs (17), (18)).  A side of an interface that lies in
-sector ``s`` therefore moves as the port of the reference sector times ``exp(i l phi s)``, in contact axes that turn with
-the sector.  The columns of
+The equations of motion :math:`M \ddot X + C \dot X + K X = F_e(t) + F_n(X)` (12) are solved by modal superposition.  At
+harmonic :math:`l` the motion of a body is (13)
 
-    G_l = D (P_b Phi_b - P_a Phi_a),     D = diag(1, 1, -1) at each point,
+.. math:: u = \mathrm{Re} \sum_l \Phi\, q_l\, e^{i l \theta},
 
-give ``(u1, u2, v)_l = G_l q_l``; the phase is part of ``P``, and ``-G_l^H F_l`` is the modal contact force of Eq. (16).
+with elastic and, for free bodies, six rigid-body modes :math:`\Phi`.  Harmonic 0 is the mean position.  The relative motion
+of the two sides of an interface along the contact axes is their difference (14).  At harmonic :math:`l` of engine order
+:math:`EO` each sector follows its neighbour with the phase :math:`l\varphi`, :math:`\varphi = 2\pi EO/N` (17, 18).  A side
+in sector :math:`s` thus moves as in the reference sector times :math:`e^{i l \varphi s}`, along axes that turn with the
+sector:
 
-The wave ``l EO`` has the nodal diameter ``l EO mod N``; its modes are stored for ``d <= N/2`` and conjugated beyond.
+.. math:: (u_1, u_2, v)_l = G_l q_l, \qquad G_l = D (P_b \Phi_b - P_a \Phi_a), \qquad D = \mathrm{diag}(1, 1, -1).
 
-Static flexibility transforms with the same ``P``: what the retained modes of a body leave out is
+:math:`P` selects the contact points with this phase, and :math:`v` is positive if the surfaces approach.  The modal contact
+force of Eq. (16) is :math:`-G_l^H F_l`.  :meth:`Coupling.basis` returns :math:`G_l`.
 
-    R_res = D [ sum_bodies P (R - Phi Omega^-2 Phi^H) P^H ] D .
+The wave :math:`l\,EO` has the nodal diameter :math:`d = l\,EO \bmod N`.  The model contains :math:`d \le N/2`; other modes
+are complex conjugates of these.
+
+The residual flexibility of the omitted modes (for :mod:`bdamper.contact.stiffness`) uses the same :math:`P`,
+
+.. math:: R_{res} = D \Big[ \sum P\,(R - \Phi \Omega^{-2} \Phi^H)\,P^H \Big] D .
 """
 
 from __future__ import annotations
@@ -35,14 +42,17 @@ from bdamper.util.errors import ModelError, SettingError, say
 from bdamper.util.formatting import brief
 
 RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
-"""Rigid-body modes of a free body, along and about its own axes: Y along its load, Z along the axis of rotation."""
+"""Rigid-body modes of a free body, along and about its axes: Y along its load, Z along the axis of rotation."""
 STATIC = "static shape"
-"""First words of the names of coordinates that are none of a mode, but of the static shape of a force or response."""
+"""Beginning of the names of coordinates of static shapes."""
+
+
+# ---- Modal coordinates ----
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One modal coordinate: mode ``index`` of ``body``, called ``name``."""
+    """Modal coordinate: mode ``index`` of ``body``, with the name ``name``."""
 
     body: str
     index: int
@@ -50,27 +60,27 @@ class Coordinate:
 
     @property
     def is_mode(self) -> bool:
-        """Whether it is that of a mode, and of no static shape."""
+        """Whether the coordinate belongs to a mode and not to a static shape."""
         return not self.name.startswith(STATIC)
 
 
 @brief
 @dataclass(frozen=True)
 class HarmonicBasis:
-    """All modes that describe one harmonic, over all bodies.
+    """Modes of all bodies for one harmonic.
 
     Parameters
     ----------
     coordinates : tuple of Coordinate
     omega2, damping_ratio : (n_modes,) float
-        Modal stiffness (the squared natural frequency of a mass-normalised mode) and damping ratio.
+        Modal stiffness (squared natural frequency for modal mass 1) and damping ratio.
     mass : (n_modes,) float
-        Modal mass: 1 for modes of a body; that of the modes left out, which may be 0, for residual modes.
+        Modal mass: 1 for modes of a body, 0 or more for residual modes.
     G : (n_points, 3, n_modes) complex
-        Relative motion (u1, u2, v) at the contact points of all interfaces.
+        Relative motion (u1, u2, v) at the contact points of all interfaces for unit coordinates.
     nodal_diameter : int
     drag : (n_modes,) float or 0.0
-        Viscous modal damping besides that of the damping ratios.
+        Viscous modal damping in addition to the damping ratios.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -87,12 +97,15 @@ class HarmonicBasis:
 
     @property
     def damping(self) -> NDArray:
-        """(n_modes,) viscous modal damping."""
+        """Viscous modal damping (n_modes,)."""
         return np.asarray(2.0 * self.damping_ratio * np.sqrt(self.omega2 * self.mass) + self.drag)
 
 
+# ---- Rigid-body modes of free bodies, and retained modes ----
+
+
 def body_axes(body: Body) -> NDArray:
-    """(3, 3) rows X, Y, Z of the own axes of a free body: Y along its load, Z kept."""
+    """Return the body axes X, Y, Z of a free body as rows (3, 3): Y along its load, Z along the axis of rotation."""
     y = np.array([0.0, 1.0, 0.0]) if body.load is None else np.asarray(body.load.direction, float)
     z = np.array([0.0, 0.0, 1.0])
     x = np.cross(y, z)
@@ -100,7 +113,7 @@ def body_axes(body: Body) -> NDArray:
 
 
 def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
-    """Principal moments (3,), kg m2, and axes (3, 3) in rows of a free body, in the order of its own X, Y, Z."""
+    """Return principal moments (3,), kg m2, and axes as rows (3, 3) of a free body, in the order of its body axes."""
     assert body.inertia is not None
     axes = body_axes(body)
     moments, principal = np.linalg.eigh(body.inertia)
@@ -110,21 +123,21 @@ def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
 
 
 def standard_rigid_modes(model: Model, body: Body) -> Body:
-    """The same free body with its rigid-body modes turned into translations along and rotations about its own axes.
+    """Replace the rigid-body modes of a free body by translations along and rotations about its body axes.
 
-    Rotations are about the principal axes of inertia nearest to X, Y, Z, through the centre of mass, so that the six
-    modes stay mass-normalised and orthogonal.
+    The rotations are about the principal axes of inertia closest to X, Y, Z, through the centre of mass, so that the modes
+    remain mass-normalised and orthogonal.
     """
     assert body.mass is not None and body.centre is not None
     moments, turn = principal_axes(body)
     basis = body.bases[0]
     points = np.concatenate([model.interfaces[name].points for name, _ in body.ports])
     frames = np.concatenate([model.interfaces[name].frame for name, _ in body.ports])
-    own, turning = body_axes(body) / np.sqrt(body.mass), turn / np.sqrt(moments)[:, None]
-    motion = rigid_motions(points, body.centre, own, turning).reshape(-1, 3, 6)
-    # two products that round in their own ways, as in earlier versions: folds feel the last digit
+    translation, rotation = body_axes(body) / np.sqrt(body.mass), turn / np.sqrt(moments)[:, None]
+    motion = rigid_motions(points, body.centre, translation, rotation).reshape(-1, 3, 6)
+    # two kinds of products keep the rounding of earlier versions, to which folds are sensitive
     rigid = np.concatenate([frames @ motion[..., :3], np.einsum("pij,pjk->pik", frames, motion[..., 3:])], axis=2)
-    # the stored modes span the same space: old @ change = new
+    # both sets of modes span the same space: stored @ change = new
     change = np.linalg.lstsq(basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
     modes = basis.contact_modes.copy()
     modes[..., :6] = rigid
@@ -137,21 +150,68 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     return replace(body, bases={0: replace(basis, contact_modes=modes, locations=locations)}, load=load)
 
 
+def _mode_name(body: Body, index: int) -> str:
+    if body.kind == "free":
+        return RIGID_NAMES[index] if index < 6 else f"elastic {index - 5}"
+    natural = body.bases[0].n_natural
+    return f"mode {index + 1}" if index < natural else f"{STATIC} {index - natural + 1}"
+
+
+def retained_modes(
+    model: Model, blade_modes: int, damper_modes: Mapping[str, int], rigid: Sequence[str] = RIGID_NAMES
+) -> dict[str, NDArray]:
+    """Return the indices of the retained modes of each body.
+
+    Parameters
+    ----------
+    blade_modes : int
+        Number of modes of each constrained body.
+    damper_modes : mapping of body name to int
+        Number of elastic modes of each free body.
+    rigid : sequence of str
+        Rigid-body modes of free bodies, from :data:`RIGID_NAMES`.
+
+    Raises
+    ------
+    SettingError
+        If a name is unknown or the model has fewer modes.
+    """
+    unknown = [name for name in rigid if name not in RIGID_NAMES]
+    validation.require(not unknown, "rigid-body modes", f"names out of {RIGID_NAMES}", unknown)
+    out = {}
+    for body in model.bodies.values():
+        if body.kind == "constrained":
+            have = min(basis.n_natural for basis in body.bases.values())
+            validation.require(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
+            out[body.name] = np.arange(blade_modes)
+        elif body.kind == "free":
+            have, elastic = body.bases[0].n_modes - 6, damper_modes[body.name]
+            validation.require(0 <= elastic <= have, "damper_modes", f"0 to {have} (body '{body.name}')", elastic)
+            indices = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
+            out[body.name] = np.array(indices + list(range(6, 6 + elastic)), int)
+        elif body.kind == "lumped":
+            out[body.name] = np.arange(body.bases[0].n_modes)
+    return out
+
+
+# ---- Relative motion at the contact points (Eqs 13 and 14) ----
+
+
 @brief
 @dataclass(frozen=True)
 class Coupling:
-    """A model with a choice of modes and interfaces, ready to give the matrices of any harmonic.
+    """Selection of modes and interfaces of a model, with the matrices of each harmonic.
 
     Parameters
     ----------
     model : Model
     interfaces : tuple of str
-        Interfaces that take part, in the order of the stacked contact points.
+        Active interfaces in the order of the stacked contact points.
     modes : mapping of body name to (n,) int
         Retained modes of each body.
     engine_order : int
     fundamental_modes_only : bool
-        Use the modes of the fundamental's nodal diameter for every harmonic, as the paper does.
+        Use the modes of the nodal diameter of the fundamental for every harmonic, as the paper does.
     """
 
     model: Model
@@ -166,33 +226,33 @@ class Coupling:
 
     @cached_property
     def interface_of(self) -> tuple[str, ...]:
-        """(n_points,) name of the interface of each contact point."""
+        """Interface name of each contact point, (n_points,)."""
         return tuple(name for name in self.interfaces for _ in range(self.model.interfaces[name].n_points))
 
     def rows(self, interface: str) -> slice:
-        """Rows of one interface among the stacked contact points."""
+        """Return the rows of one interface among the stacked contact points."""
         first = self.interface_of.index(interface)
         return slice(first, first + self.model.interfaces[interface].n_points)
 
     @property
     def friction_faces(self) -> tuple[str, ...]:
-        """The interfaces with friction."""
+        """Interfaces with friction."""
         return tuple(name for name in self.interfaces if self.model.interfaces[name].kind == "friction")
 
     @property
     def friction_rows(self) -> NDArray:
-        """(n,) int: their points among the stacked ones."""
+        """Rows (n,) of all friction interfaces among the stacked contact points."""
         numbers = np.arange(self.n_points)
         return np.concatenate([np.zeros(0, int), *(numbers[self.rows(name)] for name in self.friction_faces)])
 
     @property
     def spring_points(self) -> NDArray:
-        """(n_points,) bool: linear springs that are a part of the bodies."""
+        """(n_points,) bool: points of linear springs that are part of the bodies."""
         faces = [self.model.interfaces[name] for name in self.interfaces]
         return np.repeat([face.kind == "spring" for face in faces], [face.n_points for face in faces])
 
     def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:
-        """Bodies that move, each with its basis of a harmonic and its retained modes."""
+        """Iterate over the bodies except the ground, with basis and retained modes at a harmonic."""
         for body in self.model.bodies.values():
             if body.kind != "ground":
                 yield body, self._basis(body, harmonic), np.asarray(self.modes[body.name])
@@ -208,14 +268,25 @@ class Coupling:
             raise SettingError(
                 f"body '{body.name}': harmonic {harmonic} of engine order {self.engine_order} needs nodal diameter "
                 f"{d}, the model has {sorted(body.bases)}; set engine_order, or use fewer harmonics, or "
-                "fundamental_modes_only=True to describe every harmonic by the modes of the first"
+                "fundamental_modes_only=True to use the modes of the first harmonic for all"
             )
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 
     def placed(self, body: Body, array: NDArray, harmonic: int, sectors: Collection[int] = (-1, 0, 1)) -> NDArray:
-        """(n_points, 3, n) relative motion of all contact points by the motion ``array`` of the ports of a body.
+        """Return the relative motion of all contact points for a motion of the ports of one body, Eq. (14).
 
-        ``sectors`` are those in which the ports lie that count.
+        Parameters
+        ----------
+        body : Body
+        array : (n_points of the body, 3, n) complex or float
+            Motion at the contact points of the body.
+        harmonic : int
+        sectors : collection of int
+            Only ports in these sectors contribute.
+
+        Returns
+        -------
+        (n_points, 3, n) complex
         """
         phase = 2.0 * np.pi * self.engine_order * harmonic / self.model.n_blades
         out = np.zeros((self.n_points, 3, array.shape[2]), complex)
@@ -223,13 +294,13 @@ class Coupling:
             face = self.model.interfaces[name]
             sector, sense = (face.sector_a, -1.0) if side == "a" else (face.sector_b, 1.0)
             if name in self.interfaces and sector in sectors:
-                own = array[self.model.port_slice(body.name, (name, side))]
-                out[self.rows(name)] += np.exp(1j * phase * sector) * (sense * own)
+                port = array[self.model.port_slice(body.name, (name, side))]
+                out[self.rows(name)] += np.exp(1j * phase * sector) * (sense * port)
         out[:, 2] *= -1.0
         return out
 
     def basis(self, harmonic: int) -> HarmonicBasis:
-        """Modes, stiffness and relative motion of one harmonic.
+        """Return modes, modal stiffness and relative motion G of one harmonic, Eqs (13) and (14).
 
         Raises
         ------
@@ -243,7 +314,7 @@ class Coupling:
             if body.kind == "constrained":
                 diameter, _ = self._nodal_diameter(harmonic)
             placed = self.placed(body, basis.contact_modes[..., keep], harmonic)
-            if harmonic == 0:  # the mean is real; with a single basis the real part of the modes describes it
+            if harmonic == 0:  # the mean position is real, also with the modes of the fundamental
                 placed = placed.real.astype(complex)
             G.append(placed)
             omega2.append(basis.omega2[keep])
@@ -262,32 +333,33 @@ class Coupling:
         )
 
     def no_basis(self) -> HarmonicBasis:
-        """Basis without modes, for a harmonic that is left out."""
+        """Return a basis without modes, for a harmonic without motion."""
         empty = np.zeros(0)
         return HarmonicBasis((), empty, empty, np.zeros((self.n_points, 3, 0), complex), 0, empty)
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
-        """(3, n_modes) motion along X, Y, Z of a named location by the modal coordinates of one harmonic.
+        """Return the motion along X, Y, Z of a location for unit modal coordinates of one harmonic, (3, n_modes).
 
-        Of a field of forces its rows; of "mode 1" the coordinate of that mode of the constrained body, in the first row.
+        For a field of forces these are its rows.  For "mode 1" the first row selects the coordinate of this mode of the
+        constrained body.
         """
         if location not in self.model.locations:
-            wanted = [(b.kind, f"mode {i + 1}") for b, _, keep in self._moving(harmonic) for i in keep]
-            return np.outer([1.0, 0.0, 0.0], [own == ("constrained", location) for own in wanted])
-        place = self.model.locations[location]
+            modes = [(b.kind, f"mode {i + 1}") for b, _, retained in self._moving(harmonic) for i in retained]
+            return np.outer([1.0, 0.0, 0.0], [mode == ("constrained", location) for mode in modes])
+        moving = self.model.locations[location].body
         columns = [
-            basis.locations[location][:, keep] if body.name == place.body else np.zeros((3, len(keep)))
-            for body, basis, keep in self._moving(harmonic)
+            basis.locations[location][:, retained] if body.name == moving else np.zeros((3, len(retained)))
+            for body, basis, retained in self._moving(harmonic)
         ]
         return np.concatenate(columns, axis=1)
 
     def residual_flexibility(self, harmonic: int) -> NDArray:
-        """(3 n_points, 3 n_points) Hermitian flexibility that the retained modes leave out, for (u1, u2, v), m/N.
+        """Return the flexibility of the omitted modes for (u1, u2, v), Hermitian (3 n_points, 3 n_points), m/N.
 
         Raises
         ------
         ModelError
-            If no body of the model carries its static flexibility at this nodal diameter.
+            If the model lacks a static flexibility at this nodal diameter.
         """
         n = 3 * self.n_points
         out = np.zeros((n, n), complex)
@@ -298,7 +370,7 @@ class Coupling:
                 d = 0 if body.kind == "free" else self._nodal_diameter(harmonic)[0]
                 raise ModelError(
                     f"body '{body.name}': contact stiffness needs its static flexibility at nodal diameter {d}, which "
-                    "the model does not have; give contact_stiffness as numbers instead"
+                    "the model lacks; set contact_stiffness to numbers"
                 )
             keep = keep[basis.omega2[keep] > 0.0]
             modes = basis.contact_modes[..., keep].reshape(basis.flexibility.shape[0], len(keep))
@@ -309,7 +381,7 @@ class Coupling:
         return 0.5 * (out + out.conj().T)
 
     def left_out_modes(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
-        """Elastic modes that the model has but the coupling does not retain.
+        """Return the elastic modes in the model that are not retained.
 
         Returns
         -------
@@ -319,15 +391,15 @@ class Coupling:
         """
         G, omega2, ratio = [], [], []
         for body, basis, keep in self._moving(harmonic):
-            rest = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), keep)
-            placed = self.placed(body, basis.contact_modes[..., rest], harmonic)
-            G.append(placed.reshape(3 * self.n_points, len(rest)))
-            omega2.append(basis.omega2[rest])
-            ratio.append(basis.damping_ratio[rest])
+            omitted = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), keep)
+            placed = self.placed(body, basis.contact_modes[..., omitted], harmonic)
+            G.append(placed.reshape(3 * self.n_points, len(omitted)))
+            omega2.append(basis.omega2[omitted])
+            ratio.append(basis.damping_ratio[omitted])
         return np.concatenate(G, axis=1), np.concatenate(omega2), np.concatenate(ratio)
 
     def constant_force(self) -> NDArray:
-        """(n_modes,) modal static force that does not scale with the load."""
+        """Return the modal static force (n_modes,) independent of the load."""
         forces = [
             np.zeros(len(keep)) if body.constant_force is None else body.constant_force[keep]
             for body, _, keep in self._moving(0)
@@ -335,12 +407,19 @@ class Coupling:
         return np.concatenate(forces)
 
     def load(self, shares: Mapping[str, float] | None = None) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,) and displacement (n_points, 3) of (u1, u2, v) that the retained elastic modes leave out.
+        """Return the static load of the free bodies.
 
         Parameters
         ----------
         shares : mapping of body name to float, N
-            Static load of bodies, none on those without a name here; 1 N on all that carry one by default.
+            Load on each body; 0 N for missing names.  By default 1 N on every loaded body.
+
+        Returns
+        -------
+        force : (n_modes,) float
+            Modal force.
+        displacement : (n_points, 3) float, m
+            Part of (u1, u2, v) that the retained elastic modes do not represent.
         """
         force = []
         displacement = np.zeros((self.n_points, 3))
@@ -352,15 +431,17 @@ class Coupling:
             force.append(share * body.load.generalised[keep])
             basis = body.bases[0]
             elastic = keep[basis.omega2[keep] > 0.0]
-            rest = body.load.displacement - (
+            omitted = body.load.displacement - (
                 basis.contact_modes[..., elastic].real @ (body.load.generalised[elastic] / basis.omega2[elastic])
             )
-            displacement += share * self.placed(body, rest[..., None], 0)[..., 0].real
+            displacement += share * self.placed(body, omitted[..., None], 0)[..., 0].real
         return np.concatenate(force), displacement
 
     def closing_by_rotation(self) -> NDArray:
-        """(n_points, 3) displacement of (u1, u2, v) by rotation (``bdamper.model.rotation.SpinStatic``), per squared
-        speed."""
+        """Return the displacement of (u1, u2, v) due to rotation per squared speed, (n_points, 3).
+
+        See :class:`bdamper.model.rotation.SpinStatic`.
+        """
         displacement = np.zeros((self.n_points, 3))
         for body in self.model.bodies.values():
             if body.spin is not None:
@@ -368,13 +449,16 @@ class Coupling:
         return displacement
 
 
+# ---- Centrifugal load, damping and flow ----
+
+
 def centrifugal_arms(model: Model) -> dict[str, float]:
-    """Newtons of centrifugal load on each loaded free body per squared rotor speed: mass times radius (kg m).
+    """Return mass times radius (kg m) of each loaded free body: its centrifugal load per squared rotor speed.
 
     Raises
     ------
     SettingError
-        If one of them lies on the axis.
+        If the centre of mass of one of them lies on the axis.
     """
     loaded = {b.name: b for b in model.bodies.values() if b.kind == "free" and b.load is not None}
     arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[index]
@@ -384,114 +468,75 @@ def centrifugal_arms(model: Model) -> dict[str, float]:
 
 
 def centrifugal_load(model: Model) -> float:
-    """Newtons on the first loaded free body per squared rotor speed (kg m), which the preload stands for at a speed.
+    """Return the centrifugal load of the first loaded free body per squared rotor speed (kg m): its preload at a speed.
 
     Raises
     ------
     SettingError
-        If no free body carries a load, or one lies on the axis.
+        If no free body carries a load, or if the centre of mass of one lies on the axis.
     """
     arms = centrifugal_arms(model)
     validation.require(arms, "rotor speed", "a free body off the axis that carries a load", "none")
     return next(iter(arms.values()))
 
 
-def _mode_name(body: Body, index: int) -> str:
-    if body.kind == "free":
-        return RIGID_NAMES[index] if index < 6 else f"elastic {index - 5}"
-    natural = body.bases[0].n_natural
-    return f"mode {index + 1}" if index < natural else f"{STATIC} {index - natural + 1}"
-
-
-def retained_modes(
-    model: Model, blade_modes: int, damper_modes: Mapping[str, int], rigid: Sequence[str] = RIGID_NAMES
-) -> dict[str, NDArray]:
-    """Indices of the retained modes of each body.
-
-    Parameters
-    ----------
-    blade_modes : int
-        Modes of each constrained body.
-    damper_modes : mapping of body name to int
-        Elastic modes of each free body, besides its rigid-body modes.
-    rigid : sequence of str
-        Rigid-body modes of free bodies that take part, from :data:`RIGID_NAMES`.
-    """
-    unknown = [name for name in rigid if name not in RIGID_NAMES]
-    validation.require(not unknown, "rigid-body modes", f"names out of {RIGID_NAMES}", unknown)
-    out = {}
-    for body in model.bodies.values():
-        if body.kind == "constrained":
-            have = min(basis.n_natural for basis in body.bases.values())
-            validation.require(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
-            out[body.name] = np.arange(blade_modes)
-        elif body.kind == "free":
-            have, own = body.bases[0].n_modes - 6, damper_modes[body.name]
-            validation.require(0 <= own <= have, "damper_modes", f"0 to {have} (body '{body.name}')", own)
-            keep = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
-            out[body.name] = np.array(keep + list(range(6, 6 + own)), int)
-        elif body.kind == "lumped":
-            out[body.name] = np.arange(body.bases[0].n_modes)
-    return out
-
-
 def damper_drag(
     model: Model, basis: HarmonicBasis, springs: NDArray, ratio: Mapping[str, float], drag: Mapping[str, float]
 ) -> dict[Coordinate, float]:
-    """Viscous modal damping of the coordinates of free bodies, rad/s.
+    """Return the viscous modal damping of the coordinates of free bodies, rad/s.
 
     Parameters
     ----------
     model : Model
     basis : HarmonicBasis
-        Of the mean; coordinates without inertia give way to the springs.
+        Basis of harmonic 0; coordinates without inertia act as springs in series.
     springs : (n_points, 3) float, N/m
-        Stuck contacts against which the bodies move, none where 0.
+        Contact stiffness in stick; 0 at open contacts.
     ratio : mapping of body name to float
-        Damping ratio of each motion by itself.
+        Damping ratio of each rigid-body motion on the contact springs alone.
     drag : mapping of body name to float, N s/m
-        On the translation of a body, in proportion to mass on its other motions.
+        Viscous damper on the translation of a body, proportional to mass for its other motions.
     """
-    held = springs.ravel() > 0.0
-    G = basis.G.real.reshape(-1, basis.n_modes)[held]
+    closed = springs.ravel() > 0.0
+    G = basis.G.real.reshape(-1, basis.n_modes)[closed]
     free = {i: c for i, c in enumerate(basis.coordinates) if c.body in model.bodies and model.bodies[c.body].kind == "free"}
-    yielding = [i for i, c in enumerate(basis.coordinates) if c.body not in model.bodies]
-    flexibility = np.diag(1.0 / springs.ravel()[held]) + G[:, yielding] / basis.omega2[yielding] @ G[:, yielding].T
-    own = G[:, list(free)]
-    frequency = np.sqrt((own * np.linalg.solve(flexibility, own)).sum(axis=0) + basis.omega2[list(free)])
+    residual = [i for i, c in enumerate(basis.coordinates) if c.body not in model.bodies]
+    flexibility = np.diag(1.0 / springs.ravel()[closed]) + G[:, residual] / basis.omega2[residual] @ G[:, residual].T
+    motion = G[:, list(free)]
+    frequency = np.sqrt((motion * np.linalg.solve(flexibility, motion)).sum(axis=0) + basis.omega2[list(free)])
     masses = {c: (w, model.bodies[c.body].mass) for c, w in zip(free.values(), frequency)}
     rates = {c: float(2.0 * ratio[c.body] * w + drag[c.body] / m) for c, (w, m) in masses.items() if m is not None}
     omega, rate = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))), max(rates.values(), default=0.0)
     if rate > omega:
         say(
-            f"damping of the damper: a rate of up to {rate:.3g} 1/s beside omega = {omega:.3g} rad/s of the lowest mode "
-            "drags every motion of the damper against the rotor"
+            f"damping of the damper: a rate of up to {rate:.3g} 1/s exceeds omega = {omega:.3g} rad/s of the lowest mode; "
+            "the damper cannot move freely relative to the rotor"
         )
     return rates
 
 
 def in_flow(basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wave: int) -> HarmonicBasis:
-    """Modes of constrained bodies in a flow: stiffness ``2 Re z omega^2`` and damping ``2 Im z omega`` besides their own.
+    """Add aerodynamic stiffness ``2 Re z omega^2`` and damping ``2 Im z omega`` to the modes of constrained bodies.
 
     Parameters
     ----------
     basis : HarmonicBasis
     model : Model
     flow : mapping of wave (0 to n_blades - 1) to complex
-        Relative shift of the frequency and damping ratio.
+        z: relative frequency shift and damping ratio.
     wave : int
-        Nodal diameters of the harmonic, any multiple of the engine order.
+        Number of nodal diameters of the harmonic, a multiple of the engine order.
 
     Raises
     ------
     SettingError
-        If a mode is left without damping, or without stiffness.
+        If a mode has negative damping or stiffness.
     """
     z: Any = flow.get(wave % model.n_blades, 0.0)
-    held = [name for name, body in model.bodies.items() if body.kind == "constrained"]
-    z = z * np.array([coordinate.body in held for coordinate in basis.coordinates])
+    blades = [name for name, body in model.bodies.items() if body.kind == "constrained"]
+    z = z * np.array([coordinate.body in blades for coordinate in basis.coordinates])
     drag = basis.damping + 2.0 * np.imag(z) * np.sqrt(basis.omega2)
-    expected = "modes with damping and stiffness left; study.flutter finds the limit cycles of others"
+    expected = "modes with positive damping and stiffness; study.flutter finds the limit cycles of others"
     good = (drag >= 0.0).all() and (np.real(z) > -0.5).all()
     validation.require(good, f"aerodynamic_damping at nodal diameter {wave % model.n_blades}", expected, "some without")
     none = np.zeros_like(basis.damping_ratio)

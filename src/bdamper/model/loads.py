@@ -1,4 +1,4 @@
-"""Where and along which direction a structure is excited, and its response read."""
+"""Location and direction of excitation and response, and aerodynamic influence coefficients."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from bdamper.util.formatting import plain
 
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
-    """Unit vector along a direction by name or components; ``what`` names it in errors."""
+    """Return the unit vector along a named direction or along three components; ``what`` is its name in errors."""
     directions = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
     if isinstance(value, str):
         if value not in directions:
-            near = validation.meant(value, directions)
-            raise SettingError(f"{what}: expected one of {tuple(directions)} or three numbers, found '{value}'{near}")
+            suggestion = validation.meant(value, directions)
+            raise SettingError(f"{what}: expected one of {tuple(directions)} or three numbers, found '{value}'{suggestion}")
         return np.array(directions[value])
     vector = validation.numbers(what, value, 3)
     validation.that(np.any(vector), what, "3 finite numbers, not all zero", value)
@@ -43,12 +43,12 @@ def _phase(name: str, value: float) -> float:
 def _excitations(name: str, value: Sequence[Excitation]) -> tuple[Excitation, ...]:
     for part in value:
         validation.instance(name, part, Excitation)
-        validation.that(not part.beside, name, "forces without others beside them", part)
+        validation.that(not part.beside, name, "single forces, not sums", part)
     return tuple(value)
 
 
 FIELD = np.array([1.0, -1.0j, 0.0])
-"""Along which the rows of a field of forces, its real and its imaginary part, make the modal force."""
+"""Direction for a field of forces: its rows are the real and the imaginary part."""
 Direction = Annotated[str | tuple[float, float, float], _direction]
 Location = Annotated[str, partial(validation.instance, kind=str, words="the name of a location")]
 
@@ -56,25 +56,24 @@ Location = Annotated[str, partial(validation.instance, kind=str, words="the name
 @validation.spelt
 @dataclass(frozen=True)
 class Excitation:
-    """A travelling-wave force of engine-order type on every blade; sums of them act together: ``one + other``.
+    """Travelling-wave force of engine-order type on every blade; the sum ``one + other`` applies both.
 
     Parameters
     ----------
     location : str
-        Of the model, or a field of nodal forces of the model by its name (``forces`` of
-        :func:`bdamper.importers.build_model`), or "mode 1", "mode 2", ... for a force on one mode of the constrained body
-        alone.
+        Location of the model, name of a field of nodal forces (``forces`` of :func:`bdamper.importers.build_model`), or
+        "mode 1", "mode 2", ... for a modal force on one mode of the constrained body.
     direction : {"tangential", "radial", "axial"} or three floats
-        Of a force at a location; fields and modes have none.
+        Direction of a force at a location; without effect on fields and modes.
     amplitude : float, N
-        Factor on a field; modal force in N kg^-1/2 on a mode.
+        Factor for a field; N kg^-1/2 for a modal force.
     phase : float, rad
         Phase of the force on the reference blade, ``amplitude cos(omega t + phase)``, from -2 pi to 2 pi.
     engine_order : int, optional
-        A multiple of that of the study, by default the same: a force of order ``h`` times that of the study acts on its
+        Multiple of the engine order of the study, equal to it by default.  With ``h`` times this order the force acts on
         harmonic ``h``.
     beside : tuple of Excitation
-        Forces that act together with this one; a change of ``amplitude`` leaves them.
+        Other forces of a sum; ``amplitude`` does not scale them.
     """
 
     location: Location
@@ -97,7 +96,7 @@ class Excitation:
 
     @property
     def shown(self) -> str:
-        """Location, direction and phase as a print shows them."""
+        """Location, direction and phase as text."""
         phase = f", phase {np.rad2deg(self.phase):.6g} degrees" if self.phase else ""
         return f"at {self.location} {plain(self.direction)}{phase}"
 
@@ -122,23 +121,24 @@ class Response:
 
 @validation.spelt
 def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[int, complex]:
-    """Aerodynamic damping of every nodal diameter from what the motion of one blade does to its neighbours.
+    """Convert influence coefficients to the aerodynamic damping of every nodal diameter.
 
     Parameters
     ----------
     given : mapping of int to complex
-        Influence coefficient of the blade so many sectors further on (0 its own, 1 and -1 its neighbours): real part a
-        relative shift of the frequency, imaginary part a damping ratio.
+        Influence coefficient of the blade at each sector offset (0 the blade itself, 1 and -1 its neighbours).  The real
+        part is a relative frequency shift, the imaginary part a damping ratio.
     n_blades : int
 
     Returns
     -------
-    dict of nodal diameter (0 to n_blades - 1, backward waves beyond half) to complex
+    dict of nodal diameter (0 to n_blades - 1, backward waves above n_blades/2) to complex
         ``sum_k z_k exp(2 pi i k d / n_blades)``, for the setting ``aerodynamic_damping``.
 
     Raises
     ------
     SettingError
+        If an offset is not an integer or a coefficient is not finite.
     """
     n = validation.whole("n_blades", n_blades, 1)
     for k, z in validation.instance("influence coefficients", given, Mapping, "a mapping of blades to numbers").items():

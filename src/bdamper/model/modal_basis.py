@@ -1,24 +1,22 @@
-r"""Modes of one body at one nodal diameter; :mod:`bdamper.model.structure` states the conventions.
+r"""Modes of one body at one nodal diameter, and the local basis of blade and disk for mistuned bladed disks.
 
-Rigid motions of points, and shapes with a definite phase.
+:mod:`bdamper.model.structure` describes the conventions.
 
-Coordinates of one blade on its disk in which a mistuned wheel is local.
-
-Every sector has its own coordinates, in the axes of its own blade: amplitudes of the modes of the blade clamped at its root
-(cantilever modes), of static shapes of forces at its contact points (attachments), and of shapes of the root, the interface
-of blade and disk.  The first two do not move the root, so that only the last reach the disk, which is given as a wave sees
-it: one Hermitian matrix of stiffness and one of mass for each nodal diameter,
+In the local basis each sector has coordinates along the axes of its blade: amplitudes of the modes of the blade clamped at
+its root (cantilever modes), of static shapes of forces at its contact points (attachment modes), and of shapes of the root,
+the interface of blade and disk.  Cantilever and attachment modes do not move the root, so only root shapes couple to the
+disk.  The disk has one Hermitian stiffness and mass matrix for each nodal diameter,
 
 .. math:: K(d) = K_B + K_D(d), \quad M(d) = M_B + M_D(d), \quad K_D(N - d) = \overline{K_D(d)} .
 
-A blade whose frequencies, clamped at the root, differ by the factor 1 + eps has the stiffness :math:`(1 + eps)^2 K_B`.
+A blade whose clamped frequencies differ by the factor 1 + eps has the stiffness :math:`(1 + eps)^2 K_B`.
 
-**Damping** is that of the modes of the tuned wheel, a ratio for each mode at every nodal diameter: the same rule as in a
-study of one sector, so that both have the same response.  As a matrix it is
+Damping is defined by the modes of the tuned disk, with a ratio for each mode at every nodal diameter.  A study of one
+sector uses the same rule, so both have the same response.  The damping matrix
 
-.. math:: C(d) = M \Phi\, \mathrm{diag}(2 \zeta \omega)\, \Phi^H M ,
+.. math:: C(d) = M \Phi\, \mathrm{diag}(2 \zeta \omega)\, \Phi^H M
 
-which couples neighbours, though little; it is meant to stay that of the tuned wheel when blades differ.
+couples neighbouring sectors slightly.  Mistuning does not change it.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ from bdamper.model.rotation import SpeedBasis
 from bdamper.util.formatting import brief
 from bdamper.util.validation import Limits
 
-# ---- Modes of one body at one nodal diameter;  ----
+# ---- Modal basis ----
 
 
 @brief
@@ -52,21 +50,20 @@ class ModalBasis:
     damping_ratio : (n_modes,) float
         Modal damping ratios; zero for rigid-body modes.
     contact_modes : (n_points, 3, n_modes) complex or float, kg^-1/2
-        Mass-normalised modes at the contact points of all ports of the body, in the order of ``Body.ports``,
-        components along t1, t2, n.
+        Mass-normalised modes at the contact points of all ports, in the order of ``Body.ports``, along t1, t2, n.
     locations : mapping of name to (3, n_modes) array, kg^-1/2
-        The modes at the named locations on this body, components along X, Y, Z.
+        Modes at the named locations on this body along X, Y, Z.
     flexibility : (3 n_points, 3 n_points) complex or float, m/N, optional
-        Hermitian static receptance of the full finite element model between the contact points, patch-averaged
-        force to patch-averaged displacement; for a free body, that of the elastic deformation with inertia relief
-        (orthogonal to the rigid-body modes in the mass matrix).
+        Hermitian static receptance of the full finite element model between the contact points: patch-averaged displacement
+        for patch-averaged force.  For a free body it is the elastic deformation with inertia relief, orthogonal to the
+        rigid-body modes in the mass matrix.
     drag : (n_modes,) float, 1/s, optional
-        Viscous damping besides that of the damping ratios: of modes without stiffness, or beyond critical damping.
+        Viscous damping in addition to the damping ratios, for modes without stiffness or beyond critical damping.
     speed : SpeedBasis, optional
-        How stiffness and flexibility change with rotor speed.
+        Change of stiffness and flexibility with rotor speed.
     static_shapes : int, optional
-        How many of the last modes are none, but static shapes of forces at the locations, orthogonal to all modes and to
-        each other: the flexibility of the locations beside the modes (:mod:`bdamper.model.residual_vectors`).
+        Number of static shapes at the end of the modes.  They represent the remaining flexibility of the locations,
+        orthogonal to all modes and to each other (:mod:`bdamper.model.residual_vectors`).
     """
 
     omega2: Annotated[NDArray, Data("rad2/s2", ("n_modes",))]
@@ -80,16 +77,16 @@ class ModalBasis:
 
     @property
     def n_modes(self) -> int:
-        """Modes and static shapes."""
+        """Number of modes and static shapes."""
         return len(self.omega2)
 
     @property
     def n_natural(self) -> int:
-        """Modes without the static shapes behind them."""
+        """Number of modes without static shapes."""
         return len(self.omega2) - (self.static_shapes or 0)
 
     def conjugate(self) -> ModalBasis:
-        """Conjugate basis (nodal diameter ``N - d``)."""
+        """Return the complex conjugate basis (nodal diameter ``N - d``)."""
         return replace(
             self,
             contact_modes=self.contact_modes.conj(),
@@ -99,27 +96,27 @@ class ModalBasis:
         )
 
     def with_speed(
-        self, stiffness2: NDArray, residual2: NDArray | None = None, omega_ref: float = 0.0, **rest: Any
+        self, stiffness2: NDArray, residual2: NDArray | None = None, omega_ref: float = 0.0, **others: Any
     ) -> ModalBasis:
-        """The basis, which belongs to the speed ``omega_ref``, with data over speed; those of standstill follow from it.
+        """Add data over speed to the basis, which is valid at the speed ``omega_ref``; derive the data at standstill.
 
-        Parameters as in :class:`~bdamper.model.rotation.SpeedBasis`.
+        For the parameters see :class:`~bdamper.model.rotation.SpeedBasis`.
         """
         residual0 = None
         if residual2 is not None and self.flexibility is not None:
             shapes = self.contact_modes.reshape(len(self.flexibility), -1)
             residual0 = self.flexibility - (shapes / self.omega2) @ shapes.conj().T - omega_ref**2 * residual2
         stiffness0 = np.diag(self.omega2).astype(stiffness2.dtype) - omega_ref**2 * stiffness2
-        return replace(self, speed=SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **rest))
+        return replace(self, speed=SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **others))
 
     def at_speed(self, omega: float) -> tuple[ModalBasis, NDArray]:
-        """The basis at a rotor speed (rad/s), in the order of this one.
+        """Return the basis at a rotor speed (rad/s), with the modes in the same order.
 
         Returns
         -------
         basis : ModalBasis
         shapes : (n_modes, n_modes)
-            Its modes as combinations of those of this basis.
+            Modes at this speed as combinations of the modes of this basis.
         """
         speed = self.speed
         if speed is None or omega == speed.omega_ref:
@@ -134,72 +131,70 @@ class ModalBasis:
         locations = {name: modes @ shapes for name, modes in self.locations.items()}
         damping, turned = self.damping_ratio, speed.turned(omega, shapes)
         static = self.static_shapes
-        made = ModalBasis(omega2, damping, contact, locations, flexibility, speed=turned, static_shapes=static)
-        return made, shapes
+        basis = ModalBasis(omega2, damping, contact, locations, flexibility, speed=turned, static_shapes=static)
+        return basis, shapes
 
 
-# ---- Rigid motions of points, and shapes with a definite phase ----
+# ---- Rigid-body motion and phase of shapes ----
 
 
 def rigid_motions(points: NDArray, centre: NDArray, axes: NDArray, turning: NDArray | None = None) -> NDArray:
-    """Unit translations along the rows of ``axes`` (3, 3) and rotations about those of ``turning``: (3 n_points, 6).
+    """Return unit translations along ``axes`` and rotations about ``turning`` as columns, (3 n_points, 6).
 
     Parameters
     ----------
     points : (n_points, 3) float, m
     centre : (3,) float, m
-        On the axes of rotation.
+        Point on the axes of rotation.
     axes, turning : (3, 3) float
-        Rotations are about ``axes``, too, by default.
+        Axes as rows; ``turning`` is ``axes`` by default.
     """
     turned = np.cross((axes if turning is None else turning)[:, None], points - centre).transpose(1, 2, 0)
     return np.ascontiguousarray(np.concatenate([np.broadcast_to(axes.T, turned.shape), turned], axis=2)).reshape(-1, 6)
 
 
 def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
-    """Give each column a definite phase: ``u^T M u`` real and positive, the largest component positive.
+    """Normalise the phase of each column: ``u^T M u`` real and positive, the largest component positive.
 
-    Rows in which vectors are unknown (NaN) decide nothing.
-
-    The first makes the mode as real as it can be, and unlike a rule on one component it cannot jump when two
-    components are about equally large; the second decides the remaining sign.
+    The first condition makes the mode as real as possible.  Unlike a rule for one component it is continuous if two
+    components are about equally large.  The second condition fixes the sign.  NaN components have no influence.
     """
     known = np.nan_to_num(vectors)
     if np.iscomplexobj(vectors):
         square = np.einsum("ij,ij->j", known, mass @ known)
         turn_back = np.exp(-0.5j * np.angle(square))
         vectors, known = vectors * turn_back, known * turn_back
-    # In a symmetric body several components are equally large up to rounding: take the first of them.
+    # in a symmetric body several components are equally large up to rounding: use the first of them
     size = np.abs(known)
     first = (size > (1.0 - 1e-6) * size.max(axis=0)).argmax(axis=0)
     largest = np.take_along_axis(known, first[None], axis=0)[0]
     return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
 
 
-# ---- Coordinates of one blade on its disk in which a mistuned wheel is local ----
+# ---- Local basis of blade and disk ----
 
 
 @brief
 @dataclass(frozen=True)
 class LocalBasis:
-    """One blade and the disk, in the coordinates of the module's docstring: cantilever modes, attachments, interface.
+    """Blade and disk in local coordinates: cantilever modes, attachment modes, root shapes.
 
-    Shapes are given in kg^-1/2, so that coordinates are those of mass-normalised modes; n is the number of coordinates,
-    ``n_cantilever + n_attachment + n_interface``.
+    Shapes have the unit kg^-1/2, so coordinates have the unit of mass-normalised modes.  The number of coordinates is
+    n = ``n_cantilever + n_attachment + n_interface``.
 
     Parameters
     ----------
     region : str
-        What counts as the blade, in words.
+        Description of the part of the sector that is the blade.
     omega2 : (n_cantilever,) float, rad2/s2
         Squared frequencies of the blade clamped at its root.
     damping_ratio : (n,) float
-        Of the modes of the tuned wheel, in the order of their frequencies, at every nodal diameter.
+        Damping ratios of the modes of the tuned disk in ascending order of frequency, at every nodal diameter.
     blade_stiffness, blade_mass : (n, n) float, rad2/s2 and 1
     disk_stiffness, disk_mass : (N // 2 + 1, n_interface, n_interface) complex, rad2/s2 and 1
-        Hermitian, on the coordinates of the interface; real at nodal diameters 0 and N/2.
+        Hermitian, for the root shapes; real at nodal diameters 0 and N/2.
     contact_modes : (n_points, 3, n) float, kg^-1/2
-        Shapes at the contact points, as in :class:`~bdamper.model.modal_basis.ModalBasis`.
+        Shapes at the contact points, see :class:`~bdamper.model.modal_basis.ModalBasis`.
     locations : mapping of name to (3, n) array, kg^-1/2
     flexibility : (3 n_points, 3 n_points) float, m/N, optional
         Static receptance between the contact points of the full blade clamped at its root.
@@ -234,11 +229,11 @@ class LocalBasis:
         return self.n - self.n_cantilever - self.n_interface
 
     def stiffness(self, d: int) -> NDArray:
-        """K(d), (n, n) Hermitian, real where the disk's is; nodal diameters 0 to N/2."""
+        """Return K(d), (n, n) Hermitian, real if the disk matrix is; nodal diameters 0 to N/2."""
         return self._with_disk(self.blade_stiffness, self.disk_stiffness[d])
 
     def mass(self, d: int) -> NDArray:
-        """M(d), (n, n), likewise."""
+        """Return M(d), (n, n) Hermitian, real if the disk matrix is."""
         return self._with_disk(self.blade_mass, self.disk_mass[d])
 
     def _with_disk(self, blade: NDArray, disk: NDArray) -> NDArray:
@@ -248,31 +243,31 @@ class LocalBasis:
         return out
 
     def modes(self, d: int) -> tuple[NDArray, NDArray]:
-        """Squared frequencies (n,) and mass-normalised modes (n, n) of the tuned wheel, with a definite phase."""
+        """Return squared frequencies (n,) and mass-normalised modes (n, n) of the tuned disk, with normalised phase."""
         omega2, phi = eigh(self.stiffness(d), self.mass(d))
         return omega2, fix_phase(phi, self.mass(d).real)
 
     def damping(self, d: int, ratio: NDArray | float | None = None) -> NDArray:
-        """C(d), (n, n) Hermitian, of these damping ratios (n,) of the tuned wheel's modes or the basis' own, 1/s."""
+        """Return C(d), (n, n) Hermitian, 1/s, for damping ratios (n,) of the tuned disk; by default those of the basis."""
         omega2, phi = self.modes(d)
         weighted = self.mass(d) @ phi
         ratio = self.damping_ratio if ratio is None else ratio
         return np.asarray((weighted * (2.0 * ratio * np.sqrt(omega2))) @ weighted.conj().T)
 
     def residual_flexibility(self) -> NDArray | None:
-        """Flexibility (3 n_points, 3 n_points) of the blade that the coordinates leave out, m/N; of each sector alone."""
+        """Return the flexibility (3 n_points, 3 n_points), m/N, of a blade that the coordinates do not represent."""
         if self.flexibility is None:
             return None
-        own = self.n - self.n_interface
-        shapes = self.contact_modes.reshape(-1, self.n)[:, :own]
-        return np.asarray(self.flexibility - shapes @ np.linalg.solve(self.blade_stiffness[:own, :own], shapes.T))
+        clamped = slice(self.n - self.n_interface)
+        shapes = self.contact_modes.reshape(-1, self.n)[:, clamped]
+        return np.asarray(self.flexibility - shapes @ np.linalg.solve(self.blade_stiffness[clamped, clamped], shapes.T))
 
     def nodal_diameter(self, d: int) -> ModalBasis:
-        """All n modes of the tuned wheel at a nodal diameter from 0 to N/2."""
+        """Return all n modes of the tuned disk at a nodal diameter from 0 to N/2."""
         omega2, phi = self.modes(d)
-        contact, rest = self.contact_modes @ phi, self.residual_flexibility()
-        if rest is not None:
+        contact, flexibility = self.contact_modes @ phi, self.residual_flexibility()
+        if flexibility is not None:
             flat = contact.reshape(-1, self.n)
-            rest = rest + (flat / omega2) @ flat.conj().T
-        places = {name: shapes @ phi for name, shapes in self.locations.items()}
-        return ModalBasis(omega2, self.damping_ratio.copy(), contact, places, rest)
+            flexibility = flexibility + (flat / omega2) @ flat.conj().T
+        locations = {name: shapes @ phi for name, shapes in self.locations.items()}
+        return ModalBasis(omega2, self.damping_ratio.copy(), contact, locations, flexibility)

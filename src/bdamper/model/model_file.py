@@ -1,18 +1,11 @@
-"""The model file: a :class:`~bdamper.model.structure.Model` in HDF5.
+"""Model file: :class:`~bdamper.model.structure.Model` in HDF5.
 
-The layout follows the classes one to one, by their annotated types (:class:`bdamper.model.fields.Data`), and is described
-in ``docs/model-file.md``, with an example of how to write such a file with h5py alone.  The reader checks the container:
-which groups and datasets there must be, of which type, in which units.  The numbers are checked by
-``bdamper.model.validation.check_model``, for files and for models built in memory alike.
+The groups and datasets follow the annotated types of the classes (:class:`bdamper.model.fields.Data`).
+``docs/model-file.md`` describes the format, with an example of a file written by h5py alone.  The reader checks names,
+types, units and shapes.  ``bdamper.model.validation.check_model`` checks the numbers, for files and models in memory.
 
-A file holds all its data: links to other files, external storage and virtual datasets are refused, and so is every name
-that is not part of the format, since a misspelt optional dataset would otherwise go unnoticed.  Additional attributes are
-ignored.
-
-Records of a model in groups of an HDF5 file, written and read by the annotated types of their classes.
-
-Where each field stands, in which units and of which shape, says :class:`bdamper.model.fields.Data`; units, types and what
-there must be are checked as a file is read.
+A file must contain all its data.  Links to other files, external storage and virtual datasets are errors.  Unknown names
+are errors as well, since a misspelt optional dataset would have no effect.  Additional attributes are ignored.
 """
 
 from __future__ import annotations
@@ -51,17 +44,12 @@ from bdamper.util.errors import ModelError
 from bdamper.util.storage import MOST_EXPANDED, enter_reader, opened, written
 from bdamper.util.validation import declarations
 
-# ---- Records of a model in groups of an HDF5 file, written and read by the annotated types of t ----
+# ---- Writing records ----
 
-
-COMPRESS_FROM = 4096  # bytes; below this a dataset is stored plainly
+COMPRESS_FROM = 4096  # bytes; smaller datasets are not compressed
 LOCAL_SIZES = ("n_cantilever", "n_attachment", "n_interface")
 _SINGLE = {"f": np.float32, "c": np.complex64}
 _NATIVE = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
-
-
-# -----------------------------------------------------------------------------------------------------------
-# Writing
 
 
 def write_record(group: h5py.Group, record: object, ports: Mapping[str, slice] | None = None) -> None:
@@ -87,30 +75,30 @@ def write_record(group: h5py.Group, record: object, ports: Mapping[str, slice] |
             _write_attribute(group, item, value)
             continue
         head, star, tail = item.file.rpartition("*") if "*" in item.file else ("", "", item.file)
-        own = new_group(group, head[:-1]) if head else group
+        parent = new_group(group, head[:-1]) if head else group
         parts = value if item.keys else {name: value[rows] for name, rows in (ports or {}).items()} if star else {"": value}
         for key, part in parts.items():
             name = member(key) + tail
             if item.is_record:
-                write_record(new_group(own, name), part, ports)
+                write_record(new_group(parent, name), part, ports)
             else:
-                write_array(own, name, np.asarray(part), item.data)
+                write_array(parent, name, np.asarray(part), item.data)
 
 
 def _without_derived(basis: ModalBasis, speed: SpeedBasis) -> SpeedBasis:
-    """Data over speed without the matrices of standstill that follow from the basis."""
-    follows: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
-    known = [key for key in ("stiffness0", "residual0") if np.array_equal(getattr(speed, key), getattr(follows, key))]
-    return replace(speed, **dict.fromkeys(known))  # type: ignore[arg-type]
+    """Remove the matrices at standstill that follow from the basis."""
+    derived: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
+    equal = [key for key in ("stiffness0", "residual0") if np.array_equal(getattr(speed, key), getattr(derived, key))]
+    return replace(speed, **dict.fromkeys(equal))  # type: ignore[arg-type]
 
 
 def new_group(parent: h5py.Group, name: str) -> h5py.Group:
-    """A subgroup that remembers the order of its members, so that a model comes back in the order it had."""
+    """Create a subgroup that stores the order of its members."""
     return parent.create_group(name, track_order=True)
 
 
 def write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> None:
-    """A dataset with its units."""
+    """Write a dataset with its units."""
     array = array.astype(_SINGLE[array.dtype.kind]) if data.kind == "picture" else array
     large = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
     dataset = group.create_dataset(name, data=array, **large if array.nbytes > COMPRESS_FROM else {})
@@ -118,7 +106,7 @@ def write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> Non
 
 
 def _write_attribute(group: h5py.Group, item: Item, value: Any) -> None:
-    """A text or a number; the ports of a body are texts."""
+    """Write a text or a number; ports of a body as texts."""
     if get_origin(item.kind) is tuple:
         write_text(group, item.file, [".".join(port) for port in value])
     elif item.kind in (int, float):
@@ -128,35 +116,35 @@ def _write_attribute(group: h5py.Group, item: Item, value: Any) -> None:
 
 
 def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str | list[str]) -> None:
-    """A text attribute, or one of several texts, of fixed length: simple to read from C, Fortran or MATLAB.
+    """Write one text or several texts as an attribute of fixed length.
 
-    HDF5 keeps texts of variable length in a heap whose reader can run on forever if a byte of it is damaged.
+    C, Fortran and MATLAB read fixed lengths easily.  HDF5 stores texts of variable length in a heap; with a damaged byte
+    reading it may not terminate.
     """
     encoded = np.array(text.encode() if isinstance(text, str) else [part.encode() for part in text], dtype="S")
     owner.attrs.create(name, encoded, dtype=h5py.string_dtype(length=encoded.dtype.itemsize or 1))
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Reading
+# ---- Reading records ----
 
 
 def place(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
-    """How a message names something in a file: ``file: /path/in/the/file``."""
+    """Return the path of an object for messages, ``file: /path/in/the/file``."""
     path = f"{parent.name.rstrip('/')}/{name}" if name else parent.name
     return f"{parent.file.filename}: {path}"
 
 
 def read_record(group: h5py.Group, kind: Kind, sizes: Sizes | None = None, ports: Mapping[str, int] | None = None) -> Any:
-    """The record that :func:`write_record` has written.
+    """Read a record written by :func:`write_record`.
 
     Parameters
     ----------
     group : h5py.Group
     kind : dataclass
     sizes : dict of str to int, optional
-        Sizes that are known.
+        Known sizes.
     ports : mapping of name to int, optional
-        Contact points of each port of the body.
+        Number of contact points of each port of the body.
     """
     sizes = dict(sizes or {})
     if kind is LocalBasis:
@@ -169,8 +157,8 @@ def read_record(group: h5py.Group, kind: Kind, sizes: Sizes | None = None, ports
         if item.is_attribute:
             if item.required or item.file in group.attrs:
                 values[item.name] = read_attribute(group, item)
-        elif (found := _read_item(group, item, sizes, ports or {})) is not None:
-            values[item.name] = found
+        elif (value := _read_item(group, item, sizes, ports or {})) is not None:
+            values[item.name] = value
     if kind is SpeedBasis:
         return values
     speed = values.pop("speed", None)
@@ -178,7 +166,7 @@ def read_record(group: h5py.Group, kind: Kind, sizes: Sizes | None = None, ports
 
 
 def _check_names(group: h5py.Group, items: Iterable[Item]) -> None:
-    """Everything that must be in a group of a record is there, and nothing else."""
+    """Check that the group of a record contains all required names and no unknown ones."""
     diameters = diameter_groups(group).values()
     stored = [(item.required, *item.file.partition("/")[::2]) for item in items if not item.is_attribute]
     names = [name for _, head, _ in stored for name in (diameters if head == "*" else [head])]
@@ -190,22 +178,22 @@ def _check_names(group: h5py.Group, items: Iterable[Item]) -> None:
 
 
 def _read_item(group: h5py.Group, item: Item, sizes: Sizes, ports: Mapping[str, int]) -> Any:
-    """The value of a field; None if the file has none."""
+    """Return the value of a field, or None if it is missing."""
     if "*" not in item.file:
         return _read_value(group, item.file, item, sizes, ports) if item.file in group else None
     head, _, tail = item.file.partition("*")
     if head and head[:-1] not in group:
         return None
-    own = subgroup(group, head[:-1]) if head else group
+    parent = subgroup(group, head[:-1]) if head else group
     if item.keys is None:
-        check_members(own, ports, [])
+        check_members(parent, ports, [])
         shape = known_shape(item.data.shape[1:], sizes)
-        parts = [_read_value(own, name, item, sizes | {"n_points": n}, ports) for name, n in ports.items()]
+        parts = [_read_value(parent, name, item, sizes | {"n_points": n}, ports) for name, n in ports.items()]
         return np.concatenate([np.zeros((0, *(n or 0 for n in shape))), *parts])
-    names = diameter_groups(own) if item.keys is int else {name: name for name in own}
+    names = diameter_groups(parent) if item.keys is int else {name: name for name in parent}
     if head:
-        check_members(own, [], names.values())
-    return {key: _read_value(own, n + tail, item, sizes, ports) for key, n in names.items() if n + tail in own}
+        check_members(parent, [], names.values())
+    return {key: _read_value(parent, n + tail, item, sizes, ports) for key, n in names.items() if n + tail in parent}
 
 
 def _read_value(group: h5py.Group, name: str, item: Item, sizes: Sizes, ports: Mapping[str, int]) -> Any:
@@ -217,22 +205,22 @@ def _read_value(group: h5py.Group, name: str, item: Item, sizes: Sizes, ports: M
 
 
 def _with_speed(group: h5py.Group, basis: ModalBasis, speed: dict[str, Any]) -> ModalBasis:
-    """The basis with its data over speed; those of standstill follow from it."""
-    one, other = place(group, "speed/residual2"), place(group, "speed/residual0")
-    require("residual2" in speed or "residual0" not in speed, one, "this dataset beside residual0", "nothing")
-    follows = "residual2" not in speed or "residual0" in speed or basis.flexibility is not None
-    require(follows, other, "this dataset where the basis has no flexibility", "nothing")
-    made: Any = basis.with_speed(speed["stiffness2"], speed.get("residual2"), speed["omega_ref"])
-    return replace(basis, speed=replace(made.speed, **speed))
+    """Add data over speed to the basis; derive missing matrices at standstill."""
+    residual0, residual2 = place(group, "speed/residual0"), place(group, "speed/residual2")
+    require("residual2" in speed or "residual0" not in speed, residual2, "this dataset if there is residual0", "nothing")
+    derivable = "residual2" not in speed or "residual0" in speed or basis.flexibility is not None
+    require(derivable, residual0, "this dataset where the basis has no flexibility", "nothing")
+    derived: Any = basis.with_speed(speed["stiffness2"], speed.get("residual2"), speed["omega_ref"])
+    return replace(basis, speed=replace(derived.speed, **speed))
 
 
 def diameter_groups(group: h5py.Group) -> dict[int, str]:
-    """Names of the members ``nd000``, ``nd001``, ... by nodal diameter."""
+    """Return the names of the members ``nd000``, ``nd001``, ... by nodal diameter."""
     return {int(name[2:]): name for name in group if re.fullmatch(r"nd\d{3,9}", name, re.ASCII)}
 
 
 def check_members(group: h5py.Group, required: Iterable[str], optional: Iterable[str]) -> None:
-    """Everything required is there, nothing unknown is, and nothing points elsewhere."""
+    """Check that a group contains all required names, no unknown names and no links to other places."""
     required = list(required)
     known = list(dict.fromkeys([*required, *optional]))
     for name in required:
@@ -256,7 +244,7 @@ def subgroup(group: h5py.Group, name: str) -> h5py.Group:
 
 
 def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArray:
-    """A dataset as an array of native double precision (or int64, bool)."""
+    """Read a dataset as an array in double precision (or int64, bool)."""
     check_link(group, name)
     dataset = group[name]
     item = place(group, name)
@@ -273,7 +261,7 @@ def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArra
 
 
 def read_attribute(group: h5py.Group, item: Item) -> Any:
-    """A text or a number; the ports of a body as pairs of texts."""
+    """Read a text or a number; ports of a body as pairs of texts."""
     if item.kind in (int, float):
         return read_number(group, item.file, item.kind)
     return (read_ports if get_origin(item.kind) is tuple else read_text)(group, item.file)
@@ -289,7 +277,7 @@ def read_ports(group: h5py.Group, name: str) -> tuple[tuple[str, ...], ...]:
 
 
 def check_storage(dataset: h5py.Dataset, item: str) -> None:
-    """The numbers lie in this file, and there are no more of them than its bytes can hold."""
+    """Check that the numbers are stored in this file, and that it has enough bytes for them."""
     elsewhere = dataset.is_virtual or dataset.external is not None
     require(not elsewhere, item, "numbers stored in this file", "a reference to other files")
     require(dataset.shape is not None, item, "numbers", "an empty dataset")
@@ -314,7 +302,7 @@ def read_text(owner: h5py.Group | h5py.Dataset, name: str) -> str:
 
 
 def as_text(value: Any, item: str) -> str:
-    """A text, also if stored with fixed length or as an array of one element."""
+    """Convert an attribute to a text, also from fixed length or from an array of one element."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]
     if isinstance(value, bytes):
@@ -324,17 +312,16 @@ def as_text(value: Any, item: str) -> str:
 
 
 def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] = float) -> Any:
-    """One finite number, or one integer."""
+    """Read one finite number or one integer."""
     letters, expected = ("iu", "one integer") if kind is int else ("fiu", "one finite number")
-    given = attribute(owner, name)
-    value = np.asarray(given)
+    stored = attribute(owner, name)
+    value = np.asarray(stored)
     good = value.dtype.kind in letters and value.size == 1 and np.isfinite(value).all()
-    require(good, place(owner, f"@{name}"), expected, repr(given))
+    require(good, place(owner, f"@{name}"), expected, repr(stored))
     return kind(value.item())
 
 
-# ---- The model file ----
-
+# ---- Model file ----
 
 FORMAT = "bdamper-model"
 VERSION = 1
@@ -344,19 +331,15 @@ TIME_CONVENTION = "exp(+i omega t)"
 PHASE_CONVENTION = "u(k+1) = Rz(-2 pi/N) u(k) exp(+i 2 pi d/N), k toward +X"
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Writing
-
-
 def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     """Write a model to an HDF5 file, replacing an existing one in a single step.
 
     Parameters
     ----------
     model : Model
-        It is checked first; an inconsistent model is not written.
+        Checked before it is written.
     path : path-like
-        The file; its directory must exist.
+        File in an existing directory.
 
     Raises
     ------
@@ -371,7 +354,7 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
 
 
 def write_model(file: h5py.Group, model: Model) -> None:
-    """Write a checked model into a file or a group of one."""
+    """Write a checked model into a file or a group."""
     write_text(file, "format", FORMAT)
     file.attrs["version"] = VERSION
     file.attrs["n_blades"] = int(model.n_blades)
@@ -389,10 +372,6 @@ def write_model(file: h5py.Group, model: Model) -> None:
         write_text(provenance, key, value)
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Reading
-
-
 def load_model(path: str | os.PathLike[str]) -> Model:
     """Read a model from an HDF5 file and check it.
 
@@ -403,15 +382,14 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        With all numbers in double precision, whatever the precision in the file.
+        All numbers in double precision.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ModelError
-        If the file cannot be read as a model, or the model in it does not pass
-        ``bdamper.model.validation.check_model``.
+        If the file is not a model file, or the model does not pass ``bdamper.model.validation.check_model``.
     """
     if not Path(path).exists():
         raise FileNotFoundError(f"there is no model file '{path}'")
@@ -426,12 +404,13 @@ enter_reader(FORMAT, load_model)
 
 
 def read_model(file: h5py.Group) -> Model:
-    """A model, not checked yet, from a file or a group of one."""
+    """Read a model from a file or a group without checking its numbers."""
     _check_root(file)
     parts: dict[str, Any] = {}
-    for own in sorted(RECORDS, key=lambda own: own.kind is Body):  # the modes of a body are at points of interfaces
-        members = subgroup(file, own.place()) if own.place() in file else {}
-        parts[own.name] = {name: _read_member(subgroup(members, name), own.kind, parts) for name in members}
+    # bodies last: the interfaces determine the number of their contact points
+    for records in sorted(RECORDS, key=lambda records: records.kind is Body):
+        members = subgroup(file, records.place()) if records.place() in file else {}
+        parts[records.name] = {name: _read_member(subgroup(members, name), records.kind, parts) for name in members}
     return Model(n_blades=read_number(file, "n_blades", int), provenance=_read_provenance(file), **parts)
 
 
@@ -447,10 +426,10 @@ def _read_member(group: h5py.Group, kind: Any, parts: Mapping[str, Any]) -> Any:
 
 
 def _check_root(file: h5py.Group) -> None:
-    """Format, version and conventions; nothing else is looked at before these fit."""
-    found = read_text(file, "format")
-    other = f"'{found}': bd.load reads results" if found.startswith("bdamper-") else f"'{found}'"
-    require(found == FORMAT, place(file, "@format"), f"'{FORMAT}'", other)
+    """Check format, version and conventions before anything else."""
+    stored = read_text(file, "format")
+    found = f"'{stored}': bd.load reads results" if stored.startswith("bdamper-") else f"'{stored}'"
+    require(stored == FORMAT, place(file, "@format"), f"'{FORMAT}'", found)
     version = read_number(file, "version", int)
     require(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}")
     check_text(file, "time_convention", TIME_CONVENTION)

@@ -1,32 +1,30 @@
-"""The structure: bodies, their modes, and the interfaces at which they touch (paper, section 2.1).
+"""Structure: bodies, their modes, and the interfaces with contact (paper, section 2.1).
 
-A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes first, then
-elastic ones), lumped (masses with all their modes, some of which may have the frequency 0) or the ground (rigid, without
-modes).  Its motion is a modal superposition, one modal basis for
-each nodal diameter ``d``; a free body and an acyclic structure (``n_blades = 1``) have ``d = 0`` only.
+A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes, then elastic modes), lumped
+(masses with all their modes) or the ground (rigid).  Its motion is a modal superposition with one modal basis for each
+nodal diameter ``d``.  Free bodies and acyclic structures (``n_blades = 1``) have ``d = 0`` only.
 
-An *interface* is a set of contact points between ``body_a`` and ``body_b``.  Each body meets each interface in a
-*port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``; a body that touches itself in the
-neighbouring sector (a shroud) has both.  At a contact point the axes are the rows ``t1, t2, n`` of ``frame``,
+An *interface* is a set of contact points between ``body_a`` and ``body_b``.  The side of a body at an interface is a
+*port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``.  A body in contact with the same body of the
+neighbouring sector (a shroud) has both ports.  The axes at a contact point are the rows ``t1, t2, n`` of ``frame``,
 right-handed, ``n`` the outward normal of ``body_a``.
 
-Conventions (all SI, radians):
+Conventions (SI units, radians):
 
-* time factor ``exp(+i omega t)``; sectors are counted toward +X, the blade stands along +Y, the axis is Z;
-* travelling wave of nodal diameter ``d``: ``u(k+1) = R u(k) exp(+2 pi i d/N)``, where ``R`` turns sector ``k``
-  onto sector ``k+1`` (about Z by ``-2 pi/N``, since +Y turns toward +X);
-* modes are mass-normalised over one sector, ``u^H M u = 1``, and the components stored at a port are along the
-  contact axes turned back into the sector of the body itself, so they carry no phase: the phase of a neighbour
-  enters where an interface is put together.
+* Time factor ``exp(+i omega t)``.  Sectors are numbered toward +X, the blade points along +Y, the axis of rotation is Z.
+* Travelling wave of nodal diameter ``d``: ``u(k+1) = R u(k) exp(+2 pi i d/N)``.  ``R`` rotates sector ``k`` onto sector
+  ``k+1``, about Z by ``-2 pi/N`` (from +Y toward +X).
+* Modes are mass-normalised over one sector, ``u^H M u = 1``.  Components at a port are along the contact axes, rotated into
+  the sector of the body.  They contain no phase; :mod:`bdamper.model.kinematics` adds the phase of the neighbour.
 
-Stress of a body at chosen points, as rows that turn a solution into stress.
-
-With the modal coordinates ``q_l`` of the body and the contact forces ``F_l`` on it, complex amplitudes of harmonic ``l``,
+Stress at chosen points is linear in the modal coordinates ``q_l`` and the contact forces ``F_l``, complex amplitudes of
+harmonic ``l``,
 
     sigma(theta) = Omega^2 sigma_1 + S_0 q_0 + A_0 F_0 + sum_(l>=1) Re[(S_l q_l + A_l F_l) exp(i l theta)],
 
-``S = C B Phi`` the stress of the modes and ``A = C B (K^-1 P^H - Phi Omega^-2 Phi^H P^H)`` that of unit contact forces
-beyond what the modes carry: without ``A`` ten modes miss a third of the stress at the root of a blade whose damper sticks.
+with the modal stress ``S = C B Phi`` and the stress ``A = C B (K^-1 P^H - Phi Omega^-2 Phi^H P^H)`` of unit contact forces
+without the contribution of the modes.  Without ``A``, ten modes underestimate the stress at the root of a blade with a
+stuck damper by a third.
 """
 
 from __future__ import annotations
@@ -47,11 +45,10 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
 from bdamper.util.formatting import brief
 
-# ---- Stress of a body at chosen points, as rows that turn a solution into stress ----
-
+# ---- Stress ----
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
-"""Order of the six components of stress, along the axes of the body."""
+"""Order of the stress components, along the axes of the body."""
 
 
 @brief
@@ -63,19 +60,19 @@ class StressSet:
     ----------
     name, body : str
     points : (n, 3) float, m
-        Axes of the reference sector.
+        Positions in the axes of the reference sector.
     modes : mapping of nodal diameter to (n, 6, n_modes) complex or float, Pa m^-1 kg^-1/2
-        Stress of each mode of the body at that nodal diameter, components as in :data:`COMPONENTS`.
+        Stress of each mode of the body, components in the order of :data:`COMPONENTS`.
     contact : mapping of nodal diameter to (n, 6, 3 n_points) complex or float, Pa/N
-        Stress of unit forces along t1, t2, n on the body at the contact points of all its ports, in the order of
-        ``Body.ports``, beyond what all the modes of ``modes`` carry.  Empty for a body without contact.
+        Stress of unit forces along t1, t2, n on the body at all its contact points, in the order of ``Body.ports``, without
+        the contribution of the modes.  Empty for a body without contact.
     static : (n, 6) float, Pa s2, optional
-        Of the centrifugal load, without dampers, per squared speed of rotation in rad/s.
+        Stress under the centrifugal load without dampers, per squared speed of rotation in rad/s.
     spread : (n,) float, optional
-        Largest difference between the elements that meet at the point over the mean, of the von Mises stress of the first
-        mode: a sign of the error of the mesh.
+        Discretisation error indicator: von Mises stress of the first mode, largest difference between adjacent elements
+        relative to their mean.
     near_contact : (n,) bool, optional
-        Points on a contact face or next to one, where the stress is that of the patches; margins leave them out.
+        Points on or next to a contact face.  Their stress depends on the patches, so margins exclude them.
     source : str
     """
 
@@ -96,19 +93,18 @@ class StressSet:
 
     @property
     def counted(self) -> NDArray:
-        """(n,) bool: points that margins count."""
+        """(n,) bool: points that margins include."""
         return np.ones(len(self), bool) if self.near_contact is None else ~self.near_contact
 
 
-# ---- The structure ----
-
+# ---- Bodies and interfaces ----
 
 Port = tuple[str, str]
-"""A place where a body meets an interface: ``(interface name, "a" | "b")``."""
+"""Side of a body at an interface: ``(interface name, "a" | "b")``."""
 
 
 def turn(angle: float) -> NDArray:
-    """Rotation matrix (3, 3) about Z that turns +Y toward +X by ``angle`` (rad): R of one pitch for ``2 pi/N``."""
+    """Return the rotation matrix (3, 3) about Z from +Y toward +X by ``angle`` (rad): R of one pitch for ``2 pi/N``."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
@@ -116,16 +112,16 @@ def turn(angle: float) -> NDArray:
 @brief
 @dataclass(frozen=True)
 class BodyLoad:
-    """Static load that scales with one number, the radial (centrifugal) load in newtons.
+    """Static load proportional to one number, the radial (centrifugal) load in newtons.
 
     Parameters
     ----------
     direction : (3,) float
         Unit vector of the resultant.
     generalised : (n_modes,) float, kg^-1/2
-        Modal force per newton of resultant, rigid-body modes first.
+        Modal force per newton of the resultant, rigid-body modes first.
     displacement : (n_points, 3) float, m/N
-        Elastic displacement of the contact points per newton (inertia relief, no contact), t1, t2, n.
+        Elastic displacement of the contact points per newton along t1, t2, n (inertia relief, without contact).
     """
 
     direction: Annotated[NDArray, Data("1", (3,))]
@@ -136,25 +132,25 @@ class BodyLoad:
 @brief
 @dataclass(frozen=True)
 class Body:
-    """A structure that takes part in a contact.
+    """Structure with modes, or the ground.
 
     Parameters
     ----------
     name : str
     kind : {"constrained", "free", "lumped", "ground"}
     ports : tuple of Port
-        The order in which contact points are stacked in every array of this body.
+        Order of the contact points in every array of this body.
     bases : mapping of nodal diameter to ModalBasis
         Nodal diameters from 0 to ``n_blades // 2``; empty for the ground.
-    mass, centre, inertia : float (kg), (3,) m, (3, 3) kg m2 about the centre
-        Of a free body.
+    mass, centre, inertia : float, (3,) float, (3, 3) float; kg, m, kg m2, optional
+        Mass, centre of mass and inertia about it, of a free body.
     load : BodyLoad, optional
     constant_force : (n_modes,) float, N kg^-1/2, optional
-        Modal static force that does not scale with the load, on a body without static flexibility.
+        Modal static force independent of the load, for a body without static flexibility.
     local : LocalBasis, optional
-        Coordinates of the blade and disk matrices at all nodal diameters, for mistuned wheels; of a constrained body.
+        Blade and disk matrices of a constrained body, for mistuned bladed disks.
     spin : SpinStatic, optional
-        Static displacement by the body's own rotation.
+        Static displacement due to the rotation of the body.
     """
 
     name: str
@@ -179,18 +175,18 @@ class Interface:
     ----------
     name : str
     kind : {"friction", "constraint", "cubic", "spring"}
-        A constraint is frictionless and one-sided.  A cubic one has springs ``k u^3`` along t1 and t2, none along n; a
-        spring is linear in all directions and a part of the bodies, there without contact too.
+        A constraint is frictionless and transmits compression only.  A cubic interface has springs ``k u^3`` along t1 and
+        t2.  A spring is linear in all directions and part of the bodies, also without contact.
     body_a, body_b : str
     sector_a, sector_b : int
-        Sector in which the side lies, relative to the reference sector: 0 or ±1.
+        Sector of each side relative to the reference sector: 0 or ±1.
     points : (n_points, 3) float, m
         Positions in the axes of the reference sector.
     area : (n_points,) float, m2
     frame : (n_points, 3, 3) float
         Rows t1, t2, n, right-handed; n is the outward normal of ``body_a``.
     gap : (n_points,) float, m
-        Initial normal distance of the surfaces, 0 if they just touch.
+        Initial normal distance of the surfaces, 0 at contact without pressure.
     """
 
     name: str
@@ -211,15 +207,15 @@ class Interface:
 
 @dataclass(frozen=True)
 class Location:
-    """A named place on a body at which forces act or the response is read.
+    """Named position on a body for forces and responses.
 
     Parameters
     ----------
     name, body : str
     position : (3,) float, m
     kind : {"forces"}, optional
-        A field of nodal forces: the rows of its real and of its imaginary part stand in place of motions along X and Y,
-        zeros in place of that along Z, and the position is the mean of the nodes, each with the size of its force.
+        Field of nodal forces.  The rows of its real and imaginary part replace the motion along X and Y, zeros the motion
+        along Z.  The position is the mean of the nodes, weighted by the size of their forces.
     """
 
     name: str
@@ -240,7 +236,7 @@ class ContactStiffness:
     source : str
         Method: "cigeroglu2009", "unit_traction", "residual_modes" or "user".
     fallback : (n_points, 3) bool, optional
-        Where the method could not be applied and its stated substitute was used.
+        Points and directions with a fallback value, since the method did not apply.
     """
 
     stiffness: Annotated[NDArray, Data("N/m", ("n_points", 3), limits=validation.Limits(least=0.0))]
@@ -251,13 +247,14 @@ class ContactStiffness:
 @brief
 @dataclass(frozen=True)
 class StaticContact:
-    """A static contact solution of the full finite element model at one interface (for Eqs (4), (10)).
+    """Static contact solution of the full finite element model at one interface, for Eqs (4) and (10) of the paper.
 
     Parameters
     ----------
     force : (n_points, 3) float, N
         Contact force on ``body_a`` per unit total load, along t1, t2, n.
     displacement_a, displacement_b : (n_points, 3) float, m
+        Displacement of each side per unit total load, along t1, t2, n.
     """
 
     force: Annotated[NDArray, Data("N", ("n_points", 3))]
@@ -268,14 +265,14 @@ class StaticContact:
 @brief
 @dataclass(frozen=True)
 class SurfaceMesh:
-    """Surface of a body, for pictures.
+    """Surface of a body for plots.
 
     Parameters
     ----------
     points : (n_nodes, 3) float, m
     quads : (n_faces, 4) int
     modes : mapping of nodal diameter to (n_nodes, 3, n_modes) complex or float, kg^-1/2
-        The first modes of the body at these nodes, components along X, Y, Z.
+        First modes of the body at these nodes along X, Y, Z.
     """
 
     points: Annotated[NDArray, Data("m", ("n_nodes", 3))]
@@ -286,7 +283,7 @@ class SurfaceMesh:
 @brief
 @dataclass(frozen=True)
 class Model(Plottable):
-    """A structure with all data that an analysis uses; the module's docstring states the conventions.
+    """Structure with all data of an analysis; :mod:`bdamper.model.structure` describes the conventions.
 
     ``plot`` draws bodies and contact points in 3-D (:func:`bdamper.plot.plot_model`).
 
@@ -328,7 +325,7 @@ class Model(Plottable):
         return "\n".join(lines)
 
     def port_slice(self, body: str, port: Port) -> slice:
-        """Rows of the stacked contact points of ``body`` that belong to ``port``."""
+        """Return the rows of ``port`` among the stacked contact points of ``body``."""
         start = 0
         for p in self.bodies[body].ports:
             n = self.interfaces[p[0]].n_points
@@ -338,13 +335,13 @@ class Model(Plottable):
         raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
 
     def plot_mode(self, mode: int = 1, **options: Any) -> Any:
-        """Draw a mode of a blade in 3-D, counted from 1 (:func:`bdamper.plot.plot_mode`)."""
+        """Draw a mode of a blade in 3-D, numbered from 1 (:func:`bdamper.plot.plot_mode`)."""
         return draw(self, "plot_mode", mode, **options)
 
     def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
-        """Nodal diameter excited by an engine-order multiple, and whether its basis must be conjugated.
+        """Return the nodal diameter of a wave of this harmonic order, and whether its basis is the complex conjugate.
 
-        The wave ``d`` and the wave ``N - d`` are complex conjugates of each other, so only ``d <= N/2`` is stored.
+        The waves ``d`` and ``N - d`` are complex conjugates of each other, so the model contains ``d <= N/2`` only.
         """
         d = harmonic_order % self.n_blades
         if 2 * d > self.n_blades:
@@ -352,17 +349,17 @@ class Model(Plottable):
         return d, False
 
     def at_speed(self, omega: float) -> Model:
-        """The same structure at a rotor speed (rad/s): the modes and the flexibility of that speed.
+        """Return the structure at a rotor speed (rad/s), with the modes and the flexibility at that speed.
 
-        Modes keep their order and phase by overlap with those of this model, damping ratios stay with them.  Bases without
-        data over speed stay as they are (:meth:`neglected_over_speed` names them), as do shapes for pictures, contact
-        stiffness and static solutions; the local basis of a mistuned wheel belongs to one speed and is dropped.  The model
-        that comes back can be taken to another speed.  Stress rows of modes turn with the modes.
+        Modes keep their order, phase and damping ratio, assigned by overlap with the modes of this model.  The stress of
+        modes changes with them.  Without data over speed, bases do not change (see :meth:`neglected_over_speed`); surface
+        meshes, contact stiffness and static solutions never change.  The local basis of a mistuned bladed disk is valid at
+        one speed and is removed.  ``at_speed`` of the returned model is possible.
 
         Raises
         ------
         SettingError
-            If the speed is negative, or the structure is not stable at it.
+            If the speed is negative, or the structure is unstable at this speed.
         """
         omega = validation.number("rotor speed", omega, least=0.0, unit="rad/s")
         bodies, stress = {}, dict(self.stress)
@@ -381,14 +378,14 @@ class Model(Plottable):
         return replace(self, bodies=bodies, stress=stress, provenance=provenance)
 
     def neglected_over_speed(self, diameters: Collection[int] | None = None) -> tuple[str, ...]:
-        """Effects of rotor speed that the model lacks, one sentence for each body; empty if none.
+        """Return the effects of rotor speed that the model neglects, one sentence for each body.
 
-        Free bodies count as complete: of their rigid-body modes nothing changes.
+        Free bodies neglect nothing, since their rigid-body modes do not depend on speed.
 
         Parameters
         ----------
         diameters : collection of int, optional
-            Nodal diameters that matter; all by default.
+            Relevant nodal diameters, all by default.
         """
         out = []
         for body in self.bodies.values():
@@ -397,32 +394,31 @@ class Model(Plottable):
             if body.kind != "free" and without:
                 out.append(
                     f"{body.name}, nodal diameters {', '.join(map(str, without))}: modes of one rotor speed; centrifugal "
-                    "stiffening and spin softening are left out, frequencies and flexibility do not change with speed"
+                    "stiffening and spin softening are neglected, frequencies and flexibility do not change with speed"
                 )
         return tuple(out)
 
     @property
     def hash(self) -> str:
-        """Fingerprint of everything that a result can depend on (pictures and provenance left out)."""
+        """Fingerprint of all data that influence results: everything except meshes and provenance."""
         digest = hashlib.sha256()
         for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
             feed_digest(digest, name, getattr(self, name))
-        if self.stress:  # earlier versions did not know it
+        if self.stress:  # without stress the fingerprint is the one of earlier versions
             feed_digest(digest, "stress", self.stress)
         return digest.hexdigest()[:16]
 
 
 class Digest(Protocol):
-    """What hashes bytes."""
+    """Object with the ``update`` method of a hash."""
 
     def update(self, data: bytes, /) -> None: ...
 
 
 def feed_digest(digest: Digest, key: str, value: object) -> None:
-    """Add a value of any kind that a model holds to a digest, with the path that leads to it.
+    """Add a value of a model and its path ``key`` to a digest.
 
-    All but ``residual0`` beside a flexibility, from which it follows by a product of matrices that processors round each in
-    their way.
+    ``residual0`` is excluded if there is a flexibility: it follows by a matrix product with processor-dependent rounding.
     """
     if isinstance(value, np.ndarray):
         digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())
@@ -433,7 +429,7 @@ def feed_digest(digest: Digest, key: str, value: object) -> None:
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
             part = getattr(value, item.name)
-            # earlier versions did not know them
+            # without these fields the fingerprint is the one of earlier versions
             later = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
             if isinstance(value, ModalBasis) and isinstance(part, SpeedBasis) and value.flexibility is not None:
                 part = replace(part, residual0=None)

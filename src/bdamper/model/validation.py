@@ -1,20 +1,19 @@
-"""Checks of a model, each with one error that names the item, what was expected and what was found.
+"""Checks of a model; each error names one item, the expected and the actual value.
 
-Items are named as in the model file, so that the same message serves for a file and for a model in memory:
+Items have the names of the model file, for files and for models in memory:
 ``model: /bodies/damper/nd000/omega2: expected ..., found ...``.
 
-Conditions that need an explanation:
+Explanation of some conditions:
 
-* **Rigid-body modes.**  Let the columns of ``B`` be the exact rigid motions at the contact points and
-  locations, translations divided by ``sqrt(mass)`` and rotations about the principal axes divided by
-  ``sqrt(inertia)``: a basis that is orthonormal in the mass.  Six modes ``Phi`` are rigid, independent and
-  mass-normalised if and only if ``Phi = B X`` with ``X`` orthogonal, and such an ``X`` exists if and only if
-  ``Phi Phi^T = B B^T``.
-* **Flexibility.**  What the retained elastic modes contribute, ``Phi Omega^-2 Phi^H``, is a part of the
-  static receptance; the rest belongs to the modes left out and cannot be negative.
-* **Nodal diameter 0** carries the bias of the motion, a real displacement, so its modes must be real (a
-  complex array with vanishing imaginary part will do).
-* The order of the natural frequencies is not checked; ascending is the custom.
+* **Rigid-body modes.**  Let the columns of ``B`` be the exact rigid motions at contact points and locations: translations
+  divided by ``sqrt(mass)`` and rotations about the principal axes divided by ``sqrt(inertia)``.  They are orthonormal in
+  the mass.  Six modes ``Phi`` are rigid, independent and mass-normalised if and only if ``Phi = B X`` with ``X``
+  orthogonal.  Such an ``X`` exists if and only if ``Phi Phi^T = B B^T``.
+* **Flexibility.**  The retained elastic modes contribute ``Phi Omega^-2 Phi^H`` to the static receptance.  The remainder
+  belongs to the omitted modes and is positive semi-definite.
+* **Nodal diameter 0** describes the mean position, a real displacement, so its modes are real (also as a complex array with
+  zero imaginary part).
+* The order of the natural frequencies is arbitrary; usually it is ascending.
 """
 
 from __future__ import annotations
@@ -48,42 +47,41 @@ from bdamper.util.errors import mismatch
 N_RIGID = len(RIGID_NAMES)
 RIGID_TOLERANCE = 1e-5
 STIFFNESS_TOLERANCE = 1e-9
-NEAREST_FREQUENCY = 0.05  # of the lowest mode of a local basis with few shapes of the interface
-
+NEAREST_FREQUENCY = 0.05  # relative error of the lowest mode of a local basis with few root shapes
 
 _CHECKED: dict[int, weakref.ref[Model]] = {}
 
 
 def as_checked(model: Model) -> Model:
-    """A model made from a checked one, which need not be checked again."""
+    """Mark a model as checked, for models derived from checked ones."""
     key = id(model)
     _CHECKED[key] = weakref.ref(model, lambda _: _CHECKED.pop(key, None))
     return model
 
 
 def check_model_once(model: Model) -> None:
-    """:func:`check_model`, skipped for a model object that was checked before."""
+    """Apply :func:`check_model` unless this object was checked before."""
     if id(model) not in _CHECKED:
         check_model(model)
         as_checked(model)
 
 
 def check_model(model: Model, *, where: str = "model") -> None:
-    """Check that a model is complete, free of contradictions and in the agreed form.
+    """Check that a model is complete and consistent and follows the conventions.
 
     Parameters
     ----------
     model : Model
     where : str
-        What the messages call the model, for example the name of its file.
+        Name of the model in messages, for example its file.
 
     Raises
     ------
     ModelError
-        At the first violation found.
+        At the first violation.
     """
     require(isinstance(model, Model), where, "a Model", type(model).__name__)
-    with np.errstate(all="ignore"):  # numbers out of range fail a check, without a warning before it
+    with np.errstate(all="ignore"):  # numbers out of range cause an error, not also a warning
         _check_head(model, where)
         for name, interface in model.interfaces.items():
             _check_interface(interface, model, f"{where}: /interfaces/{name}")
@@ -100,8 +98,7 @@ def check_model(model: Model, *, where: str = "model") -> None:
         _check_provenance(model, where)
 
 
-# -----------------------------------------------------------------------------------------------------------
-# The model as a whole
+# ---- Whole model ----
 
 
 def _check_head(model: Model, where: str) -> None:
@@ -114,8 +111,8 @@ def _check_head(model: Model, where: str) -> None:
             good = isinstance(name, str) and name.isprintable() and name and not set(name) & set("/.")
             require(good, item, "a name of printable characters without '/' and '.'", repr(name))
             check_type(member, group.kind, item)
-            own = getattr(member, "name", name)
-            require(own == name, item, f"the name '{name}'", repr(own))
+            member_name = getattr(member, "name", name)
+            require(member_name == name, item, f"the name '{name}'", repr(member_name))
     require(bool(model.bodies), f"{where}: /bodies", "at least one body", "none")
 
 
@@ -137,7 +134,7 @@ def _check_frame(frame: NDArray, item: str) -> None:
 
 
 def _check_ports(body: Body, model: Model, item: str) -> None:
-    """The ports of a body are the sides of interfaces that name it, each once; the ground may leave them out."""
+    """Check that the ports of a body are the sides of its interfaces, each once; the ground may omit them."""
     kinds = ["constrained", "free", "lumped", "ground"]
     require(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
     item = f"{item}/@ports"
@@ -152,7 +149,7 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
-    """Both sides of an interface are bodies that can move against each other."""
+    """Check that both sides of an interface are bodies with possible relative motion."""
     bodies = []
     for side, name in (("a", interface.body_a), ("b", interface.body_b)):
         body = model.bodies.get(name) if isinstance(name, str) else None
@@ -175,8 +172,7 @@ def _check_locations(model: Model, where: str) -> None:
         require(body.kind != "ground", f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Bodies
+# ---- Bodies ----
 
 
 def _check_body(body: Body, model: Model, item: str) -> None:
@@ -235,12 +231,12 @@ def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str],
     _check_places(basis.locations, places, item)
     first = N_RIGID if body.kind == "free" else 0
     found = f"{basis.static_shapes} of {basis.n_modes}"
-    require(basis.n_natural > 0, f"{item}/static_shapes", "static shapes beside at least one mode", found)
+    require(basis.n_natural > 0, f"{item}/static_shapes", "at least one mode before the static shapes", found)
     _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
         shapes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)[:, first:]
         rest = basis.flexibility - (shapes / basis.omega2[first:]) @ shapes.conj().T
-        _check_beside(rest, basis.flexibility, f"{item}/flexibility", "flexibility - Phi Omega^-2 Phi^H (elastic modes)")
+        _check_residual(rest, basis.flexibility, f"{item}/flexibility", "flexibility - Phi Omega^-2 Phi^H (elastic modes)")
     if basis.speed is not None:
         require(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
         require(basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag")
@@ -252,15 +248,15 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
     if lumped:
         check_all(omega2 >= 0, omega2, "numbers >= 0", item)
         return
-    require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
+    require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes")
     check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
     good = omega2 > 0
     good[:n_rigid] = True
     check_all(good, omega2, "numbers > 0 for elastic modes", item)
 
 
-def _check_beside(rest: NDArray, flexibility: NDArray, item: str, what: str) -> None:
-    """What coordinates leave out of a static receptance is not negative."""
+def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -> None:
+    """Check that the residual part of a static receptance is positive semi-definite."""
     size = np.linalg.norm(flexibility)
     allowed = SINGLE * size
     good = np.isfinite(size) and np.isfinite(rest).all()
@@ -272,7 +268,7 @@ def _check_beside(rest: NDArray, flexibility: NDArray, item: str, what: str) -> 
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
-    """Data over speed give back the basis at its own speed."""
+    """Check that the data over speed agree with the basis at its speed."""
     size = np.sqrt(np.maximum(basis.omega2, 1e-8 * basis.omega2.max(initial=0.0)))
     difference = np.abs(speed.stiffness(speed.omega_ref) - np.diag(basis.omega2)) / (size[:, None] * size)
     error, found = difference.max(initial=0.0), "a relative difference of {:.3g}"
@@ -293,7 +289,7 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
 
 def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
     modes = {"modes": basis.contact_modes}
-    if not lumped:  # forces on several masses with phases of their own act at one complex location
+    if not lumped:  # forces on several masses with different phases form one complex location
         modes |= {f"locations/{name}": values for name, values in basis.locations.items()}
     flexibility = {} if basis.flexibility is None else {"flexibility": basis.flexibility}
     for arrays in (modes, flexibility):
@@ -304,12 +300,11 @@ def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
             require(largest <= ROUNDING * size, f"{item}/{key}", "real numbers at nodal diameter 0", found)
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Rigid-body modes
+# ---- Rigid-body modes ----
 
 
 def _check_rigid(body: Body, model: Model, item: str) -> None:
-    """The first six modes are an orthonormal combination of the body's rigid motions."""
+    """Check that the first six modes are an orthonormal combination of the rigid motions of the body."""
     basis = body.bases[0]
     exact = _rigid_motions(body, model)
     given = np.concatenate([basis.contact_modes, *(values[None] for values in basis.locations.values())])
@@ -331,10 +326,10 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
 
 
 def _rigid_motions(body: Body, model: Model) -> NDArray:
-    """Mass-orthonormal rigid motions in the rows of contact points, then locations, (3 n, 6)."""
+    """Return mass-orthonormal rigid motions at contact points, then locations, (3 n, 6)."""
     assert body.mass is not None and body.centre is not None and body.inertia is not None
     points, frames = [], []
-    for name, side in body.ports:  # turned back into the body's own sector
+    for name, side in body.ports:  # rotated into the sector of the body
         face = model.interfaces[name]
         rotation = turn(2 * np.pi * (face.sector_a if side == "a" else face.sector_b) / model.n_blades)
         points.append(face.points @ rotation)  # rows R^T x
@@ -350,14 +345,13 @@ def _rigid_motions(body: Body, model: Model) -> NDArray:
     return (np.concatenate(frames) @ motions.reshape(-1, 3, N_RIGID)).reshape(-1, N_RIGID)
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Local bases of wheels
+# ---- Local bases of mistuned bladed disks ----
 
 
 def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: Sizes) -> None:
-    """A local basis of a constrained body of a cyclic structure, in agreement with the modes of the body.
+    """Check the local basis of a constrained body and its agreement with the modes of the body.
 
-    Its frequencies are those of a smaller space than the finite element model has: from above, and the lowest near.
+    By Rayleigh-Ritz its frequencies are not below the modes of the body, and the lowest one is close.
     """
     check_type(local, LocalBasis, item)
     require(body.kind == "constrained", item, "a local basis on constrained bodies only", f"one on a {body.kind} body")
@@ -365,11 +359,11 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
     loaded = body.load is not None or body.constant_force is not None
     require(not loaded, item, "no static load on a body with a local basis", "one")
     check_type(local.blade_stiffness, np.ndarray, f"{item}/blade_stiffness")
-    own: Sizes = {"n": len(np.atleast_1d(local.blade_stiffness)), "n_diameters": model.n_blades // 2 + 1}
-    check_record(local, LocalBasis, item, {**sizes, **own})
+    numbers: Sizes = {"n": len(np.atleast_1d(local.blade_stiffness)), "n_diameters": model.n_blades // 2 + 1}
+    check_record(local, LocalBasis, item, {**sizes, **numbers})
     r, m = local.n_interface, local.n_cantilever
     enough = local.n_attachment >= 0 and r > 0 and m > 0
-    require(enough, item, "cantilever modes and shapes of the interface, at most n in all", f"{m} and {r} of n = {local.n}")
+    require(enough, item, "cantilever modes and root shapes, together at most n", f"{m} and {r} of n = {local.n}")
     for key in ("disk_stiffness", "disk_mass"):
         _check_disk(getattr(local, key), model.n_blades, f"{item}/{key}")
     _check_cantilever(local, item)
@@ -378,7 +372,7 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
             definite = is_positive_definite(getattr(local, key)(d))
             require(definite, f"{item}/disk_{key}", "blade and disk positive definite", f"not at nodal diameter {d}")
     if local.flexibility is not None and (rest := local.residual_flexibility()) is not None:
-        _check_beside(rest, local.flexibility, f"{item}/flexibility", "flexibility less that of the coordinates")
+        _check_residual(rest, local.flexibility, f"{item}/flexibility", "flexibility less that of the coordinates")
     for d, basis in body.bases.items():
         omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[: basis.n_natural]
         ratio = np.sqrt(omega2 / np.sort(basis.omega2[: basis.n_natural])[: len(omega2)])
@@ -396,7 +390,7 @@ def _check_disk(disk: NDArray, n_blades: int, item: str) -> None:
 
 
 def _check_cantilever(local: LocalBasis, item: str) -> None:
-    """Cantilever modes have their own stiffness and none with others; deformation of the root has no negative energy."""
+    """Check that blade stiffness is omega2 for cantilever modes without coupling, and positive semi-definite."""
     m = local.n_cantilever
     expected = np.zeros((m, local.n))
     expected[:, :m] = np.diag(local.omega2)
@@ -405,17 +399,16 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
     if not error.max() <= ROUNDING:
         i, j = (int(k) for k in np.unravel_index(error.argmax(), error.shape))
         found = f"{local.blade_stiffness[i, j]:.9g} instead of {expected[i, j]:.9g} at ({i}, {j})"
-        raise mismatch(f"{item}/blade_stiffness", "omega2 on the diagonal of cantilever modes, 0 beside", found)
+        raise mismatch(f"{item}/blade_stiffness", "a diagonal block with omega2 for the cantilever modes", found)
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
     require(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
 
 
-# -----------------------------------------------------------------------------------------------------------
-# Optional parts
+# ---- Optional parts ----
 
 
 def _check_optional(model: Model, where: str) -> None:
-    """Contact stiffness, static solutions and surfaces: each belongs to an interface or a body and fits it."""
+    """Check that contact stiffness, static solutions and surfaces belong to an interface or a body and have its sizes."""
     groups = {"contact": model.interfaces, "static": model.interfaces, "meshes": model.bodies}
     for group in (group for group in layout(Model) if group.name in groups):
         owners, word = groups[group.name], "a body" if group.name == "meshes" else "an interface"
@@ -429,7 +422,7 @@ def _check_optional(model: Model, where: str) -> None:
 
 
 def _check_stress(stress: StressSet, model: Model, item: str) -> None:
-    """A constrained body, and rows for every mode and contact force of it, at nodal diameter 0 and others that it has."""
+    """Check body, nodal diameters and number of modes of a stress set."""
     bodies = {name: body for name, body in model.bodies.items() if body.kind in ("constrained", "lumped")}
     require(stress.body in bodies, f"{item}/@body", f"a constrained body of {list(bodies)}", repr(stress.body))
     body = bodies[stress.body]
@@ -453,5 +446,5 @@ def _check_provenance(model: Model, where: str) -> None:
         text = key + value
         if key == "" or "\0" in text or text.encode(errors="ignore").decode() != text:
             raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
-        size, most = len(value.encode()), 60000  # bytes; HDF5 has room for 64 KiB with the name
+        size, most = len(value.encode()), 60000  # bytes; an HDF5 attribute with its name has at most 64 KiB
         require(size + len(key.encode()) <= most, item, f"texts of at most {most} bytes", f"{size} bytes in '{key[:40]}'")
