@@ -2,19 +2,19 @@ r"""Contact laws, and the parameters of the contact points.
 
 Relative motion :math:`x = (u_1, u_2, v)`, with the closing :math:`v`, gives the contact forces :math:`F = (T_1, T_2, N)`.
 
-The laws ``LAW_*`` are part of the C core: Coulomb friction with variable normal load and separation (``csrc/bd_element.c``,
-exact integration over a cycle in ``bd_event.c``, samples in time in ``bd_sampled.c``) and its form with coupled tangential
-directions (``bd_coulomb.c``).  :class:`PointArrays` holds their parameters.
+The laws ``LAW_*`` are part of the C core: Coulomb friction with variable normal load and separation (``csrc/contact/element.c``,
+exact integration over a cycle in ``contact/event_driven.c``, samples in time in ``contact/aft.c``) and its form with coupled tangential
+directions (``contact/coupled_friction.c``).  :class:`PointArrays` holds their parameters.
 
 A compiled law (:class:`ContactLaw`) maps one instant to the next.  Its state :math:`s` depends on the motion, the motion
 one instant earlier and the state there:
 
 .. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
 
-Its signature is ``bd_user_law`` of ``csrc/bd_law.h``.  The C core calls it in harmonic balance (``csrc/bd_user.c``), in the
+Its signature is ``bd_user_law`` of ``csrc/bd_law.h``.  The C core calls it in harmonic balance (``csrc/contact/user_law_aft.c``), in the
 static analysis and in time integration.  :func:`check` tests it before an analysis uses it.
 
-**A new contact law** is such a function, written by the user or added to ``csrc/bd_laws.c`` with an entry in
+**A new contact law** is such a function, written by the user or added to ``csrc/contact/shipped_laws.c`` with an entry in
 :data:`SHIPPED` and a class method of ``ContactLaw``.  A law with exact integration needs a new number ``LAW_*`` and a
 branch in the C core.
 

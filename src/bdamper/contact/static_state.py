@@ -20,7 +20,7 @@ slipping between.
 Friction acts independently along both tangential directions, as in the paper, also if the vibration analysis uses a coupled
 law.  This makes the equations linear between changes of state.  With slip in both directions the friction force may exceed
 ``mu N`` by up to the square root of two.  The evaluation of the coupled law then moves the slider to the edge of the
-admissible disk (``csrc/bd_coulomb.c``).
+admissible disk (``csrc/contact/coupled_friction.c``).
 """
 
 from __future__ import annotations
