@@ -11,7 +11,6 @@ from bdamper.analyses.accuracy import make_ladders, varied
 from bdamper.analyses.error_estimates import SOURCES, Tops, compare, missing_harmonics, richer_study, with_stand_ins
 from bdamper.harmonic_balance.equations import LINE_SEARCH_TRIALS, OK
 from bdamper.response.verification import ErrorEstimates, SourceError
-from bdamper.util.display import Fact
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import CostMeter
 from tests import accuracy_cases, models
@@ -129,18 +128,6 @@ def test_a_resonance_far_beyond_the_interval_is_not_known():
     assert np.isnan(compared.estimated).all() and compared.text.endswith(
         "between 556.495 and 1090.11 Hz: the response is highest at an end"
     )
-
-
-def test_curve_carries_its_errors(study, place, tmp_path):
-    curve = study.frequency_response(*place)
-    with_errors = study.with_errors(curve, sources=["harmonics"])
-    assert curve.error_estimates is None and Fact("error", "error not estimated") in curve._facts()
-    assert with_errors.error_estimates == study.estimate_errors(curve, sources=["harmonics"])
-    line = with_errors.error_estimates.line
-    assert Fact("error", line) in with_errors._facts() and with_errors.summary().count(line) == 1
-    assert line.startswith("estimated error") and "(harmonics " in line
-    with_errors.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
 
 
 def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):

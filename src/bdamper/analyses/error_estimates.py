@@ -515,19 +515,3 @@ def _residual_modes(problem: Problem) -> Richer | None:
     if problem.stiffness_method not in ("unit_traction", "cigeroglu2009"):
         return None
     return Richer(problem.replace(contact_stiffness="residual_modes"), "residual modes")
-
-
-@one_thread
-def with_errors(problem: Problem, curve: ResponseCurve, *, sources: Sequence[str] = SOURCES) -> ResponseCurve:
-    """The same response curve with estimated errors of its highest peak, which it prints in one line and saves.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : ResponseCurve
-        Of this problem.
-    sources : sequence of str
-        What to estimate: "harmonics", "evaluation", "contact points", "modes", "residual flexibility".
-    """
-    validation.instance("curve", curve, ResponseCurve)
-    return replace(curve, error_estimates=estimate_errors(problem, curve, sources=sources))

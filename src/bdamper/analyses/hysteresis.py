@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.sweep import SweepResult
-from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, PreloadState, static_state
+from bdamper.contact.static_state import static_state
 from bdamper.harmonic_balance.contact_cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
@@ -457,22 +457,23 @@ def microslip(
         own, force=d.real, shift=np.zeros_like(own.shift), constant_force=preload * own.force + own.constant_force,
         constant_shift=own.shift_at(preload),
     )  # fmt: skip
+    forces, values = np.append(0.0, wanted), []
     state = replace(seat, load=0.0)
-    values = [_answers(state, 0.0)]
-    for force in wanted:
-        state = static_state(system, float(force), start=state, steps=2)
+    for force in forces:
+        if force > 0.0:
+            state = static_state(system, float(force), start=state, steps=2)
         if not state.converged:
             break
-        values.append(_answers(state, float(d.real @ (state.q - seat.q))))
-    beyond = len(wanted) + 1 - len(values)
-    status = (COMPLETE,) * len(values) + (because(FAILED, "the damper slides"),) * beyond
-    points = tuple({"force": force} for force in (0.0, *wanted.tolist()))
-    found = (*values, *[{}] * beyond)
-    return SweepResult(("force",), points, found, status, np.zeros(len(points)), (len(points),), **problem.recorded())
-
-
-def _answers(state: PreloadState, moved: float) -> dict[str, float]:
-    closed = float(np.mean(state.status[:, 0] != OPEN))
-    slips = float(((state.status == SLIP_PLUS) | (state.status == SLIP_MINUS)).any(axis=1).mean())
-    slipping = slips / max(closed, 1e-300)
-    return {"displacement": moved, "slipping": slipping, "open": 1.0 - closed, "residual": state.residual}
+        n, n_open = len(state.state), state.state.count("open")
+        values.append({
+            "displacement": float(d.real @ (state.q - seat.q)),
+            "slipping": state.state.count("slip") / max(n - n_open, 1),
+            "open": n_open / n,
+            "residual": state.residual,
+        })  # fmt: skip
+    n_failed = len(forces) - len(values)
+    status = (COMPLETE,) * len(values) + (because(FAILED, "the damper slides"),) * n_failed
+    points = tuple({"force": float(force)} for force in forces)
+    return SweepResult(
+        ("force",), points, (*values, *[{}] * n_failed), status, np.zeros(len(points)), (len(points),), **problem.recorded()
+    )

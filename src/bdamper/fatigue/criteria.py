@@ -47,7 +47,7 @@ from bdamper.util import validation
 # ---- Amplitude and mean of a stress tensor over a cycle, by four definitions ----
 
 
-CRITERIA = ("von_mises", "signed_von_mises", "principal", "findley")
+CRITERIA = ("von_mises", "findley")
 
 _INDEX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 # Coordinates in which the von Mises value of a tensor is its length: deviators by two normal differences and three shears.
@@ -93,14 +93,13 @@ def _at(coefficients: NDArray, theta: NDArray) -> tuple[NDArray, NDArray, NDArra
     return wave.sum(-1).real, (1j * l * wave).sum(-1).real, (-(l**2) * wave).sum(-1).real
 
 
-def amplitude_and_mean(coefficients: NDArray, criterion: str = "von_mises") -> Cycle:
-    """Amplitude and mean of cycles (n, 6, H + 1) by "von_mises", "signed_von_mises" or "principal"."""
-    by = {"von_mises": _by_von_mises, "signed_von_mises": _by_signed_von_mises, "principal": _by_principal}
+def amplitude_and_mean(coefficients: NDArray) -> Cycle:
+    """Von Mises amplitude and mean of cycles (n, 6, H + 1)."""
     coefficients = np.asarray(coefficients, complex)
     if not len(coefficients):
         return Cycle(np.zeros(0), np.zeros(0))
     blocks = np.array_split(coefficients, -(-len(coefficients) // 256))  # whose pairs of instants are held at once
-    parts = [by[criterion](block) for block in blocks]
+    parts = [_by_von_mises(block) for block in blocks]
     return Cycle(*(np.concatenate(part) for part in zip(*parts)))
 
 
@@ -169,46 +168,6 @@ def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
         slope = np.where(better[:, None], new_slope, slope)
         curve = np.where(better[:, None, None], new_curve, curve)
     return value
-
-
-def _extremes(c: NDArray) -> tuple[NDArray, NDArray]:
-    """Instants (n,) of the largest and least value of scalar cycles (n, H + 1), by samples and Newton's method."""
-    theta = angles(c.shape[-1] - 1)
-    values = over_cycle(c, theta)
-
-    def climbed(sense: float) -> NDArray:
-        def rates(at: NDArray) -> tuple[NDArray, NDArray]:
-            _, slope, curve = _at(c[:, None], at)
-            return sense * slope[:, 0], sense * curve[:, 0]
-
-        return _climbed(rates, theta[(sense * values).argmax(axis=1)], theta[1])
-
-    return climbed(1.0), climbed(-1.0)
-
-
-def _by_signed_von_mises(c: NDArray) -> Cycle:
-    stress = over_cycle(c, 2.0 * np.pi * np.arange(1024) / 1024).transpose(0, 2, 1)
-    signed = np.where(stress[..., :3].sum(-1) < 0.0, -1.0, 1.0) * von_mises(stress)
-    high, low = signed.max(axis=1), signed.min(axis=1)
-    return Cycle(0.5 * (high - low), 0.5 * (high + low))
-
-
-def _by_principal(c: NDArray) -> Cycle:
-    coarse = 2.0 * np.pi * np.arange(64) / 64
-    i, j = np.triu_indices(len(coarse), 1)
-    path = over_cycle(c, coarse)
-    apart = (path[:, :, i] - path[:, :, j]).transpose(0, 2, 1)
-    best = np.abs(np.linalg.eigvalsh(tensors(apart))).max(axis=-1).argmax(axis=1)
-    first, second = coarse[i[best]], coarse[j[best]]
-    for _ in range(30):
-        difference = tensors(_at(c, first)[0] - _at(c, second)[0])
-        value, axes = np.linalg.eigh(difference)
-        top = np.abs(value[:, 2]) >= np.abs(value[:, 0])
-        plane = np.where(top[:, None], axes[..., 2], axes[..., 0])
-        normal = np.einsum("ni,nijl,nj->nl", plane, c[:, _INDEX], plane)
-        first, second = _extremes(normal)
-    high, low = (_at(normal[:, None], at)[0][:, 0] for at in (first, second))
-    return Cycle(0.5 * (high - low), 0.5 * (high + low))
 
 
 # -----------------------------------------------------------------------------------------------------------

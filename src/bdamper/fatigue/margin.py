@@ -27,8 +27,6 @@ from bdamper.util.formatting import UNITS, amount, brief
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
-HIDES = "signed von Mises hides vibration across the mean stress, such as torsion under tension, and jumps with its sign"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rule(validation.Checked):
@@ -36,7 +34,7 @@ class Rule(validation.Checked):
 
     Parameters
     ----------
-    criterion : {"von_mises", "signed_von_mises", "principal", "findley"}
+    criterion : {"von_mises", "findley"}
     line : {"goodman", "gerber", "soderberg"}
         Not used by "findley", which weighs the mean by itself.
     on : {"amplitude", "both"}
@@ -57,8 +55,7 @@ class Rule(validation.Checked):
 
         With "findley" amplitude and mean are those by von Mises, to be shown.
         """
-        by = "von_mises" if self.criterion == "findley" else self.criterion
-        amplitude, mean = criteria.amplitude_and_mean(coefficients, by)
+        amplitude, mean = criteria.amplitude_and_mean(coefficients)
         if self.criterion != "findley":
             factor = material.factor(amplitude, mean, self.line, self.on)
         else:
@@ -331,7 +328,7 @@ class LeastMargin(Rule):
     Parameters
     ----------
     material : Material
-    criterion : {"von_mises", "signed_von_mises", "principal", "findley"}
+    criterion : {"von_mises", "findley"}
         What amplitude and mean are (:mod:`bdamper.fatigue.criteria`).
     line : {"goodman", "gerber", "soderberg"}
         Not used by "findley".
@@ -370,9 +367,8 @@ class LeastMargin(Rule):
     def _of(self, found: StressCycle) -> dict[str, Any]:
         """What margins take over from a cycle of stress, which needs points that count."""
         validation.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
-        notes = (*found.notes, *([HIDES] if self.criterion == "signed_von_mises" else []))
         own = {"settings": found.settings, "model_hash": found.model_hash}
-        return {"material": self.material, "rule": self.rule, "notes": notes, **own}
+        return {"material": self.material, "rule": self.rule, "notes": found.notes, **own}
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
         """The margin at every point of a curve."""

@@ -85,10 +85,9 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
         """(n, 6, n_theta) stress (Pa) at angles of the excitation (rad)."""
         return criteria.over_cycle(self.coefficients, np.asarray(theta, float))
 
-    def amplitude_and_mean(self, criterion: str = "von_mises") -> criteria.Cycle:
-        """Amplitude and mean (n,), Pa, by one of "von_mises", "signed_von_mises", "principal"."""
-        validation.choice("criterion", criterion, criteria.CRITERIA[:3])
-        return criteria.amplitude_and_mean(self.coefficients, criterion)
+    def amplitude_and_mean(self) -> criteria.Cycle:
+        """Return von Mises amplitude and mean (n,), Pa."""
+        return criteria.amplitude_and_mean(self.coefficients)
 
     @property
     def amplitude(self) -> Pascals:
