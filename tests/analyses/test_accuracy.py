@@ -78,7 +78,7 @@ def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, 
     own = study.replace(harmonics=1, friction_coefficient=0.4)
     peak = own.peak(1000.0, place[1])
     estimated = own.estimate_errors(peak, sources=["harmonics"])["harmonics"]
-    assert "whole curve" in estimated.against
+    assert "complete response curve" in estimated.against
     true = own._with_problem(richer_study(own.problem, "harmonics").problem).peak(1000.0, place[1])
     assert estimated.amplitude == pytest.approx(true.amplitude / peak.amplitude - 1.0, rel=1e-5)
     assert abs(estimated.amplitude) > 0.05
@@ -118,7 +118,7 @@ def test_resonance_that_comes_into_the_interval_is_found(number):
 def test_resonance_that_leaves_the_interval_is_followed(number):
     """With more modes or points the response is highest at an end; in the last case a lower peak is left within."""
     compared = accuracy_cases.compare(number)
-    assert compared.text.endswith("found anew by a whole curve, beyond the interval")
+    assert compared.text.endswith("computed by a complete response curve, outside the interval")
     assert 0.9 < compared.effectivity < 1.1, compared
     assert compared.estimated == pytest.approx(compared.true, rel=0.01)
 
@@ -252,7 +252,7 @@ def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, resu
     assert [r.values for r in strict.runs] == [("4",), ("3",)]
     assert (
         strict.recommended is strict.richest
-        and "Nothing but the richest that was run is within 1e-07 %" in strict.summary()
+        and "Only the most detailed settings meet 1e-07 %" in strict.summary()
     )
 
 
@@ -297,7 +297,7 @@ def test_unknown_answers_are_not_recommended(study, place):
     found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)
     assert found.recommended is found.richest and "uncertain by its last steps, unknown" in found.summary()
     assert np.isnan(found.uncertainty)
-    with pytest.raises(bd.BdamperError, match="no whole answer with the richest settings, harmonics 2"):
+    with pytest.raises(bd.BdamperError, match="no peak with the most detailed settings, harmonics 2"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
 
 
@@ -319,7 +319,7 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
     found.plot()
     found.save(tmp_path / "cost.h5")
     assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
-    with pytest.raises(bd.BdamperError, match=r"no whole answer with the richest settings.*no answer with one harmonic"):
+    with pytest.raises(bd.BdamperError, match=r"no peak with the most detailed settings.*no answer with one harmonic"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
 
 

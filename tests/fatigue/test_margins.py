@@ -77,7 +77,7 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     assert not any("the amplitude in time" in note for note in scaled.notes)
     cut = study.margin(peak, AISI_1050, time_response=replace(kept, status="interrupted"))
     assert "the amplitude in time is interrupted" in cut.notes
-    with pytest.raises(SettingError, match=r"^time_response: expected a march at 200 N, found .* at 100 N"):
+    with pytest.raises(SettingError, match=r"^time_response: expected a time integration at 200 N, found .* at 100 N"):
         study.margin(peak, AISI_1050, time_response=replace(kept, preload=100.0))
 
 
