@@ -295,7 +295,7 @@ def test_interrupted_runs_are_kept(study, place, tmp_path):
 def test_unknown_answers_are_not_recommended(study, place):
     errors = {(3, 9): 0.0, (2, 9): float("nan")}
     found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)
-    assert found.recommended is found.richest and "uncertain by its last steps, unknown" in found.summary()
+    assert found.recommended is found.richest and "detailed settings: unknown" in found.summary()
     assert np.isnan(found.uncertainty)
     with pytest.raises(bd.BdamperError, match="no peak with the most detailed settings, harmonics 2"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))

@@ -398,7 +398,7 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
             error = f"error {percent(best.error)} in {ratio:.2g} of the time of the most detailed settings"
             found = f"For {tolerance}: {_text(self.varied, best.values)}, {error}."
         ended = " Interrupted: other runs may suffice." if self.interrupted else ""
-        own = f"The error of the most detailed settings is about {percent(self.uncertainty)} (sum of the last refinements)."
+        own = f"Estimated error of the most detailed settings: {percent(self.uncertainty)} (sum of the last refinements)."
         return f"{found} {own}{ended}"
 
 
