@@ -114,13 +114,13 @@ def harmonic_convergence(
     validation.require(peak.converged, "peak", "a converged one", f"status '{peak.status}'")
     check_result(problem, peak, "peak")
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
-    asked = [validation.whole("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
-    validation.require(asked == sorted(set(asked)) and asked, "harmonics", "rising numbers", asked)
-    own = problem.harmonic_numbers[-1]
+    numbers = [validation.whole("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
+    validation.require(numbers == sorted(set(numbers)) and numbers, "harmonics", "increasing numbers", numbers)
+    highest = problem.harmonic_numbers[-1]
     meter = CostMeter()
-    most, limit = _most(problem, peak.frequency, max(own, asked[-1]))
-    problems, limit = _richer(problem, sorted({min(n, most) for n in asked if n > own} - {own}), limit)
-    found, status = [HarmonicPeak(own, peak.amplitude, peak.frequency)], COMPLETE
+    most, limit = _most(problem, peak.frequency, max(highest, numbers[-1]))
+    problems, limit = _richer(problem, sorted({min(n, most) for n in numbers if n > highest} - {highest}), limit)
+    peaks, status = [HarmonicPeak(highest, peak.amplitude, peak.frequency)], COMPLETE
     internal_resonances: tuple[Meeting, ...] = ()
     with LongWork() as work:
         internal_resonances = tuple(_meetings(([problem] + problems)[-1], peak))
@@ -132,19 +132,18 @@ def harmonic_convergence(
                 status = because(INCOMPLETE, f"no peak was found near this one with {n} harmonics ({outcome.reason})")
                 break
             problem, peak = richer, outcome.result
-            found.append(HarmonicPeak(n, outcome.amplitude, outcome.frequency, outcome.seconds))
+            peaks.append(HarmonicPeak(n, outcome.amplitude, outcome.frequency, outcome.seconds))
             near_mode = any(m.harmonic > n for m in internal_resonances)
-            if _converged(found, tolerance) and richer is not problems[-1] and not near_mode:
+            if _converged(peaks, tolerance) and richer is not problems[-1] and not near_mode:
                 limit = "no later harmonic is near a mode"
                 break
     status = INTERRUPTED if work.interrupted else status
-    return Convergence(peak.parameter, tolerance, tuple(found), internal_resonances, limit, status, meter.read())
-
+    return Convergence(peak.parameter, tolerance, tuple(peaks), internal_resonances, limit, status, meter.read())
 
 
 def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
     """Compute the peak at the optimum of an optimal curve with up to 16 harmonics; return None without an optimum."""
-    best, found, status = curve.optimum, None, INTERRUPTED
+    best, convergence, status = curve.optimum, None, INTERRUPTED
     if not np.isfinite(best.preload):
         return None
     with LongWork():
@@ -152,12 +151,12 @@ def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
             peak = highest_peak(problem, best.preload, tuple(curve.settings["frequency"]))
             if not abs(peak.amplitude / best.amplitude - 1.0) <= NEAR_HIGHEST:
                 raise BdamperError(f"the highest peak there is {height(peak.amplitude, peak.frequency)}")
-            found = harmonic_convergence(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
-            found = replace(found, cost=found.cost if peak.cost is None else found.cost + peak.cost)
+            convergence = harmonic_convergence(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
+            convergence = replace(convergence, cost=convergence.cost if peak.cost is None else convergence.cost + peak.cost)
         except BdamperError as error:
             status = because(NOT_FOUND, error)
-    own = HarmonicPeak(problem.harmonic_numbers[-1], best.amplitude, best.frequency)
-    return found or Convergence(best.preload, TOLERANCE, (own,), status=status)
+    known = HarmonicPeak(problem.harmonic_numbers[-1], best.amplitude, best.frequency)
+    return convergence or Convergence(best.preload, TOLERANCE, (known,), status=status)
 
 
 def beside(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve]) -> OptimalCurve:
@@ -181,21 +180,20 @@ def beside(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurv
     with ThreadPoolExecutor(1) as pool:
         more = pool.submit(ended_by(stop)(at_optimum), problem, curve)
         try:
-            done = work()
-            if any(k.status == INTERRUPTED for k in done.time_response):
+            processed = work()
+            if any(k.status == INTERRUPTED for k in processed.time_response):
                 stop.set()
-            found = more.result()
-            whole = done.cost if found is None else done.cost + found.cost
+            convergence = more.result()
+            whole = processed.cost if convergence is None else processed.cost + convergence.cost
             whole = replace(whole, seconds=curve.cost.seconds + time.perf_counter() - start)
-            return replace(done, convergence=found, cost=whole)
+            return replace(processed, convergence=convergence, cost=whole)
         finally:
             stop.set()
 
 
-
-def _converged(found: Sequence[HarmonicPeak], tolerance: float) -> bool:
+def _converged(peaks: Sequence[HarmonicPeak], tolerance: float) -> bool:
     """Return whether the last two changes are below a fifth of the tolerance."""
-    amplitude = [p.amplitude for p in found[-3:]]
+    amplitude = [p.amplitude for p in peaks[-3:]]
     change = np.abs(np.diff(amplitude)) / amplitude[-1]
     return len(change) == 2 and bool(change.max() < 0.2 * tolerance)
 
@@ -205,27 +203,27 @@ def _richer(problem: Problem, numbers: Sequence[int], highest_harmonic: str) -> 
 
     Only odd harmonics are added if even harmonics vanish.
     """
-    own, odd = problem.harmonic_numbers, not problem.settings.variable_normal_load
-    found: list[Problem] = []
+    known, odd = problem.harmonic_numbers, not problem.settings.variable_normal_load
+    problems: list[Problem] = []
     for n in numbers:
-        harmonics = tuple(l for l in range(1, n + 1) if l in own or l % 2 or not odd)
+        harmonics = tuple(l for l in range(1, n + 1) if l in known or l % 2 or not odd)
         try:
             richer = problem.replace(harmonics=harmonics)
             note = "" if richer.contact.note == problem.contact.note else richer.contact.note
         except BdamperError as error:
             note = str(error)
         if note:
-            return found, f"{n} harmonics are not possible with the same settings ({note})"
-        if richer.harmonic_numbers[-1] > (found or [problem])[-1].harmonic_numbers[-1]:
-            found.append(richer)
-    return found, highest_harmonic
+            return problems, f"{n} harmonics are not possible with the same settings ({note})"
+        if richer.harmonic_numbers[-1] > (problems or [problem])[-1].harmonic_numbers[-1]:
+            problems.append(richer)
+    return problems, highest_harmonic
 
 
 def _most(problem: Problem, frequency: float, top: int) -> tuple[int, str]:
     """Return the highest useful harmonic up to ``top``, and the reason why no higher one is useful."""
-    own = problem.harmonic_numbers[-1]
+    highest = problem.harmonic_numbers[-1]
     lacking = missing_harmonics(problem, top)
-    for l in range(own + 1, top + 1):
+    for l in range(highest + 1, top + 1):
         if l in lacking:
             return l - 1, f"the model has no modes of harmonic {l}, nodal diameter {nodal_diameter(problem, l)}"
         end = _end(problem, l)
@@ -243,8 +241,8 @@ def _end(problem: Problem, harmonic: int) -> float:
     for name, body in problem.model.bodies.items():
         if body.kind == "constrained":
             omega2 = body.bases[d].omega2[: body.bases[d].n_natural]
-            kept = omega2 if problem.contact.residual is not None else omega2[: problem.settings.blade_modes]
-            ends.append(float(np.sqrt(kept.max())) / (2.0 * np.pi))
+            retained = omega2 if problem.contact.residual is not None else omega2[: problem.settings.blade_modes]
+            ends.append(float(np.sqrt(retained.max())) / (2.0 * np.pi))
     return min(ends)
 
 
@@ -272,13 +270,13 @@ def _richer_peak(known: Problem, peak: Peak, sign: int, meter: CostMeter, proble
     system = problem.system(preload)
     meter.watch(system)
     guess = embed(known, problem, preload, peak.y)
-    found, iterations = peak_of_sign(system, guess, sign, options=OPTIONS, parameter=preload)
+    solution, iterations = peak_of_sign(system, guess, sign, options=OPTIONS, parameter=preload)
     meter.count(iterations)
-    if isinstance(found, Peak):
-        return found
+    if isinstance(solution, Peak):
+        return solution
     new = [l for l in problem.harmonic_numbers if l > known.harmonic_numbers[-1]]
     if len(new) == 1:
-        raise BdamperError(found)
+        raise BdamperError(solution)
     half = problem.replace(harmonics=tuple(l for l in problem.harmonic_numbers if l <= new[len(new) // 2 - 1]))
     return _richer_peak(half, _richer_peak(known, peak, sign, meter, half), sign, meter, problem)
 
@@ -392,19 +390,18 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     def _headline(self) -> str:
         best, tolerance = self.recommended, percent(self.tolerance)
         if best is self.richest:
-            found = f"Only the most detailed settings meet {tolerance}."
+            head = f"Only the most detailed settings meet {tolerance}."
         else:
             ratio = best.seconds / self.richest.seconds
-            error = f"error {percent(best.error)} in {ratio:.2g} of the time of the most detailed settings"
-            found = f"For {tolerance}: {_text(self.varied, best.values)}, {error}."
+            cost = f"error {percent(best.error)} in {ratio:.2g} of the time of the most detailed settings"
+            head = f"For {tolerance}: {_text(self.varied, best.values)}, {cost}."
         ended = " Interrupted: other runs may suffice." if self.interrupted else ""
-        own = f"Estimated error of the most detailed settings: {percent(self.uncertainty)} (sum of the last refinements)."
-        return f"{found} {own}{ended}"
+        error = f"Estimated error of the most detailed settings: {percent(self.uncertainty)} (sum of the last refinements)."
+        return f"{head} {error}{ended}"
 
 
 def _text(names: Iterable[str], values: Iterable[str]) -> str:
     return ", ".join(f"{spaced(n)} {v}" for n, v in zip(names, values))
-
 
 
 def ladder_values(problem: Problem, name: str) -> list[Any]:
@@ -452,7 +449,6 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     return problem.replace(**changes) if changes else problem
 
 
-
 @dataclass
 class _Runs:
     """Results of combinations of settings, each computed once."""
@@ -463,9 +459,9 @@ class _Runs:
     preload: float
     done: list[Run] = field(default_factory=list)
 
-    def at(self, part: str, place: Mapping[str, int]) -> Run:
+    def at(self, part: str, indices: Mapping[str, int]) -> Run:
         """Return the run with the values at these indices."""
-        names = tuple(list(values)[place[name]] for name, values in self.ladders.items())
+        names = tuple(list(values)[indices[name]] for name, values in self.ladders.items())
         same = next((r for r in self.done if r.values == names), None)
         if same is not None:
             return same
@@ -556,16 +552,16 @@ def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:
         text = f"{_text(runs.ladders, richest.values)}, at {runs.preload:g} N"
         why = f" ({richest.reason})" if richest.reason else ""
         raise BdamperError(f"no peak with the most detailed settings, {text}{why}: give less detailed ones in vary")
-    place, error = dict(top), {}
+    indices, error = dict(top), {}
     for name in top:
         error[name, top[name]] = 0.0
         for k in range(top[name] - 1, -1, -1):
             error[name, k] = runs.at(name, {**top, name: k}).error
             if not error[name, k] <= tolerance:
                 break
-            place[name] = k
-    while place != top:
-        if runs.at(COMBINED, place).error <= tolerance:
+            indices[name] = k
+    while indices != top:
+        if runs.at(COMBINED, indices).error <= tolerance:
             return
-        worst = max((name for name in top if place[name] < top[name]), key=lambda name: error[name, place[name]])
-        place[worst] += 1
+        worst = max((name for name in top if indices[name] < top[name]), key=lambda name: error[name, indices[name]])
+        indices[worst] += 1

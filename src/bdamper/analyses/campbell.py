@@ -142,8 +142,8 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
     i = np.flatnonzero((gap[:-1] == 0.0) | (gap[:-1] * gap[1:] < 0.0))
     part = np.where(gap[i] == 0.0, 0.0, gap[i] / np.where(gap[i] == gap[i + 1], 1.0, gap[i] - gap[i + 1]))
-    found = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
-    return np.append(found, speed[-1:][gap[-1:] == 0.0])
+    crossings = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
+    return np.append(crossings, speed[-1:][gap[-1:] == 0.0])
 
 
 @partial(validation.spelt, also=Conditions.__dataclass_fields__)
@@ -193,23 +193,25 @@ def campbell(
     orders = validation.wholes("engine_orders", engine_orders, least=1)
     modes = validation.whole("modes", modes, least=1)
     shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
-    for item in shown:
-        crossings = isinstance(item, SweepResult) and {"speed", "mass"} <= {*item.quantities}
-        validation.that(crossings, "damped", "crossings, as Study.crossings returns them", item)
+    for result in shown:
+        crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
+        validation.that(crossings, "damped", "crossings, as Study.crossings returns them", result)
         validation.require(
-            item.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one"
+            result.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one"
         )
-    given = Conditions(**conditions)
-    bases = [item for body in problem.model.bodies.values() if body.kind == "constrained" for item in body.bases.items()]
-    found = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
-    diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
+    operating = Conditions(**conditions)
+    constrained = [body for body in problem.model.bodies.values() if body.kind == "constrained"]
+    bases = [pair for body in constrained for pair in body.bases.items()]
+    known = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
+    diameters = known or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
-    n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
+    n, resting = problem.model.n_blades, Conditions(operating.friction, operating.temperature)
     beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
     validation.require(not beyond, "engine_orders", f"orders that excite nodal diameters {diameters}", beyond)
     by_diameter = [SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters]
-    own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
-    mean = diameters.index(own) if own in diameters else 0  # all nodal diameters have the same static state
+    own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    # all nodal diameters have the same static state
+    mean = diameters.index(own_diameter) if own_diameter in diameters else 0
     for i, omega in enumerate(each(values.tolist(), progress, "Campbell diagram", "speed")):
         problems = [under(family.base, omega, resting) for family in by_diameter]
         preload = preload_at(problem, omega) if problem.carries_load else 0.0
@@ -277,30 +279,30 @@ def run_up(
     BdamperError
         If there is no crossing in the range.
     """
-    given = Conditions(**conditions)
-    asked = np.clip(given.reach(int(problem.engine_order)), *WITHIN)
+    operating = Conditions(**conditions)
+    limits = np.clip(operating.reach(int(problem.engine_order)), *WITHIN)
     narrow = speeds is not None or rpm is not None
     if narrow:
-        asked = speed_values(asked_speeds(problem, speeds, rpm))
+        limits = speed_values(asked_speeds(problem, speeds, rpm))
     mode = validation.whole("mode", mode, least=1)
     meter = CostMeter()
-    family = SpeedFamily(problem, given)
-    low, high = float(asked[0]), float(asked[-1])
+    family = SpeedFamily(problem, operating)
+    low, high = float(limits[0]), float(limits[-1])
     holds = interval(family, low, high, mode)
     why = ""
     if holds is not None:
-        equations, curve, found = follow_line(family, (low, high) if narrow else holds, mode, meter, options)
-        why = "" if found is not None else f": {curve._headline()}"
-    if holds is None or found is None:
+        equations, curve, highest = follow_line(family, (low, high) if narrow else holds, mode, meter, options)
+        why = "" if highest is not None else f": {curve._headline()}"
+    if holds is None or highest is None:
         raise BdamperError(
             f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {low:.6g} and "
             f"{high:.6g} rad/s, found none{why}"
         )
-    top, error = exact(family, found.peak)
+    top, error = exact(family, highest.peak)
     left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
     validation.require(error <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
-    fixed = at_fixed_speed(equations, found.peak, meter)
-    out = _with_maximum(curve, found.index, top, responses(equations, top.y[None])[0])
+    fixed = at_fixed_speed(equations, highest.peak, meter)
+    out = _with_maximum(curve, highest.index, top, responses(equations, top.y[None])[0])
     notes = _comparison_text(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
     return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
 
@@ -310,12 +312,12 @@ def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArra
 
     Unknowns over speed differ from those of a study at one speed, whose residual modes have other phases.
     """
-    own = {
+    replaced = {
         "harmonics": harmonics, "frequency": top.frequency, "speed": top.parameter, "shares": top.shares,
         "residual": top.residual,
     }  # fmt: skip
-    columns: dict[str, Any] = {name: np.array(getattr(curve, name)) for name in own}
-    for name, value in own.items():
+    columns: dict[str, Any] = {name: np.array(getattr(curve, name)) for name in replaced}
+    for name, value in replaced.items():
         columns[name][index] = value
     return replace(curve, **columns, unknowns=np.zeros((len(curve), 0)))
 

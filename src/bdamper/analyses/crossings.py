@@ -141,12 +141,12 @@ class SpeedFamily:
         result is 0 if a resonance does not cross the line.
         """
         squares, order = np.square([low, high]), float(self.whole.engine_order)
-        found = []
+        crossings = []
         for column in np.transpose([self._linear(omega, mode) for omega in (low, high)]):
             slope = float(np.diff(column**2)[0] / np.diff(squares)[0])
             square = (column[0] ** 2 - slope * squares[0]) / (order**2 - slope) if order**2 > slope else 0.0
-            found.append(float(np.sqrt(max(square, 0.0))))
-        return min(found), max(found)
+            crossings.append(float(np.sqrt(max(square, 0.0))))
+        return min(crossings), max(crossings)
 
     def _linear(self, omega: float, mode: int) -> NDArray:
         """Return free and stuck resonance (2,) of a mode of the constrained bodies at a speed, rad/s."""
@@ -216,15 +216,15 @@ def follow_line(
         problem, preload = _nearest(family, equations, omega / order)
         state, here = problem.equilibrium(preload), equations.structure.at(omega)
         meter.watch(here)
-        found, tried, _ = first_point(here, state, stuck_springs(problem, state), omega, options, meter)
+        highest, tried, _ = first_point(here, state, stuck_springs(problem, state), omega, options, meter)
         for line in tried:
             search.note(omega, line)
-        return found
+        return highest
 
     search.cover(find_start)
     status, reason, left = ending(search.pieces, *search.limits)
-    there, _ = _nearest(family, equations, low)
-    curve = as_curve(there, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
+    lowest, _ = _nearest(family, equations, low)
+    curve = as_curve(lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
     harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
     speed = TWO_PI * curve.frequency / order
     curve = replace(curve, harmonics=harmonics, speed=speed, **family.whole.recorded(search.options))
@@ -233,8 +233,8 @@ def follow_line(
     except BdamperError:  # no point on a connected branch
         return equations, curve, None
     meter.count(top.peak.iterations)
-    found = None if top.kind == "end" else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
-    return equations, curve, found
+    highest = None if top.kind == "end" else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
+    return equations, curve, highest
 
 
 def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> tuple[Problem, float]:
@@ -253,8 +253,8 @@ def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> li
         omega = equations.structure.engine_order * speed
         if not ends[0] < speed < ends[1]:
             continue
-        found = equations.structure.at(omega).structure.linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
-        out += [(omega, width, row) for _, width, row in sorted(found, key=lambda one: abs(one[0] - omega))[:1]]
+        resonances = equations.structure.at(omega).structure.linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
+        out += [(omega, width, row) for _, width, row in sorted(resonances, key=lambda one: abs(one[0] - omega))[:1]]
     return out
 
 
@@ -329,13 +329,13 @@ def by_mass(family: SpeedFamily, equations: Equations[Family], top: Peak) -> dic
     """
     low, high = (1.0 - AROUND[-1]) * top.parameter, (1.0 + AROUND[-1]) * top.parameter
     try:
-        found = sensitivities(top, {"mass": (lambda factor: family.along(low, high, 2, factor), 1.0)})["mass"]
+        derivative = sensitivities(top, {"mass": (lambda factor: family.along(low, high, 2, factor), 1.0)})["mass"]
     except SettingError:
         return {}
-    if found.reason:
+    if derivative.reason:
         return {}
     order = equations.structure.engine_order
-    return {"amplitude_by_mass": found.amplitude, "speed_by_mass": TWO_PI * found.frequency / order}
+    return {"amplitude_by_mass": derivative.amplitude, "speed_by_mass": TWO_PI * derivative.frequency / order}
 
 
 def refined(
@@ -348,23 +348,23 @@ def refined(
     equations : Equations
     top : Peak
         Highest point of the interpolated equations.
-    own : Peak
+    solution : Peak
         Highest point of the equations assembled at its speed.
     error : float
         Residual of the interpolation.
     """
-    own, error = exact(family, top)
+    solution, error = exact(family, top)
     for part in AROUND:
         if error <= CLOSE:
             break
-        shorter = family.along((1.0 - part) * own.parameter, (1.0 + part) * own.parameter, NODES)
+        shorter = family.along((1.0 - part) * solution.parameter, (1.0 + part) * solution.parameter, NODES)
         meter.watch(shorter)
-        peak = find_peak(shorter, own.y, tangent=own.tangent, scale=own.scale)
+        peak = find_peak(shorter, solution.y, tangent=solution.tangent, scale=solution.scale)
         if not peak.converged:
             break
         equations, top = shorter, replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order)
-        own, error = exact(family, top)
-    return equations, top, own, error
+        solution, error = exact(family, top)
+    return equations, top, solution, error
 
 
 @dataclass(frozen=True)
@@ -397,13 +397,13 @@ class CrossingTask:
 
     def __call__(self, problem: Problem, preload: float | None) -> dict[str, Any]:
         meter = CostMeter()
-        found = self._found(problem, meter)
+        results = self._results(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
-        found["warning"] = "; ".join([*found["warning"], *(f"neglected: {note}" for note in neglected)])
+        results["warning"] = "; ".join([*results["warning"], *(f"neglected: {note}" for note in neglected)])
         mass = next(b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
-        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | found | {"cost": meter.read()}
+        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | results | {"cost": meter.read()}
 
-    def _found(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
+    def _results(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
         """Return the results without NaN, and warnings as a list."""
         family = SpeedFamily(problem, self.conditions)
         where = "mode {} between {:.6g} and {:.6g} rad/s".format(self.mode, *self.speeds)
@@ -416,20 +416,21 @@ class CrossingTask:
             return {"kind": NOT_FOUND, "warning": [why]}
         warnings = [f"curve {curve.status}: {curve.reason}"] if curve.status != COMPLETE else []
         warnings += [highest.note] if highest.note else []
-        equations, top, own, error = refined(family, equations, highest.peak, meter)
+        equations, top, solution, error = refined(family, equations, highest.peak, meter)
         if not error <= CLOSE:
             warnings.append(f"interpolation over speed leaves a residual of {error:.2g} at the highest point")
         out: dict[str, Any] = {
-            "kind": INCOMPLETE if warnings else COMPLETE, "speed": own.parameter, "amplitude": own.amplitude,
-            "frequency": own.frequency, "preload": family.preload(own.parameter), "residual": own.residual,
+            "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
+            "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,
             **by_mass(family, equations, top),
-            **{name: float(x) for name, x in zip(("stick", "slip", "open"), own.shares)},
+            **{name: float(x) for name, x in zip(("stick", "slip", "open"), solution.shares)},
         }  # fmt: skip
         fixed = at_fixed_speed(equations, top, meter)
         if fixed is not None:
             out |= {"fixed_speed": fixed.parameter, "fixed_speed_amplitude": fixed.amplitude}
         if self.margin is not None:
-            out["margin"] = self.margin(family.problem(own.parameter), own.y[:-1], float(own.y[-1]), out["preload"])
+            at_speed, unknowns = family.problem(solution.parameter), solution.y[:-1]
+            out["margin"] = self.margin(at_speed, unknowns, float(solution.y[-1]), out["preload"])
         return out | {"warning": warnings}
 
 
@@ -487,12 +488,12 @@ def resonance_crossings(
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
-    given = Conditions(**conditions)
-    named = given.values(values.tolist(), orders)  # raises an error if tables do not cover the speeds
+    operating = Conditions(**conditions)
+    named = operating.values(values.tolist(), orders)  # raises an error if tables do not cover the speeds
     if margin is not None:
         validation.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    task = CrossingTask((float(values[0]), float(values[-1])), mode, given, margin, named)
+    task = CrossingTask((float(values[0]), float(values[-1])), mode, operating, margin, named)
     over = {"damper_mass": factors.tolist(), "engine_order": list(orders)}
     return sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
 

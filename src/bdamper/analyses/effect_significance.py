@@ -191,10 +191,10 @@ def effect_significance(
     preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     check_question(problem, [preload], frequency)
-    own = Effects.of(problem)
+    present = Effects.of(problem)
     effects = fullest(problem) if against is None else validation.instance("against", against, Effects)
     reference = _Reference(problem.with_effects(effects), effects, preload, frequency)
-    rows = [reference.row(name, own, tolerance) for name in parts(problem, effects)]
+    rows = [reference.row(name, present, tolerance) for name in parts(problem, effects)]
     rows.sort(key=lambda row: -row.size)
     rows, (amplitude, change) = _chosen(reference, rows, tolerance)
     significant = effects
@@ -218,21 +218,21 @@ class _Reference:
         self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
 
-    def row(self, name: str, own: Effects, tolerance: float) -> EffectRow:
+    def row(self, name: str, present: Effects, tolerance: float) -> EffectRow:
         """Return the change of the peak without one effect; compute it if the estimate exceeds the tolerance."""
-        on = own.without(name) != own
+        on = present.without(name) != present
         leaner = self.problem.with_effects(self.effects.without(name))
         if not leaner.static(self.preload).converged:
             return EffectRow(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
-        system, found, source = leaner.system(self.preload), None, "estimated"
+        system, change, source = leaner.system(self.preload), None, "estimated"
         if self.curve.point_kind[self.peak.index] == "maximum":  # the estimate needs a stationary amplitude
             y = np.append(self.curve.unknowns[self.peak.index], 2.0 * np.pi * self.peak.frequency)
-            found = estimate_change(system, embed(self.problem, leaner, self.preload, y))
-        if found is None or found.size > tolerance:
-            found, source = self.computed(leaner), "computed"
-        why = "" if found.known else found.how
-        source = source if found.known else "unknown"
-        return EffectRow(name, on, *found[:3], source, _work(system) / self.work, reason=why)
+            change = estimate_change(system, embed(self.problem, leaner, self.preload, y))
+        if change is None or change.size > tolerance:
+            change, source = self.computed(leaner), "computed"
+        why = "" if change.known else change.how
+        source = source if change.known else "unknown"
+        return EffectRow(name, on, *change[:3], source, _work(system) / self.work, reason=why)
 
     def computed(self, leaner: Problem) -> Change:
         """Compute the change of the highest peak from the reference to another study."""
@@ -294,7 +294,7 @@ def fullest(problem: Problem) -> Effects:
     The number of blade modes is that of the study; :mod:`bdamper.analyses.error_estimates` estimates the effect of more
     modes.
     """
-    own = Effects.of(problem)
+    present = Effects.of(problem)
     most = 1
     most_harmonics = 3  # five harmonics would take some five times as long
     for l in range(2, most_harmonics + 1):
@@ -303,13 +303,13 @@ def fullest(problem: Problem) -> Effects:
         except SettingError:
             break
         most = l
-    numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
+    numbers = tuple(sorted({*present.harmonic_numbers, *range(1, most + 1)}))
     on: dict[str, Any] = dict.fromkeys(SWITCHES, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
     least = min(2, problem.settings.most_modes("free"))
     modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
-    damper_modes: Any = modes if isinstance(own.damper_modes, Mapping) else max(own.damper_modes, least)
-    return replace(own, harmonics=harmonics, damper_modes=damper_modes, **on)
+    damper_modes: Any = modes if isinstance(present.damper_modes, Mapping) else max(present.damper_modes, least)
+    return replace(present, harmonics=harmonics, damper_modes=damper_modes, **on)
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:

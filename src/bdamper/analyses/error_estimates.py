@@ -346,9 +346,9 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
     if by_newton:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
-        found = _at_frequency(system, embedded, peak) if tops.at_end else _solved(system, embedded, tops)
-        if found is not None:
-            return found
+        change = _at_frequency(system, embedded, peak) if tops.at_end else _solved(system, embedded, tops)
+        if change is not None:
+            return change
     interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
     wider = WIDER if tops.follow else None
     outcome = evaluate_peak(other, lambda p: whole_curve(p, preload, interval, tops.at_end, wider))
@@ -364,13 +364,13 @@ def _change(before: Peak, after: PeakOutcome | Peak, how: str) -> Change:
 
 def _solved(system: Equations, embedded: list[NDArray], tops: Tops) -> Change | None:
     """Return the change to the highest peak found by Newton's method; None if it fails or finds another peak."""
-    found = []
+    peaks = []
     for y, peak in zip(embedded, tops.peaks):
-        found.append(find_peak(system, y))
-        change = _change(peak, found[-1], "")
-        if not found[-1].converged or max(abs(change.amplitude), abs(change.frequency)) > 1.0 - NEARLY_HIGHEST:
+        peaks.append(find_peak(system, y))
+        change = _change(peak, peaks[-1], "")
+        if not peaks[-1].converged or max(abs(change.amplitude), abs(change.frequency)) > 1.0 - NEARLY_HIGHEST:
             return None
-    return _change(tops.peaks[0], max(found, key=lambda p: p.amplitude), "solved")
+    return _change(tops.peaks[0], max(peaks, key=lambda p: p.amplitude), "solved")
 
 
 def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
@@ -433,12 +433,11 @@ def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> Sou
         if richer is None:
             return None
         by_newton = richer.problem.harmonic_numbers != problem.harmonic_numbers
-        found = compare(problem, richer.problem, preload, tops, by_newton)
-        how = f"{richer.text}; {found.how}" if found.known else found.how
+        change = compare(problem, richer.problem, preload, tops, by_newton)
+        how = f"{richer.text}; {change.how}" if change.known else change.how
     except BdamperError as error:
-        found, how = Change(np.nan, np.nan, np.inf), str(error)
-    return SourceError(source, *found[:3], how)
-
+        change, how = Change(np.nan, np.nan, np.inf), str(error)
+    return SourceError(source, *change[:3], how)
 
 
 class Richer(NamedTuple):
@@ -483,17 +482,17 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     if not lacking:
         return problem.with_effects(replace(Effects.of(problem), harmonics=harmonics))
     model, bodies = problem.model, {}
-    own, *others = (nodal_diameter(problem, l) for l in (1, *lacking))
+    fundamental, *others = (nodal_diameter(problem, l) for l in (1, *lacking))
     for name, body in model.bodies.items():
-        lent = {d: body.bases[own] for d in others if body.kind == "constrained" and d not in body.bases}
+        lent = {d: body.bases[fundamental] for d in others if body.kind == "constrained" and d not in body.bases}
         bodies[name] = replace(body, bases={**body.bases, **lent})
     return problem.replace(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer:
-    own = problem.harmonic_numbers
-    top = min(own[-1] + max(4, own[-1]), MAX_HARMONIC)
-    if top == own[-1]:
+    numbers = problem.harmonic_numbers
+    top = min(numbers[-1] + max(4, numbers[-1]), MAX_HARMONIC)
+    if top == numbers[-1]:
         raise BdamperError(f"there are no more than {MAX_HARMONIC} harmonics")
     lacking = missing_harmonics(problem, top)
     text = f"harmonics 1 to {top}" + (f", with the modes of the first for {lacking[0]} and more" if lacking else "")
@@ -501,13 +500,13 @@ def _more_harmonics(problem: Problem) -> Richer:
 
 
 def _exact_events(problem: Problem) -> Richer | None:
-    own = problem.settings.contact_forces
-    if not isinstance(own, AFT):
+    sampling = problem.settings.contact_forces
+    if not isinstance(sampling, AFT):
         return None
     try:
         return Richer(problem.replace(contact_forces="event_driven"), "exact events")
     except SettingError:  # coupled friction has no event-driven evaluation
-        return Richer(problem.replace(contact_forces=AFT(4 * own.n_time)), f"{4 * own.n_time} samples")
+        return Richer(problem.replace(contact_forces=AFT(4 * sampling.n_time)), f"{4 * sampling.n_time} samples")
 
 
 def _more_points(problem: Problem) -> Richer:
@@ -519,12 +518,12 @@ def _more_points(problem: Problem) -> Richer:
 
 def _more_modes(problem: Problem) -> Richer:
     s = problem.settings
-    own, blade = s.by_body("damper_modes"), s.most_modes("constrained")
-    rich = {name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in own}
+    damper_modes, blade = s.by_body("damper_modes"), s.most_modes("constrained")
+    rich = {name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in damper_modes}
     if isinstance(s.contact_stiffness, ResidualModes) or s.contact_stiffness == "residual_modes":
         blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
-        rich = {name: min(most, max(BLADE_MODES, 2 * own[name])) for name, most in rich.items()}
-    if blade <= s.blade_modes and rich == own:
+        rich = {name: min(most, max(BLADE_MODES, 2 * damper_modes[name])) for name, most in rich.items()}
+    if blade <= s.blade_modes and rich == damper_modes:
         raise BdamperError("the model has no more modes")
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
     text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")

@@ -183,18 +183,18 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     def _belong(self) -> str:
         s = self.settings
-        given = {
+        texts = {
             "harmonics": " ".join(map(str, s["harmonics"])),
             "blade modes": s["blade_modes"],
             "contact points": s["contact_points"] or "all of the model",
             "contact stiffness": s["contact_stiffness"] if isinstance(s["contact_stiffness"], str) else "given",
         }
-        return ", ".join(f"{name} {value}" for name, value in given.items())
+        return ", ".join(f"{name} {value}" for name, value in texts.items())
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each measured point."""
-        own = {"test": self.test, "place": self.place, "measured": np.abs(self.measured), "model": np.abs(self.model)}
-        return {name: Column(v) for name, v in own.items()} | {"residual": Column(self.residual[:, 0])}
+        arrays = {"test": self.test, "place": self.place, "measured": np.abs(self.measured), "model": np.abs(self.model)}
+        return {name: Column(v) for name, v in arrays.items()} | {"residual": Column(self.residual[:, 0])}
 
     @property
     def wrong(self) -> str:
@@ -210,11 +210,11 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     def _headline(self) -> str:
         rows = zip(self.names, self.values, self.low, self.high, self.deviation)
-        found = "; ".join(
+        estimates = "; ".join(
             f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
         )
         worst = int(np.argmax(self.misfits))
-        out = [f"{found[:1].upper()}{found[1:]}, with intervals for 95 %."]
+        out = [f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %."]
         if self.wrong:
             out.insert(0, f"{self.wrong[:1].upper()}{self.wrong[1:]}.")
         wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
@@ -300,11 +300,11 @@ class Objective:
         margin = 1e-6 * (high - low)[free]
         start = np.clip(x[free], low[free] + margin, high[free] - margin)
         ways: dict[str, Any] = {"xtol": np.sqrt(tolerance) * 1e-4, "ftol": tolerance, "gtol": tolerance, "max_nfev": MOST}
-        found = least_squares(
+        solution = least_squares(
             lambda part: self.residual(whole(part)), start, lambda part: self.jacobian(whole(part))[:, free],
             (low[free], high[free]), **ways,
         )  # fmt: skip
-        return whole(found.x)
+        return whole(solution.x)
 
 
 def covariance(J: NDArray) -> NDArray:
@@ -441,13 +441,13 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
         parts_of = " ".join(f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1)
         doubts.append(f"the data do not determine {parts_of}")
     at_end = (np.minimum(x - low, high - x) < 1e-3 * (high - low)) & ~unknown
-    doubts += [f"{spaced(name)} is at an end of its range" for name, there in zip(names, at_end) if there]
+    doubts += [f"{spaced(name)} is at an end of its range" for name, is_at_end in zip(names, at_end) if is_at_end]
     for label, part in zip(labels, parts):
         if lost := int(part.lost.sum()):
             why = f" ({part.reason})" if part.reason else ""
             counted = f"each counted as {LOST:g} times the noise"
             doubts.append(f"no response was found at {lost} points of {label}{why}, {counted}")
-    found = Fitted(
+    result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
         information=information / np.maximum(information.sum(axis=1, keepdims=True), 1e-300), tests=labels,
@@ -456,7 +456,7 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
         model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
         test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **problem.recorded(),
     )  # fmt: skip
-    return _with_status(found, doubts), C
+    return _with_status(result, doubts), C
 
 
 def _uncertainty(
@@ -478,11 +478,11 @@ def _uncertainty(
     if n > 1 and excess > 0.0:  # otherwise noise explains the differences between tests
         half = np.fmax(half, float(scipy.stats.t.ppf(P95, n - 1)) * left)
     if before is not None:  # errors of the held parameters propagate to the others
-        held, own = before
+        held, held_covariance = before
         joint = Objective(objective.problem, objective.data, UNLOADED | dict(objective.ranges), objective.noise)
         K = joint.jacobian(np.append(np.log(held.values), x))[:, : len(held.values)]
         move = covariance(J) @ J.T @ K
-        carried = move @ own @ move.T
+        carried = move @ held_covariance @ move.T
         C, half = C + carried, np.hypot(half, quantile * np.sqrt(np.diag(carried)))
     return half, C, left
 

@@ -73,9 +73,9 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         """
         out = np.full(len(self.preload), np.inf)
         for k, case in enumerate(zip(self.preload, self.nodal_diameter)):
-            own = np.flatnonzero((self.preload == case[0]) & (self.nodal_diameter == case[1]))
-            bounded = np.maximum.accumulate(self.stable[own])  # rows from the first stable one
-            ends = self.amplitude[own][~self.stable[own] & bounded]
+            rows = np.flatnonzero((self.preload == case[0]) & (self.nodal_diameter == case[1]))
+            bounded = np.maximum.accumulate(self.stable[rows])  # rows from the first stable one
+            ends = self.amplitude[rows][~self.stable[rows] & bounded]
             out[k] = 0.0 if not bounded.any() else ends.min(initial=np.inf)
         return out
 
@@ -131,14 +131,14 @@ def flutter(
     """
     low, high = validation.interval("amplitude", amplitude, "m")
     values = preload_values(preload, n) if np.ndim(preload) else np.array([problem.check_preload(preload)])  # type: ignore[arg-type]
-    own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
-    given = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own: aerodynamic_damping}
+    own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    by_diameter = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own_diameter: aerodynamic_damping}
     rows: list[tuple[Any, ...]] = []
-    for d, value in given.items():
+    for d, value in by_diameter.items():
         flow = complex(value)
         validation.that(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
         zeta = flow.imag if isinstance(value, complex) else flow.real
-        one = problem if d == own else problem.replace(engine_order=int(d) or problem.model.n_blades)
+        one = problem if d == own_diameter else problem.replace(engine_order=int(d) or problem.model.n_blades)
         one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
         curve: NonlinearMode | None = None
         for p in values[::-1].tolist():
@@ -148,8 +148,8 @@ def flutter(
                 cycles = _cycles(one, curve, zeta)
             s = p / curve.preload if curve.scales_to else 1.0
             rest = zeta + float(curve.damping_ratio[0]) > 0.0
-            found = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
-            rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(found))]
+            scaled = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
+            rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(scaled))]
     preloads, diameters, amplitudes, frequencies, stable, statuses = zip(*rows)
     return Flutter(
         preload=np.array(preloads),
@@ -158,7 +158,7 @@ def flutter(
         frequency=np.array(frequencies),
         stable=np.array(stable, bool),
         highest=high,
-        aerodynamic_damping={str(d): [complex(z).real, complex(z).imag] for d, z in given.items()},
+        aerodynamic_damping={str(d): [complex(z).real, complex(z).imag] for d, z in by_diameter.items()},
         statuses=statuses,
         **problem.recorded(options),
     )

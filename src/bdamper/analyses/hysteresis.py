@@ -177,18 +177,18 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
     @property
     def imbalance(self) -> Any:
         """Work of the excitation minus all dissipated energies, relative to the work: the error of the energy balance."""
-        own = np.where(np.equal(self.excitation, 0.0), np.nan, self.excitation)
-        return (self.excitation - self.damping - self.lost) / own
+        work = np.where(np.equal(self.excitation, 0.0), np.nan, self.excitation)
+        return (self.excitation - self.damping - self.lost) / work
 
     def _dimension(self) -> str:
         return "contact_point" if self.single else "point"
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each contact point of a single solution, or for each of several solutions."""
-        found, n = super().columns(), len(self.interface)
+        columns, n = super().columns(), len(self.interface)
         if not self.single:
-            return found | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
-        of_points = {name: c for name, c in found.items() if c.dims or len(c.values) == n}
+            return columns | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
+        of_points = {name: c for name, c in columns.items() if c.dims or len(c.values) == n}
         rows = ("interface", "energy")
         return {name: c._replace(dims=()) if name in rows else c for name, c in of_points.items()}
 
@@ -401,7 +401,6 @@ def _whole(system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, co
     return out
 
 
-
 @asked
 def microslip(
     problem: Problem,
@@ -449,10 +448,10 @@ def microslip(
     d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
     if not np.any(d):
         raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
-    own = problem.static_system
+    static = problem.static_system
     system = replace(
-        own, force=d.real, shift=np.zeros_like(own.shift), constant_force=preload * own.force + own.constant_force,
-        constant_shift=own.shift_at(preload),
+        static, force=d.real, shift=np.zeros_like(static.shift),
+        constant_force=preload * static.force + static.constant_force, constant_shift=static.shift_at(preload),
     )  # fmt: skip
     forces, values = np.append(0.0, wanted), []
     state = replace(seat, load=0.0)

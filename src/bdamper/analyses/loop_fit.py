@@ -252,11 +252,11 @@ class _Loop:
             starts = [p + spread * np.eye(6)[2] for p in grid]
             start = min(starts, key=lambda p: float((self.residual(p) ** 2).sum()))
             origin = start - 1.0  # shifts the parameters to about 1, since difference steps are relative
-            found = least_squares(
+            solution = least_squares(
                 lambda q, origin=origin: self.residual(origin + q), start - origin, "3-point", bounds - origin,
                 xtol=1e-8, ftol=1e-10, diff_step=DIFFERENCE, max_nfev=ITERATIONS,
             )  # fmt: skip
-            tries.append((found.cost, origin + found.x, found.fun.reshape(-1, 2), found.jac))
+            tries.append((solution.cost, origin + solution.x, solution.fun.reshape(-1, 2), solution.jac))
         return min(tries, key=lambda each: each[0])[1:]
 
 
@@ -284,5 +284,5 @@ def read_loop(path: str | Path) -> tuple[NDArray, NDArray]:
     BdamperError
         If a column is missing, a unit is unknown, or a value is not a finite number; the message contains the line.
     """
-    found = read_columns(path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES})
-    return found["displacement"][0], found["force"][0]
+    columns = read_columns(path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES})
+    return columns["displacement"][0], columns["force"][0]

@@ -113,10 +113,10 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
         """
         preload = validation.number("preload", preload, above=0.0, unit="N")
         if preload > self.scales_to:
-            found = f"one that scales to {self.scales_to:.6g} N" if self.scales_to else "one that does not scale"
+            actual = f"one that scales to {self.scales_to:.6g} N" if self.scales_to else "one that does not scale"
             raise SettingError(
                 f"preload: expected a mode that scales to {preload:.6g} N, without interference, cubic springs, constant "
-                f"forces and gaps that close, found {found}; compute it there"
+                f"forces and gaps that close, found {actual}; compute it there"
             )
         s = preload / self.preload
         return replace(
@@ -401,9 +401,9 @@ class _Branch:
         """
         guess = self.system.structure.start(state.q, omega, self.system.structure.reference * float(np.exp(self.low)))
         for lower in np.log([1.0, 0.1, 0.01, 0.002]):
-            found = self._at(guess, self.low + float(lower))
-            if found.status == OK:
-                return found
+            solution = self._at(guess, self.low + float(lower))
+            if solution.status == OK:
+                return solution
         return None
 
     def _linear(self, start: Correction) -> Correction:
@@ -429,9 +429,9 @@ class _Branch:
 
     def _from_above(self, last: NDArray) -> None:
         """Follow the branch at the largest amplitude downward."""
-        found = self._at(last, self.high)
-        if found.status == OK:
-            path = follow(self.system, found.y, (self.low, self.high), up=False, options=self.options)
+        solution = self._at(last, self.high)
+        if solution.status == OK:
+            path = follow(self.system, solution.y, (self.low, self.high), up=False, options=self.options)
             self.pieces.append(Piece(path, False, 1))
 
 

@@ -114,16 +114,16 @@ class Variations:
         if name == FORCE or value == self.values[name]:
             return self.own
         if (name, value) not in self._beside:
-            found = like(self._at(self.values | {name: value}), self.own)
-            _ = found.static_states
-            self._beside[name, value] = found
+            neighbour = like(self._at(self.values | {name: value}), self.own)
+            _ = neighbour.static_states
+            self._beside[name, value] = neighbour
         return self._beside[name, value]
 
     def under(self, force: float | None, problem: Problem | None = None, gain: float | None = None) -> Problem:
         """Return the problem with the excitation of a test."""
         gain = self.values.get(FORCE, 1.0) if gain is None else gain
-        given = self.problem.settings.excitation.amplitude if force is None else force
-        return vary(problem or self.own, {"excitation.amplitude": gain * given})
+        amplitude = self.problem.settings.excitation.amplitude if force is None else force
+        return vary(problem or self.own, {"excitation.amplitude": gain * amplitude})
 
     def families(self, force: float | None, preload: float) -> dict[str, tuple[Family, float]]:
         """Return the equations at one preload as functions of each parameter."""
@@ -195,27 +195,27 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
         reason = reason if search is None else search.curve.reason
         return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
     for i in range(n):
-        found, place = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
+        solution, target = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
         if search.jumps(f[i], NEAR_JUMP * step):
-            found = search.nearest(place, np.array([step, noise]))
-            if found is not None:
-                gap, way = search.away(found, place, np.array([step, noise]))
+            solution = search.nearest(target, np.array([step, noise]))
+            if solution is not None:
+                gap, way = search.away(solution, target, np.array([step, noise]))
                 normal[i] = np.array([-way[1], way[0]]) / norm2(way)
                 residual[i] = gap @ normal[i], 0.0
-        if found is None and (found := search.at(f[i])) is not None:
-            ratio = search.first(found) / measured[i]
+        if solution is None and (solution := search.at(f[i])) is not None:
+            ratio = search.first(solution) / measured[i]
             residual[i] = np.log(abs(ratio)) / noise, phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / noise
-        if found is not None:
-            lost[i], model[i] = False, search.first(found)
-            points.append(found)
+        if solution is not None:
+            lost[i], model[i] = False, search.first(solution)
+            points.append(solution)
             scale.append(search.scale)
 
     def slopes() -> NDArray:
         out = np.zeros((n, 2, len(varied.values)))
         if not points:
             return out
-        own = varied.families(test.force, test.preload)
-        for j, s in enumerate(across(search.system, points, np.array(scale), own).values()):
+        families = varied.families(test.force, test.preload)
+        for j, s in enumerate(across(search.system, points, np.array(scale), families).values()):
             relative = s.at_frequency / model[~lost]
             turned = np.cos(0.5 * np.angle(model[~lost] / measured[~lost]))
             vertical = np.array([relative.real, phase * turned * relative.imag]).T / noise
@@ -257,11 +257,11 @@ class _Swept:
         if not 0 < k < len(self.sweep.point):
             return None
         j, f, branch = int(self.sweep.point[k]), self.curve.frequency, self.curve.branch
-        beside = [i for i in (j - 1, j + 1) if 0 <= i < len(f) and branch[i] == branch[j]]
-        beside = [i for i in beside if (f[i] - frequency) * (f[j] - frequency) <= 0.0]
-        if not beside:
+        neighbours = [i for i in (j - 1, j + 1) if 0 <= i < len(f) and branch[i] == branch[j]]
+        neighbours = [i for i in neighbours if (f[i] - frequency) * (f[j] - frequency) <= 0.0]
+        if not neighbours:
             return None
-        i = min(beside, key=lambda i: abs(i - int(self.sweep.point[k - 1])))
+        i = min(neighbours, key=lambda i: abs(i - int(self.sweep.point[k - 1])))
         share = (frequency - f[i]) / (f[j] - f[i]) if f[j] != f[i] else 0.0
         between = self.y[i] + share * (self.y[j] - self.y[i])
         apart = norm2((self.y[j] - self.y[i]) / self.scale) + self.tolerance
@@ -273,23 +273,23 @@ class _Swept:
                 return c
         return None
 
-    def away(self, c: Correction, place: NDArray, units: NDArray) -> tuple[NDArray, NDArray]:
+    def away(self, c: Correction, target: NDArray, units: NDArray) -> tuple[NDArray, NDArray]:
         """Return the vector from a measured point to a point of the curve, and the tangent of the curve there."""
         first, along = self.first(c), c.tangent * self.scale
         way = np.array([along[-1] / c.y[-1], (self.system.rows.value(along) / first).real]) / units
         here = np.array([np.log(c.y[-1] / (2.0 * np.pi)), np.log(abs(first))]) / units
-        return here - place, way
+        return here - target, way
 
-    def nearest(self, place: NDArray, units: NDArray) -> Correction | None:
+    def nearest(self, target: NDArray, units: NDArray) -> Correction | None:
         """Return the point of the curve nearest to a measured one, by tangential steps from the nearest computed point."""
         logs = np.log([self.curve.frequency, self.curve.amplitude]).T / units
-        i = int(np.argmin(((logs - place) ** 2).sum(axis=1)))
+        i = int(np.argmin(((logs - target) ** 2).sum(axis=1)))
         before, after = (min(max(k, 0), len(logs) - 1) for k in (i - 1, i + 1))
         chord = (self.y[after] - self.y[before]) / self.scale
         longest = max(norm2(chord), 1e-300)
         c = self.system.solve(self.y[i], Plane(chord / longest), self.scale, self.tolerance, self.most)
         for _ in range(self.most):
-            gap, way = self.away(c, place, units)
+            gap, way = self.away(c, target, units)
             size = norm2(way)
             if c.status != OK or size < EDGE:  # only the mean changes along the curve
                 return None
@@ -340,18 +340,18 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
         for j, name in enumerate(varied.values):
             value = varied.values[name]
             above, below = (varied.under(None, varied.beside(name, value * s)) for s in (1.0 + STEP, 1.0 - STEP))
-            own = (reference(above) - reference(below)) / (2.0 * STEP * value)
+            reference_slope = (reference(above) - reference(below)) / (2.0 * STEP * value)
             if name == FORCE:
-                own = np.array([1.0 / value, 0.0])
+                reference_slope = np.array([1.0 / value, 0.0])
             for i, p in enumerate(rows):
                 if p is None or lost[i]:
                     continue
                 s = sensitivities(p, {name: varied.families(None, p.parameter)[name]})[name]
-                rate = np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency]) - own
+                rate = np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency]) - reference_slope
                 out[i, :, j] = np.where(np.isfinite(measured[i]), rate / units[i], 0.0)
         return out
 
     size, frequency = np.exp(reference(problem))
-    place = frequency * np.where(np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1]))
-    found, expected = size * measured[:, 0] + 0j, size * np.exp(model[:, 0]) + 0j
-    return Separation(place, found, expected, residual, slopes, lost, "; ".join(reasons))
+    frequencies = frequency * np.where(np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1]))
+    observed, computed = size * measured[:, 0] + 0j, size * np.exp(model[:, 0]) + 0j
+    return Separation(frequencies, observed, computed, residual, slopes, lost, "; ".join(reasons))

@@ -75,15 +75,15 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     """
     if not isinstance(distributions, Mapping) or not distributions:
         raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
-    given, distributions = distributions, {k: d for k, d in distributions.items() if k != "residual_slip_std"}
+    all_distributions, distributions = distributions, {k: d for k, d in distributions.items() if k != "residual_slip_std"}
     for name, distribution in distributions.items():
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
     n, seed = validation.whole("n", n, least=2), validation.whole("seed", seed)
     validation.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
     drawn = {}
-    if "residual_slip_std" in given:
-        spread = validation.number("residual_slip_std", given["residual_slip_std"], least=0.0, unit="m")
+    if "residual_slip_std" in all_distributions:
+        spread = validation.number("residual_slip_std", all_distributions["residual_slip_std"], least=0.0, unit="m")
         drawn = {"residual_slip_std": np.full(n, spread), "residual_slip_seed": np.arange(n) + float(n * seed)}
     unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
     # a ppf may be infinite at 0 and 1
@@ -293,7 +293,7 @@ def robust_optimum(
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     ends = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in ends)
-    found: RobustOptimum | None = None
+    optimum: RobustOptimum | None = None
     rounds = 0
     while True:
         curve = optimal_curve_uncertainty(
@@ -301,9 +301,9 @@ def robust_optimum(
         )
         left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]
         if left:
-            if found is None:
+            if optimum is None:
                 raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
-            return replace(found, status=f"{INTERRUPTED}{left[0]}")
+            return replace(optimum, status=f"{INTERRUPTED}{left[0]}")
         height = np.percentile(curve.amplitude, percentile, axis=0)
         if not np.isfinite(height).all():
             bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
@@ -315,9 +315,9 @@ def robust_optimum(
         kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
         warned = sum(bool(w) for w in curve.warnings)
         status = COMPLETE if width <= tolerance else because(INCOMPLETE, "bracket not narrowed further")
-        found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
+        optimum = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
         if width <= tolerance or rounds >= 30:
-            return found
+            return optimum
         low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])
 
 
@@ -363,7 +363,7 @@ def best_margin(
     """
     validation.instance("curve", curve, OptimalCurve)
     judge = LeastMargin(material, **judged)
-    found = judge.along(problem, curve)
+    result = judge.along(problem, curve)
     low, high = curve.settings["frequency"]
 
     def place(peak: Peak, p: float) -> Place:
@@ -383,19 +383,19 @@ def best_margin(
         rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
         places = [place(_peak(problem, curve, k), p) if is_known else Place(np.log(p), np.inf) for k, p, is_known in rows]
         places, best = least(places, ask, lambda a, b, x: x)
-        kept = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
-        peaks = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
-        tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, kept[p].balance, rtol=1e-3, atol=0.0)]
+        responses = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
+        peaks = [(p, peak.top.peak) for p in responses for peak in curves.follow([p]) if peak.known and peak.top]
+        tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, responses[p].balance, rtol=1e-3, atol=0.0)]
     if curves.interrupted:
-        i = found.greatest
-        return replace(found, best_value=found.values[i], best_margin=found.margin[i], best_status=INTERRUPTED)
+        i = result.greatest
+        return replace(result, best_value=result.values[i], best_margin=result.margin[i], best_status=INTERRUPTED)
     at = places[best.index]
     preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
     where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, preload, value)
     status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
-    in_time = tuple(judge.margins(problem, y, p, kept[p]) for p, y in tops)
-    return replace(found, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
+    in_time = tuple(judge.margins(problem, y, p, responses[p]) for p, y in tops)
+    return replace(result, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
 
 
 def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:

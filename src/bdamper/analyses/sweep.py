@@ -255,9 +255,10 @@ class _Job:
         return recorded(lambda: self._answers(settings))
 
     def _answers(self, settings: Mapping[str, Any]) -> Values:
-        own = {name: value for name, value in settings.items() if name != "preload"}
+        varied = {name: value for name, value in settings.items() if name != "preload"}
         preload = settings.get("preload")
-        return self.evaluate(vary(self.study, own) if own else self.study, None if preload is None else float(preload))
+        study = vary(self.study, varied) if varied else self.study
+        return self.evaluate(study, None if preload is None else float(preload))
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
@@ -380,8 +381,8 @@ def sweep(
     job = _Job(study, evaluate)
     if executor is not None:
         _ = problem.stiffness  # computed once, before the job is sent to the workers
-    kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
-    with kept as store:
+    opened = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
+    with opened as store:
         ordered = run_stored(job, points, range(len(points)), executor, store, progress, "sweep", "point")
     values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
     return SweepResult(
@@ -441,9 +442,9 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
         rows: list[tuple[str, ...]] = [("", "amplitude", "frequency", "preload", "change", "time", "")]
         for name, result in self.results.items():
             a, f, p, status = _outcome(result)
-            told = percent(self.change(name), True) if name != self.names[0] and np.isfinite(self.change(name)) else ""
+            change = percent(self.change(name), True) if name != self.names[0] and np.isfinite(self.change(name)) else ""
             numbers = amount(a, "m"), amount(f, "Hz", 6), amount(p, "N")
-            rows.append((name, *numbers, told, amount(result.cost.seconds, "s"), status))
+            rows.append((name, *numbers, change, amount(result.cost.seconds, "s"), status))
         return rows
 
     def _headline(self) -> str:
@@ -503,19 +504,19 @@ def compare(
     named = isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
     validation.that(bool(named), "studies", words, studies)
     first = next(iter(studies.values()))
-    problem, asked = problem_of(first), []  # type: ignore[arg-type]
-    for name, given in studies.items():
-        own: Any = validation.instance(f"study '{name}'", getattr(given, "problem", given), (Problem, Mapping), words)
-        asked.append(given if isinstance(own, Problem) else like(first, vary(problem, own)))  # type: ignore[type-var]
-    found: list[ResponseCurve | OptimalCurve] = []
-    for study in each(asked, progress, "studies", "study"):
+    problem, variants = problem_of(first), []  # type: ignore[arg-type]
+    for name, entry in studies.items():
+        settings: Any = validation.instance(f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), words)
+        variants.append(entry if isinstance(settings, Problem) else like(first, vary(problem, settings)))  # type: ignore[type-var]
+    results: list[ResponseCurve | OptimalCurve] = []
+    for study in each(variants, progress, "studies", "study"):
         answer = validation.instance(
             "answer", question(study), (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
         )
-        kind = type(found[0]) if found else type(answer)
-        found.append(validation.instance("answer", answer, kind, "the same kind of result from every study"))
+        kind = type(results[0]) if results else type(answer)
+        results.append(validation.instance("answer", answer, kind, "the same kind of result from every study"))
         if answer.interrupted:
             break
-    curves = tuple(result for result in found if isinstance(result, ResponseCurve))
-    optimal = tuple(result for result in found if isinstance(result, OptimalCurve))
-    return Comparison(tuple(studies)[: len(found)], curves, optimal)
+    curves = tuple(result for result in results if isinstance(result, ResponseCurve))
+    optimal = tuple(result for result in results if isinstance(result, OptimalCurve))
+    return Comparison(tuple(studies)[: len(results)], curves, optimal)

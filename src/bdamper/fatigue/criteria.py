@@ -186,7 +186,6 @@ def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
     return value
 
 
-
 def findley(coefficients: NDArray, k: float, limit: float | None = None) -> NDArray:
     """Return the largest ``tau_a + k sigma_max`` over all planes.
 
@@ -267,9 +266,9 @@ def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) ->
         a, b = _frames(normal[None])
         around = normal + step * (np.cos(turn)[:, None] * a + np.sin(turn)[:, None] * b)
         around /= np.linalg.norm(around, axis=1)[:, None]
-        found = _plane_values(c, around, k, limit, 1024)
-        if found.max() > value * (1.0 + 1e-12):
-            value, normal = float(found.max()), around[found.argmax()]
+        candidates = _plane_values(c, around, k, limit, 1024)
+        if candidates.max() > value * (1.0 + 1e-12):
+            value, normal = float(candidates.max()), around[candidates.argmax()]
         else:
             step *= 0.5
     return value

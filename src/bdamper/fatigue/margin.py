@@ -73,8 +73,8 @@ class Rule(validation.Checked):
             factor = material.factor(amplitude, mean, self.line, self.on)
         else:
             limit = material.findley_limit
-            found = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
-            factor = (limit if self.on == "both" else 1.0) / np.maximum(found, 1e-300)
+            value = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
+            factor = (limit if self.on == "both" else 1.0) / np.maximum(value, 1e-300)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
 
@@ -321,20 +321,20 @@ def margin(
     return judge.along(problem, result)
 
 
-def _scaled_to_time(found: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
+def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
     """Scale the vibration to the largest amplitude in time integration."""
     if time_response is None:
-        return found
+        return cycle
     validation.instance("time_response", time_response, SteadyAmplitude)
-    if not np.isfinite(time_response.factor) or abs(time_response.preload - found.preload) > 1e-6 * found.preload:
-        expected = f"a time integration at {found.preload:g} N"
+    if not np.isfinite(time_response.factor) or abs(time_response.preload - cycle.preload) > 1e-6 * cycle.preload:
+        expected = f"a time integration at {cycle.preload:g} N"
         raise validation.unfit("time_response", expected, f"{time_response.text} at {time_response.preload:g} N")
-    coefficients = found.coefficients.copy()
+    coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.highest, "m")
     note = f"vibration scaled by {time_response.factor:.3g}: the highest blade reaches {highest} in time"
     doubt = () if word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
-    return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
+    return replace(cycle, coefficients=coefficients, notes=(*cycle.notes, note, *doubt))
 
 
 @validation.spelt
@@ -383,17 +383,17 @@ class LeastMargin(Rule):
         time_response : TimeResponse, optional
             Time integration to whose largest amplitude the vibration is scaled.
         """
-        found = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
-        cycle = over_cycle.of_solution(problem, found, over_cycle.chosen_sets(problem, self.sets), self.speed)
+        solution = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
+        cycle = over_cycle.of_solution(problem, solution, over_cycle.chosen_sets(problem, self.sets), self.speed)
         return self.of_cycle(_scaled_to_time(cycle, time_response))
 
-    def of_cycle(self, found: StressCycle) -> Margins:
+    def of_cycle(self, cycle: StressCycle) -> Margins:
         """Return the margins of a stress cycle."""
-        amplitude, mean, factor, to_yield = self.judge(found.coefficients, self.material)
-        own = {f.name: getattr(found, f.name) for f in fields(AtPoints)} | self._of(found)
-        return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **own)
+        amplitude, mean, factor, to_yield = self.judge(cycle.coefficients, self.material)
+        copied = {f.name: getattr(cycle, f.name) for f in fields(AtPoints)} | self._of(cycle)
+        return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **copied)
 
-    def _of(self, found: StressCycle) -> dict[str, Any]:
+    def _of(self, cycle: StressCycle) -> dict[str, Any]:
         """Return the fields that margins copy from a stress cycle.
 
         Raises
@@ -401,16 +401,16 @@ class LeastMargin(Rule):
         SettingError
             If the stress cycle has no counted point.
         """
-        validation.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
-        own = {"settings": found.settings, "model_hash": found.model_hash}
-        return {"material": self.material, "rule": self.rule, "notes": found.notes, **own}
+        validation.require(cycle.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
+        origin = {"settings": cycle.settings, "model_hash": cycle.model_hash}
+        return {"material": self.material, "rule": self.rule, "notes": cycle.notes, **origin}
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
         """Return the margin at every point of a curve."""
-        chosen, found = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
-        known = np.isfinite(found.unknowns).all(axis=1)
+        chosen, solutions = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
+        known = np.isfinite(solutions.unknowns).all(axis=1)
         validation.require(known.any(), "margin", "a curve with solutions", "none")
-        solved = Solutions(*(column[known] for column in found))
+        solved = Solutions(*(column[known] for column in solutions))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
@@ -425,6 +425,6 @@ class LeastMargin(Rule):
             over=over, unit=UNITS[over], values=np.asarray(getattr(curve, over), float),
             margin=np.where(known, counted.min(axis=1), np.nan), response=np.asarray(curve.amplitude, float),
             names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor,
-            frequency=np.asarray(found.frequency), preload=np.asarray(found.preload),
-            speed=over_cycle.speeds(problem, found.frequency, self.speed), **shared,
+            frequency=np.asarray(solutions.frequency), preload=np.asarray(solutions.preload),
+            speed=over_cycle.speeds(problem, solutions.frequency, self.speed), **shared,
         )  # fmt: skip

@@ -145,11 +145,11 @@ def stress(
     SettingError
         If the model has no stress sets, or the result belongs to another problem.
     """
-    chosen, found = chosen_sets(problem, sets), solutions_of(problem, result)
-    n = len(found.unknowns)
+    chosen, solutions = chosen_sets(problem, sets), solutions_of(problem, result)
+    n = len(solutions.unknowns)
     if n > 1:
-        index = _highest(result, found) if index is None else validation.whole("index", index, least=0, most=n - 1)
-    return of_solution(problem, Solutions(*(column[[index or 0]] for column in found)), chosen, speed)
+        index = _highest(result, solutions) if index is None else validation.whole("index", index, least=0, most=n - 1)
+    return of_solution(problem, Solutions(*(column[[index or 0]] for column in solutions)), chosen, speed)
 
 
 @validation.spelt
@@ -188,8 +188,8 @@ def gauge_stress(
     """
     named = {f"{s.name} {k + 1}": (s, k) for s in chosen_sets(problem) for k in range(len(s))}
     if not isinstance(gauge, str):
-        place, points = validation.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
-        away, near = np.linalg.norm(points - place, axis=1), 0.05 * np.abs(points).max()
+        position, points = validation.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
+        away, near = np.linalg.norm(points - position, axis=1), 0.05 * np.abs(points).max()
         gauge, least = list(named)[int(away.argmin())], float(away.min())
         nearest = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
         expected = f"coordinates within {amount(near, 'm')} of a point of the stress sets"
@@ -206,10 +206,10 @@ def gauge_stress(
     return np.asarray(np.einsum("c,mcl->ml", along, tensor))
 
 
-def _highest(result: Any, found: Solutions) -> int:
+def _highest(result: Any, solutions: Solutions) -> int:
     sign = -1.0 if np.ndim(result.preload) else 1.0  # an optimal curve is best at its minimum
     height = sign * np.asarray(result.amplitude)
-    return int(np.where(np.isfinite(height) & np.isfinite(found.unknowns).all(axis=1), height, -np.inf).argmax())
+    return int(np.where(np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1), height, -np.inf).argmax())
 
 
 def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> NDArray:
@@ -225,8 +225,8 @@ def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> 
     turning = speed if speed is not None else problem.settings.speed
     if turning is not None:
         return np.full(len(frequency), validation.number("speed", turning, least=0.0, unit="rad/s"))
-    own = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
-    return own * frequency
+    per_frequency = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
+    return per_frequency * frequency
 
 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
@@ -237,7 +237,9 @@ def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tu
     return tuple(known[validation.choice("stress set", name, list(known))] for name in names)
 
 
-def of_solution(problem: Problem, found: Solutions, chosen: Sequence[StressSet], speed: float | None = None) -> StressCycle:
+def of_solution(
+    problem: Problem, solution: Solutions, chosen: Sequence[StressSet], speed: float | None = None
+) -> StressCycle:
     """Return the stress of one solution over the cycle."""
     bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
     notes = [f"set '{s.name}' has no rows for contact forces: their stress is neglected" for s in bare]
@@ -245,27 +247,29 @@ def of_solution(problem: Problem, found: Solutions, chosen: Sequence[StressSet],
     return StressCycle(
         points=np.concatenate([s.points for s in chosen]),
         names=tuple(f"{s.name} {k + 1}" for s in chosen for k in range(len(s))),
-        coefficients=coefficients_of(problem, found, chosen, speed)[0],
+        coefficients=coefficients_of(problem, solution, chosen, speed)[0],
         counted=np.concatenate([s.counted for s in chosen]),
         spread=np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
-        frequency=float(found.frequency[0]),
-        preload=float(found.preload[0]),
-        speed=float(speeds(problem, found.frequency, speed)[0]),
+        frequency=float(solution.frequency[0]),
+        preload=float(solution.preload[0]),
+        speed=float(speeds(problem, solution.frequency, speed)[0]),
         notes=tuple(notes),
         **problem.recorded(),
     )
 
 
-def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet], speed: float | None = None) -> NDArray:
+def coefficients_of(
+    problem: Problem, solutions: Solutions, sets: Sequence[StressSet], speed: float | None = None
+) -> NDArray:
     """Return mean and harmonics (m, n, 6, H + 1) of the stress of m solutions, Pa."""
     n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
-    out = np.full((len(found.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
+    out = np.full((len(solutions.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
     centrifugal = np.concatenate([np.zeros((len(s), 6)) if s.static is None else s.static for s in sets])
     present = sorted({0, *problem.settings.active_harmonics})
     parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
-    turning = speeds(problem, found.frequency, speed)
+    turning = speeds(problem, solutions.frequency, speed)
     systems: dict[float, tuple[Equations[Sector], NDArray]] = {}
-    for i, (u, frequency, preload) in enumerate(zip(*found)):
+    for i, (u, frequency, preload) in enumerate(zip(*solutions)):
         if not np.isfinite(u).all():
             continue
         if preload not in systems:
@@ -365,8 +369,8 @@ class _Rows:
         for at, along, excitation in problem.settings.excited.get(l, []):
             if at in basis.locations:
                 q = q + (along @ basis.locations[at]).conj() * excitation
-        given = problem.settings.damping_ratio
-        ratio = basis.damping_ratio if given is None else np.full(basis.n_modes, given)
+        ratio_of_study = problem.settings.damping_ratio
+        ratio = basis.damping_ratio if ratio_of_study is None else np.full(basis.n_modes, ratio_of_study)
         w = l * omega
         dynamic = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
         q = np.divide(q, dynamic, out=np.zeros_like(q), where=dynamic != 0.0)
