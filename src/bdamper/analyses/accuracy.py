@@ -11,7 +11,7 @@ Harmonic convergence
     has 75.3, 75.0, 75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12 harmonics, and 69.4 um with 16. The sequence therefore
     continues to the highest requested number. It stops earlier only
 
-    * above the highest natural frequency in the equations of a reduced body, where no resonance is possible;
+    * above the highest natural frequency in the equations of a reduced body, since no resonance is possible there;
     * if the model has no modes of a nodal diameter;
     * if the last two changes are below a fifth of the tolerance and no later harmonic is near a stuck mode.
 
@@ -21,7 +21,7 @@ Harmonic convergence
 Cost of accuracy
     The most detailed combination of settings is the reference; all errors are relative to it. Each setting alone is then
     reduced as long as the error is within the tolerance. The cheapest of these values are combined. If the combination
-    misses the tolerance, the setting with the largest error of its own is refined by one value. The errors of the second
+    misses the tolerance, the setting with the largest individual error is refined by one value. The errors of the second
     most detailed values indicate the error of the reference.
 
     Errors are relative differences of amplitude and frequency of the highest peak. Times are processor times of the
@@ -419,7 +419,11 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
 def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
     """Return the values of each varied setting by their names, from the cheapest to the most detailed.
 
-    ``vary`` is that of :func:`accuracy_cost`.
+    Parameters
+    ----------
+    problem : Problem
+    vary : str, sequence of str or mapping
+        See :func:`accuracy_cost`.
     """
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
     validation.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)

@@ -196,20 +196,19 @@ def campbell(
     for result in shown:
         crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
         validation.that(crossings, "damped", "crossings, as Study.crossings returns them", result)
-        validation.require(
-            result.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one"
-        )
+        same_model = result.model_hash == problem.model.hash
+        validation.require(same_model, "damped", "crossings of this model", "crossings of another model")
     operating = Conditions(**conditions)
     constrained = [body for body in problem.model.bodies.values() if body.kind == "constrained"]
     bases = [pair for body in constrained for pair in body.bases.items()]
     known = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
-    diameters = known or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
+    own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    diameters = known or [own_diameter]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
     n, resting = problem.model.n_blades, Conditions(operating.friction, operating.temperature)
     beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
     validation.require(not beyond, "engine_orders", f"orders that excite nodal diameters {diameters}", beyond)
     by_diameter = [SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters]
-    own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
     # all nodal diameters have the same static state
     mean = diameters.index(own_diameter) if own_diameter in diameters else 0
     for i, omega in enumerate(each(values.tolist(), progress, "Campbell diagram", "speed")):
@@ -310,7 +309,7 @@ def run_up(
 def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArray) -> ResponseCurve:
     """Return the curve with the refined highest maximum, and without unknowns.
 
-    Unknowns over speed differ from those of a study at one speed, whose residual modes have other phases.
+    Unknowns over speed cannot be used in a study at one speed, because their residual modes have other phases.
     """
     replaced = {
         "harmonics": harmonics, "frequency": top.frequency, "speed": top.parameter, "shares": top.shares,

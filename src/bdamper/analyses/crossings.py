@@ -17,7 +17,7 @@ Response along the line
 
 Equations over speed
     At every node speed the problem is assembled: modes, contact stiffness, preload and static state. Its unknowns are
-    transformed to those of the nearest known speed, so that they are comparable
+    transformed to the basis of the nearest known speed, so that they are comparable
     (:mod:`bdamper.harmonic_balance.parameters`). The equations are interpolated between the nodes. At the highest point the
     exact equations are assembled; they measure the interpolation error and give the final solution.
 """
@@ -100,7 +100,7 @@ class SpeedFamily:
         self._made: dict[float, Problem] = {}
 
     def problem(self, omega: float) -> Problem:
-        """Return the problem at a speed (rad/s), with unknowns comparable with those at other speeds."""
+        """Return the problem at a speed (rad/s); its unknowns are comparable over speed."""
         if omega not in self._made:
             made = under(self.base, omega, self.conditions)
             known = min(self._made, key=lambda other: abs(other - omega), default=None)
@@ -487,7 +487,7 @@ def resonance_crossings(
     validation.require(orders, "engine_orders", "at least one", "none")
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
-        raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
+        raise SettingError(f"crossings need a model with a body that carries a load; {problem.why_no_load}")
     operating = Conditions(**conditions)
     named = operating.values(values.tolist(), orders)  # raises an error if tables do not cover the speeds
     if margin is not None:

@@ -164,8 +164,8 @@ def effect_significance(
 ) -> EffectSignificance:
     """Compute the change of the highest peak without each effect, and select the significant effects.
 
-    The cost is that of several peaks: the reference, one for each effect whose change is not small, and one or more without
-    all omitted effects. It pays off before many computations of similar problems.
+    The cost is several peaks: the reference, one for each effect with a large change, and one or more without all omitted
+    effects. It pays off before many computations of similar problems.
 
     Parameters
     ----------
@@ -291,8 +291,7 @@ def fullest(problem: Problem) -> Effects:
     """Return all effects that the model of a study allows: three harmonics if it has their modes, two elastic damper
     modes.
 
-    The number of blade modes is that of the study; :mod:`bdamper.analyses.error_estimates` estimates the effect of more
-    modes.
+    The number of blade modes does not change; :mod:`bdamper.analyses.error_estimates` estimates the effect of more modes.
     """
     present = Effects.of(problem)
     most = 1

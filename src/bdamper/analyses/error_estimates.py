@@ -105,7 +105,8 @@ class Change(NamedTuple):
 def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     """Embed a point of one study in a study with other settings.
 
-    Common modes keep their amplitudes, others are zero. The mean keeps its distance from the static state.
+    Modes and harmonics of both studies retain their amplitudes, others are zero. The mean retains its distance from the
+    static state.
 
     Parameters
     ----------
@@ -317,7 +318,7 @@ class Tops:
 
     @classmethod
     def of(cls, problem: Problem, curve: ResponseCurve) -> Tops:
-        """Return the highest point of a response curve and the nearly highest peaks, refined."""
+        """Refine the highest point of a response curve and the nearly highest peaks."""
         system = problem.system(curve.preload)
         top = highest_of_curve(system, curve)
         lower = (p for p in maxima(system, curve, NEARLY_HIGHEST) if not same_peak(p, top.peak))

@@ -156,7 +156,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         Raises
         ------
         SettingError
-            If the model or the settings of the study differ from those of the fit. Contact parameters compensate for
+            If the study has another model or other settings than the fit. Contact parameters compensate for
             omitted modes, contact points and harmonics, and are wrong with other settings.
         """
         check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
@@ -396,7 +396,7 @@ def fit(
                 problem, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise
             )
         )
-    validation.require(ranges, "vary", "parameters other than those of the free response", list(vary))
+    validation.require(ranges, "vary", "parameters that the free response does not determine", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if (
         "frequency_factor" in ranges
@@ -488,7 +488,7 @@ def _uncertainty(
 
 
 def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float) -> NDArray:
-    """Return the distances of one parameter to both sides at which the refitted sum of squares has risen by ``rise``."""
+    """Return the distances to both sides at which the sum of squares, fitted again, has risen by ``rise``."""
     least = float((objective.residual(x) ** 2).sum())
     free = np.arange(len(x)) != j
     J, (low, high) = objective.jacobian(x), objective.bounds

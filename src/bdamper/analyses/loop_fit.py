@@ -111,7 +111,7 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     Parameters
     ----------
     displacement : (n,) float, m
-        Relative displacement in chronological order over one period or more. Of several periods only those with full
+        Relative displacement in chronological order over one period or more. In a longer record only periods with full
         amplitude are fitted, without start and end.
     force : (n,) float, N
         Tangential force, positive if it resists a positive displacement.

@@ -1,6 +1,6 @@
 """Nonlinear modes: frequency and damping of free vibration over its amplitude.
 
-The equations are those of a sector without excitation, with frequency and damping as unknowns (``csrc/bd_modes.c``). A
+The equations describe a sector without excitation, with frequency and damping as unknowns (``csrc/bd_modes.c``). A
 point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` contains the mean, the vibration ``P`` scaled to the response amplitude
 ``A_0``, the angular frequency, the modal damping ratio and the response amplitude ``A``.
 
@@ -476,7 +476,7 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     reason = f"{path.status}: {path.reason}" if path.status != COMPLETE else path.reason
     apart = len(branch.pieces) > 1
     reason += f"; another branch from {place(branch.high)} down" if apart else ""
-    familiar = 0.5  # correlation with the stuck mode below which a motion belongs to another mode
+    familiar = 0.5  # least correlation of the same mode with the stuck mode
     overdamped = 0.5  # damping ratio above which the periodic motion does not represent a decaying one
     foreign, over = correlation < familiar, y[:, -2] > overdamped
     if foreign.any():

@@ -350,10 +350,9 @@ def sweep(
     combine : {"product", "zip"}
         All combinations of the values, or element-wise combinations.
     preload, frequency, mode
-        Options of the default evaluation, see :class:`PeakTask`.
+        See :class:`PeakTask`.
     executor : concurrent.futures.Executor, optional
-        Threads, processes, ``dask.distributed.Client(...).get_executor()`` or ``mpi4py.futures.MPIPoolExecutor``. The sweep
-        does not shut it down.
+        Threads, processes, ``dask.distributed.Client(...).get_executor()`` or ``mpi4py.futures.MPIPoolExecutor``.
     resume : path, optional
         Results file: finished points are appended to it, and an interrupted sweep continues from it.
     progress : bool
@@ -366,10 +365,8 @@ def sweep(
 
     Raises
     ------
-    SettingError
-        If a name or value cannot be varied.
     BdamperError
-        If the results file belongs to another sweep.
+        If a name or value cannot be varied (SettingError), or the results file belongs to another sweep.
     """
     names, points, shape = _points(over, combine)
     problem = problem_of(study)

@@ -6,8 +6,8 @@ A cycle is ``sigma(theta) = c_0 + sum_l Re[c_l exp(i l theta)]`` with six compon
   instants. The mean is the trace of the mean tensor, which is the mean stress in uniaxial tension and zero in pure shear.
   The amplitude is invariant, continuous and equal to the classical value in proportional loading. For one harmonic it is
   ``sqrt((z^H D z + |z^T D z|)/2)`` with the quadratic form D of the von Mises value.
-* *Findley* (:func:`findley`): ``tau_a + k sigma_max`` on the critical plane, where it is largest. ``tau_a`` is the radius
-  of the smallest circle around the path of the shear stress [1]_.
+* *Findley* (:func:`findley`): ``tau_a + k sigma_max`` on the critical plane, the plane of its maximum. ``tau_a`` is the
+  radius of the smallest circle around the path of the shear stress [1]_.
 
 The cycle is sampled, and the best samples are refined by Newton's method. The result therefore does not depend on the
 position of the samples.
