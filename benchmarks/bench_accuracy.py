@@ -19,7 +19,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.analyses.accuracy import AccuracyCost, Run
-from bdamper.analyses.error_estimates import ask, whole_curve
+from bdamper.analyses.error_estimates import evaluate_peak, whole_curve
 from bdamper.fem import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
@@ -124,12 +124,13 @@ def friction_laws() -> AccuracyCost:
         "coupled, 512 samples": {"friction_law": "coupled", "contact_forces": bd.AFT(512)},
     }
     study = reference_study(9)
-    found = [ask(study.replace(**given).problem, lambda p: whole_curve(p, PRELOAD_9, INTERVAL)) for given in laws.values()]
+    problems = [study.replace(**given).problem for given in laws.values()]
+    found = [evaluate_peak(problem, lambda p: whole_curve(p, PRELOAD_9, INTERVAL)) for problem in problems]
     top, runs = found[-1], []
     for name, one in zip(laws, found):
         error = max(abs(one.amplitude / top.amplitude - 1.0), abs(one.frequency / top.frequency - 1.0))
         part = "richest" if one is top else "friction_law"
-        runs.append(Run(part, (name,), one.amplitude, one.frequency, error, one.seconds, one.why))
+        runs.append(Run(part, (name,), one.amplitude, one.frequency, error, one.seconds, one.reason))
     return AccuracyCost("curve", PRELOAD_9, INTERVAL, ALL, ("friction_law",), tuple(runs[::-1]))
 
 

@@ -365,7 +365,6 @@ class Study(Comparable):
     # accuracy
     harmonic_convergence = analysis(more_harmonics.harmonic_convergence)
     estimate_errors = analysis(error_estimates.estimate_errors)
-    with_errors = analysis(error_estimates.with_errors)
 
     def save(self, path: FilePath, *, include_model: bool = True) -> None:
         """Write the study to an HDF5 file, which :func:`bdamper.load_study` reads: model, settings and versions.

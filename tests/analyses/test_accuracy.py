@@ -11,7 +11,6 @@ from bdamper.analyses.accuracy import make_ladders, varied
 from bdamper.analyses.error_estimates import SOURCES, Tops, compare, missing_harmonics, richer_study, with_stand_ins
 from bdamper.harmonic_balance.equations import LINE_SEARCH_TRIALS, OK
 from bdamper.response.verification import ErrorEstimates, SourceError
-from bdamper.util.display import Fact
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import CostMeter
 from tests import accuracy_cases, models
@@ -79,7 +78,7 @@ def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, 
     own = study.replace(harmonics=1, friction_coefficient=0.4)
     peak = own.peak(1000.0, place[1])
     estimated = own.estimate_errors(peak, sources=["harmonics"])["harmonics"]
-    assert "whole curve" in estimated.against
+    assert "complete response curve" in estimated.against
     true = own._with_problem(richer_study(own.problem, "harmonics").problem).peak(1000.0, place[1])
     assert estimated.amplitude == pytest.approx(true.amplitude / peak.amplitude - 1.0, rel=1e-5)
     assert abs(estimated.amplitude) > 0.05
@@ -119,7 +118,7 @@ def test_resonance_that_comes_into_the_interval_is_found(number):
 def test_resonance_that_leaves_the_interval_is_followed(number):
     """With more modes or points the response is highest at an end; in the last case a lower peak is left within."""
     compared = accuracy_cases.compare(number)
-    assert compared.text.endswith("found anew by a whole curve, beyond the interval")
+    assert compared.text.endswith("computed by a complete response curve, outside the interval")
     assert 0.9 < compared.effectivity < 1.1, compared
     assert compared.estimated == pytest.approx(compared.true, rel=0.01)
 
@@ -129,18 +128,6 @@ def test_a_resonance_far_beyond_the_interval_is_not_known():
     assert np.isnan(compared.estimated).all() and compared.text.endswith(
         "between 556.495 and 1090.11 Hz: the response is highest at an end"
     )
-
-
-def test_curve_carries_its_errors(study, place, tmp_path):
-    curve = study.frequency_response(*place)
-    with_errors = study.with_errors(curve, sources=["harmonics"])
-    assert curve.error_estimates is None and Fact("error", "error not estimated") in curve._facts()
-    assert with_errors.error_estimates == study.estimate_errors(curve, sources=["harmonics"])
-    line = with_errors.error_estimates.line
-    assert Fact("error", line) in with_errors._facts() and with_errors.summary().count(line) == 1
-    assert line.startswith("estimated error") and "(harmonics " in line
-    with_errors.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
 
 
 def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
@@ -265,7 +252,7 @@ def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, resu
     assert [r.values for r in strict.runs] == [("4",), ("3",)]
     assert (
         strict.recommended is strict.richest
-        and "Nothing but the richest that was run is within 1e-07 %" in strict.summary()
+        and "Only the most detailed settings meet 1e-07 %" in strict.summary()
     )
 
 
@@ -308,9 +295,9 @@ def test_interrupted_runs_are_kept(study, place, tmp_path):
 def test_unknown_answers_are_not_recommended(study, place):
     errors = {(3, 9): 0.0, (2, 9): float("nan")}
     found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)
-    assert found.recommended is found.richest and "uncertain by its last steps, unknown" in found.summary()
+    assert found.recommended is found.richest and "detailed settings: unknown" in found.summary()
     assert np.isnan(found.uncertainty)
-    with pytest.raises(bd.BdamperError, match="no whole answer with the richest settings, harmonics 2"):
+    with pytest.raises(bd.BdamperError, match="no peak with the most detailed settings, harmonics 2"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
 
 
@@ -332,7 +319,7 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
     found.plot()
     found.save(tmp_path / "cost.h5")
     assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
-    with pytest.raises(bd.BdamperError, match=r"no whole answer with the richest settings.*no answer with one harmonic"):
+    with pytest.raises(bd.BdamperError, match=r"no peak with the most detailed settings.*no answer with one harmonic"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
 
 

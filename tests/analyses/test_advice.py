@@ -116,7 +116,7 @@ def test_effects_that_save_most_are_left_out_within_the_sum():
     given = rows(("rotation X", True, 0.006, 0.9), ("bias", True, -0.006, 0.8), ("constraint_planes", True, 0.004, 0.85))
     found, change = module._chosen(Reference(Effects(), lambda e: 0.0), given, 0.01)
     assert {e.name for e in found if not e.significant} == {"bias", "constraint_planes"} and change == (0.0, 0.0)
-    assert next(e for e in found if e.name == "rotation X").reason == "the sum would be beyond the tolerance"
+    assert next(e for e in found if e.name == "rotation X").reason == "the sum would exceed the tolerance"
 
 
 def test_what_saves_nothing_stays_on_and_what_is_off_may_stay_off():
@@ -161,9 +161,9 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
     reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)
     row = reference.row("separation", Effects.of(full), TOLERANCE)
     assert (row.source, row.verdict, row.size) == ("unknown", "keep", np.inf)
-    assert row.reason == "no whole curve: no peak there"
+    assert row.reason == "no complete response curve: no peak there"
     partial = reference.row("constraint_planes", Effects.of(full), TOLERANCE)
-    assert partial.source == "unknown" and partial.reason == "no whole curve: incomplete: lost"
+    assert partial.source == "unknown" and partial.reason == "no complete response curve: incomplete: lost"
     assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
 
 

@@ -53,7 +53,7 @@ def test_orders_meet_the_modes_of_their_nodal_diameter_alone(tmp_path):
     found.save(tmp_path / "campbell.h5")
     assert str(bd.load(tmp_path / "campbell.h5")) == str(found)
     assert len(found.columns()["free"].values) == 18
-    with pytest.raises(bd.SettingError, match="engine_orders: expected orders that meet nodal diameters"):
+    with pytest.raises(bd.SettingError, match="engine_orders: expected orders that excite nodal diameters"):
         study.campbell((200.0, 500.0), [7])
     with pytest.raises(bd.SettingError, match="mode: expected 1 to"):
         study.campbell((200.0, 500.0), [5], modes=41)

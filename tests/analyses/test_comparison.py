@@ -113,7 +113,8 @@ def test_changes_are_those_from_the_first(found):
     assert found.change("smooth") == pytest.approx(smooth.amplitude / first.amplitude - 1.0)
     assert found.change("as it is") == 0.0
     said = found._headline()
-    assert said.startswith("Beside 'as it is' with ") and f": 'smooth' {100.0 * found.change('smooth'):+.2g} %" in said
+    assert said.startswith("Changes from 'as it is' with ")
+    assert f": 'smooth' {100.0 * found.change('smooth'):+.2g} %" in said
 
 
 def test_results_of_several_kinds_are_refused(study, found):

@@ -83,13 +83,13 @@ class TestPeaks:
 
     def test_keep_the_sign_of_det_j(self, study, monkeypatch):
         """By the determinant itself, at every peak; a solution of the other sign is refused."""
-        seen, to = [], room._to
+        seen, to = [], room._richer_peak
 
         def recorded(*arguments):
-            seen.append(to(*arguments))
-            return seen[-1]
+            seen.append((arguments[-1], to(*arguments)))
+            return seen[-1][1]
 
-        monkeypatch.setattr(room, "_to", recorded)
+        monkeypatch.setattr(room, "_richer_peak", recorded)
         peak = study.peak(5000.0, INTERVAL)
         study.harmonic_convergence(peak, harmonics=(3, 5))
         signs = [np.linalg.slogdet(at.system(5000.0).evaluate(top.y[:-1], top.y[-1])[1])[0] for at, top in seen]
@@ -114,18 +114,18 @@ class TestPeaks:
         assert [n for n, _ in asked][:2] == [6, 3] and max(n for _, n in asked[1:]) <= 3
         monkeypatch.setattr(room, "peak_of_sign", lambda *_, **__: ("too far", 0))
         broken = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(6,))
-        assert broken.status == "incomplete: with 6 harmonics no peak was found beside this one (too far)"
+        assert broken.status == "incomplete: no peak was found near this one with 6 harmonics (too far)"
         assert len(broken.peaks) == 1 and not broken.converged and "not known with more harmonics" in broken.note
 
     def test_after_ctrl_c_with_what_is_known(self, study, monkeypatch):
-        to = room._to
+        to = room._richer_peak
 
-        def stops(known, problem, *rest):
-            if problem.harmonic_numbers[-1] == 5:
+        def stops(*arguments):
+            if arguments[-1].harmonic_numbers[-1] == 5:
                 raise KeyboardInterrupt
-            return to(known, problem, *rest)
+            return to(*arguments)
 
-        monkeypatch.setattr(room, "_to", stops)
+        monkeypatch.setattr(room, "_richer_peak", stops)
         found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(3, 5))
         assert found.status == "interrupted" and [p.harmonics for p in found.peaks] == [1, 3]
 
@@ -156,14 +156,14 @@ class TestEnd:
         found = study.harmonic_convergence(peak, harmonics=(3, 26))
         assert 4 < first < 26 and [p.harmonics for p in found.peaks] == [1, 3, first - 1]
         end = f"{1e-3 * top[first]:.3g} kHz"
-        assert f"the structure ends at {end}, harmonic {int(top[first] / peak.frequency)}" in found.note
+        assert f"the equations have no modes above {end}, harmonic {int(top[first] / peak.frequency)}" in found.note
 
     def test_of_the_model_where_residual_modes_stand_for_the_rest(self, blade):
         """20 modes up to 24 kHz and more are stored, 10 of them retained; harmonic 39 has nodal diameter 15."""
         omega2 = blade.model.bodies["blade"].bases[15].omega2
         assert len(omega2) == 20 and np.sqrt(omega2[-1]) / (2.0 * np.pi) == pytest.approx(25747.0, rel=1e-4)
         assert 39 * 660.77 > 25747.0 > 38 * 660.77
-        assert room._most(blade.problem, 660.77, 64) == (38, "the structure ends at 25.7 kHz, harmonic 38")
+        assert room._most(blade.problem, 660.77, 64) == (38, "the equations have no modes above 25.7 kHz, harmonic 38")
 
     def test_of_the_nodal_diameters(self):
         model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
@@ -176,14 +176,14 @@ class TestEnd:
         sampled = study.replace(contact_forces=bd.AFT(24))
         found = sampled.harmonic_convergence(sampled.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
         assert [p.harmonics for p in found.peaks] == [1, 3, 5]
-        assert found.highest_harmonic.startswith("no 7 harmonics are possible with the same settings (contact_forces: ")
+        assert found.highest_harmonic.startswith("7 harmonics are not possible with the same settings (contact_forces: ")
 
     def test_early_where_no_later_harmonic_meets_a_mode(self):
         study = jenkins(harmonics=1)
         found = study.harmonic_convergence(study.peak(0.0, BAND))
         assert (
             found.converged
-            and found.highest_harmonic == "no later harmonic meets a mode"
+            and found.highest_harmonic == "no later harmonic is near a mode"
             and found.internal_resonances == ()
         )
         assert found.peaks[-1].harmonics < 26

@@ -355,7 +355,7 @@ class TestMistakes:
     @pytest.mark.slow
     def test_what_the_free_response_tells_is_not_asked_of_the_others(self, jenkins, tests):
         """Which is refused once the free response was fitted."""
-        with pytest.raises(bd.SettingError, match="beside those that are found from the free response"):
+        with pytest.raises(bd.SettingError, match="that the free response does not determine"):
             fit(jenkins, tests, {"damping_factor": (0.5, 2.0)}, free=tests[0])
 
     def test_an_end_of_a_range_is_told(self, jenkins, tests):

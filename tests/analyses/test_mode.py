@@ -242,5 +242,5 @@ def test_what_does_not_fit_is_named():
     two = bd.lumped(
         [1.0, 1.0], 0.0, [1.0, 4.0], contacts=[bd.Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, response=0
     )
-    with pytest.raises(bd.SettingError, match="mode 2 moves"):
+    with pytest.raises(bd.SettingError, match="mode 2 does not move"):
         two.nonlinear_mode(0.0, 2, (0.1, 1.0))

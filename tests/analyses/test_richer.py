@@ -5,7 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses import error_estimates
-from bdamper.analyses.error_estimates import Tops, ask, compare, whole_curve
+from bdamper.analyses.error_estimates import Tops, compare, evaluate_peak, whole_curve
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import resonance_interval
 from bdamper.response.response_curve import frequency_response
@@ -26,19 +26,19 @@ def test_a_failure_is_an_answer(study):
     def fails(problem):
         raise bd.BdamperError("nothing there")
 
-    found = ask(study.problem, fails)
-    assert found.why == "nothing there" and found.result is None and found.seconds >= 0.0
+    found = evaluate_peak(study.problem, fails)
+    assert found.reason == "nothing there" and found.result is None and found.seconds >= 0.0
     assert np.isnan([found.amplitude, found.frequency]).all()
 
 
 def test_curve_peak_and_numbers_are_read_alike(study):
-    curve = ask(study.problem, lambda p: frequency_response(p, 0.0, BAND))
-    peak = ask(study.problem, lambda p: highest_peak(p, 0.0, BAND))
-    assert curve.why == peak.why == ""
+    curve = evaluate_peak(study.problem, lambda p: frequency_response(p, 0.0, BAND))
+    peak = evaluate_peak(study.problem, lambda p: highest_peak(p, 0.0, BAND))
+    assert curve.reason == peak.reason == ""
     assert curve.amplitude == curve.result.peak.amplitude == pytest.approx(peak.amplitude, rel=1e-6)
-    assert ask(study.problem, lambda p: (peak.amplitude, peak.frequency))[:3] == peak[:3]
+    assert evaluate_peak(study.problem, lambda p: (peak.amplitude, peak.frequency))[:3] == peak[:3]
     # an end of the interval is no peak, and says so
-    assert "highest at an end" in ask(study.problem, lambda p: highest_peak(p, 0.0, (0.1, 0.12))).why
+    assert "highest at an end" in evaluate_peak(study.problem, lambda p: highest_peak(p, 0.0, (0.1, 0.12))).reason
     with pytest.raises(bd.BdamperError, match=r"no peak at 0 N between 0\.1 and 0\.12 Hz: the response"):
         whole_curve(study.problem, 0.0, (0.1, 0.12))
     assert len(whole_curve(study.problem, 0.0, (0.1, 0.12), at_end=True))
@@ -48,16 +48,16 @@ def test_a_maximum_counts_where_an_end_is_higher():
     """As for the search for peaks: that end is a flank of the next mode."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
     band = resonance_interval(study.problem, 1.0)[0], 1610.0
-    found = ask(study.problem, lambda p: whole_curve(p, 30e3, band))
-    assert found.result.peak_at_end and found.why == ""
+    found = evaluate_peak(study.problem, lambda p: whole_curve(p, 30e3, band))
+    assert found.result.peak_at_end and found.reason == ""
     assert found.amplitude == pytest.approx(study.peak(30e3, band).amplitude, rel=1e-8) != found.result.peak.amplitude
 
 
 def test_a_list_of_two_numbers_is_an_answer_and_others_are_named(study):
-    assert ask(study.problem, lambda p: [0.1, np.float64(0.2)])[:3] == (0.1, 0.2, "")
+    assert evaluate_peak(study.problem, lambda p: [0.1, np.float64(0.2)])[:3] == (0.1, 0.2, "")
     for wrong in ([0.1], "ab", None, [0.1, "x"]):
-        found = ask(study.problem, lambda p, answer=wrong: answer)
-        assert "expected a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz), found" in found.why
+        found = evaluate_peak(study.problem, lambda p, answer=wrong: answer)
+        assert "expected a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz), found" in found.reason
 
 
 def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
@@ -65,7 +65,7 @@ def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
     tops = Tops.of(study.problem, study.frequency_response(0.0, BAND))
     true = other.peak(0.0, BAND).amplitude / tops.peaks[0].amplitude - 1.0
     by_curve = compare(study.problem, other.problem, 0.0, tops)
-    assert by_curve.how == "found anew by a whole curve" and by_curve.amplitude == pytest.approx(true, rel=1e-4)
+    assert by_curve.how == "computed by a complete response curve" and by_curve.amplitude == pytest.approx(true, rel=1e-4)
 
     def none(*_, **__):
         raise AssertionError("followed")

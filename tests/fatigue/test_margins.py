@@ -77,7 +77,7 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     assert not any("the amplitude in time" in note for note in scaled.notes)
     cut = study.margin(peak, AISI_1050, time_response=replace(kept, status="interrupted"))
     assert "the amplitude in time is interrupted" in cut.notes
-    with pytest.raises(SettingError, match=r"^time_response: expected a march at 200 N, found .* at 100 N"):
+    with pytest.raises(SettingError, match=r"^time_response: expected a time integration at 200 N, found .* at 100 N"):
         study.margin(peak, AISI_1050, time_response=replace(kept, preload=100.0))
 
 
@@ -108,11 +108,9 @@ def test_more_speed_leaves_less_margin_and_a_mean_beyond_the_strength_none(study
     assert any("yields in the first cycle" in warning for warning in broken.warnings)
 
 
-@pytest.mark.parametrize("criterion", ["signed_von_mises", "principal", "findley"])
-def test_other_criteria_lead_to_margins_of_the_same_size(study, peak, criterion):
-    plain, other = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, criterion=criterion)
+def test_findley_leads_to_a_margin_of_the_same_size(study, peak):
+    plain, other = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, criterion="findley")
     assert other.least < 20.0 * plain.least
-    assert (criterion == "signed_von_mises") == any("hides" in warning for warning in other.warnings)
 
 
 def test_results_are_kept_in_files_and_tables(study, peak, curve, tmp_path):

@@ -139,7 +139,7 @@ def test_a_gauge_reads_the_tensor_along_its_direction(model):
     for given, message in [
         (("blade 0", "axial"), "gauge: expected one of"), (("blade 4", (0, 0, 0)), "direction"),
         (("blade 4", "axial", (0.0, 0.3)), "elastic: expected a modulus above 0"),
-        (((1, 2), "axial"), "gauge, m: expected 3"), ((1e3 * near, "axial"), r"gauge: expected a place within .* away"),
+        (((1, 2), "axial"), "gauge, m: expected 3"), ((1e3 * near, "axial"), r"gauge: expected coordinates within .* away"),
     ]:  # fmt: skip
         with pytest.raises(bd.SettingError, match=message):
             study.gauge_stress(peak, *given)

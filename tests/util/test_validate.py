@@ -266,7 +266,7 @@ F = (270.0, 380.0)
         lambda s: s.effect_significance(9.0, F, against="all"), lambda s: s.effect_significance(9.0, F, tolerance="x"),
         lambda s: s.effect_significance("9", F),
         lambda s: s.with_effects("all"), lambda s: s.verify(None), lambda s: s.with_stability("curve"),
-        lambda s: s.estimate_errors(None), lambda s: s.with_errors(None), lambda s: s.peak_sensitivities("peak"),
+        lambda s: s.estimate_errors(None), lambda s: s.peak_sensitivities("peak"),
         lambda s: bd.compare({}, len), lambda s: bd.compare({"a": s, "b": {"frictoin": 1}}, len),
         lambda s: bd.compare({"a": s}, str),
         lambda s: bd.accuracy_cost(s, 9.0, F, vary=()),

@@ -1,31 +1,31 @@
-"""More harmonics at one peak, by Newton's method along the condition of a peak.
+"""Convergence of a peak with harmonics, and cost of accuracy over several settings.
 
-With ``H`` harmonics the peak solves ``r_H(u, omega) = 0`` and ``phi_H = 0``, the slope of the amplitude along the curve
-(``bdamper.response.peak``).  It starts at the peak with fewer harmonics, in which the new ones are at rest: Newton's
-method with line search at the frequency of that peak, then the search for the peak.  Both must keep the sign of det J,
-which changes at every fold: otherwise the solution belongs to another part of the curve.  Where this fails, the number of
-harmonics half way comes first.
+Harmonic convergence
+    With ``H`` harmonics a peak solves ``r_H(u, omega) = 0`` and ``phi_H = 0``, the derivative of the amplitude along the
+    curve (``bdamper.response.peak``). The initial guess is the peak with fewer harmonics; new harmonics are zero. Newton's
+    method with line search solves at the frequency of that peak, then the peak is located. Both solutions must have the
+    sign of det J of the first peak. This sign changes at every fold, so another sign indicates another part of the curve.
+    If this fails, half of the new harmonics are added first.
 
-Agreement proves nothing while harmonics come into resonance one by one: at its optimum the turbine blade has 75.3, 75.0,
-75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12 harmonics and 69.4 um with 16.  So more harmonics follow up to the highest
-that was asked for, and end before only
+    A few equal results do not prove convergence, since single harmonics become resonant. At its optimum the turbine blade
+    has 75.3, 75.0, 75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12 harmonics, and 69.4 um with 16. The sequence therefore
+    continues to the highest requested number. It stops earlier only
 
-* where the structure ends: above the highest mode that the equations hold of a reduced body nothing can resonate;
-* where the model has no modes of a nodal diameter;
-* where the last two changes are below a fifth of the tolerance and no harmonic still to come is near a stuck mode.
+    * above the highest natural frequency in the equations of a reduced body, since no resonance is possible there;
+    * if the model has no modes of a nodal diameter;
+    * if the last two changes are below a fifth of the tolerance and no later harmonic is near a stuck mode.
 
-A harmonic ``l`` meets a mode where ``l omega`` is within 5 % of a frequency of the structure with stuck contacts at its
-nodal diameter.
+    A harmonic ``l`` is near a mode if ``l omega`` is within 5 % of a natural frequency with stuck contacts at its nodal
+    diameter.
 
-What accuracy costs: the cheapest combination of settings within a tolerance of the richest one.
+Cost of accuracy
+    The most detailed combination of settings is the reference; all errors are relative to it. Each setting alone is then
+    reduced as long as the error is within the tolerance. The cheapest of these values are combined. If the combination
+    misses the tolerance, the setting with the largest individual error is refined by one value. The errors of the second
+    most detailed values indicate the error of the reference.
 
-The richest values of all settings together are computed first; every error is relative to that.  Then each setting goes
-down from its richest value by itself, as long as it stays within the tolerance.  The cheapest values that do are combined,
-and the combination is computed, too; where it misses the tolerance, the setting that is worst by itself takes its next
-richer value.  The last steps of the ladders, from the second richest values to the richest, say how far these may be off.
-
-Errors are relative differences of amplitude and frequency of the highest peak, times those of the processor.  What is timed
-is the analysis; parts of a study that are made once (modes, contact stiffness, static state) are made before.
+    Errors are relative differences of amplitude and frequency of the highest peak. Times are processor times of the
+    analysis, without modes, contact stiffness and static state, which a study computes once.
 """
 
 from __future__ import annotations
@@ -34,12 +34,20 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from threading import Event
 from typing import Any
 
 import numpy as np
 
-from bdamper.analyses.error_estimates import ask, embed, missing_harmonics, whole_curve, with_stand_ins
+from bdamper.analyses.error_estimates import (
+    embed,
+    evaluate_peak,
+    missing_harmonics,
+    nodal_diameter,
+    whole_curve,
+    with_stand_ins,
+)
 from bdamper.contact.laws import AFT
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.plausibility import check_question
@@ -59,88 +67,83 @@ from bdamper.util.progress import CostMeter, LongWork, ended_by, one_thread
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
 
-# ---- More harmonics at one peak, by Newton's method along the condition of a peak ----
+# ---- Harmonic convergence ----
 
 
 HARMONICS = (5, 7, 9, 12, 16, 20, 26)
-"""Highest harmonics that are asked for by default."""
+"""Highest harmonics of the default sequence."""
 TOLERANCE = 0.05
-"""Relative, on the amplitude, by default."""
+"""Default relative tolerance of the amplitude."""
 NEAR_MODE = 0.05
-"""Distance from a stuck mode within which a harmonic meets it: slip and separation move modes of the turbine blade by up to
-3 %."""
+"""Relative distance within which a harmonic counts as near a stuck mode.
+
+Slip and separation shift natural frequencies of the turbine blade by up to 3 %.
+"""
 OPTIONS = PeakOptions(tolerance=1e-8, position_tolerance=1e-4, max_trials=24)
-"""How exactly the peaks are found."""
+"""Tolerances of the peaks."""
 
 
 @one_thread
 def harmonic_convergence(
     problem: Problem, peak: Peak, *, harmonics: Sequence[int] = HARMONICS, tolerance: float = TOLERANCE
 ) -> Convergence:
-    """A peak with more and more harmonics.
+    """Compute a peak with an increasing number of harmonics.
 
     Parameters
     ----------
     problem : Problem
     peak : Peak
-        A converged one of this study (:meth:`bdamper.Study.peak`).
+        Converged peak of this study (:meth:`bdamper.Study.peak`).
     harmonics : sequence of int
-        Highest harmonics to ask for, rising; all up to them take part, the odd ones alone where even ones vanish.
+        Increasing numbers of the highest harmonic. All lower harmonics are included, or the odd ones alone if even
+        harmonics vanish.
     tolerance : float
-        Relative, on the amplitude: what counts as converged.
+        Relative change of the amplitude up to which the sequence counts as converged.
 
     Returns
     -------
     Convergence
-        After Ctrl-C with what was known by then.
+        After Ctrl-C it contains the results computed so far.
 
     Raises
     ------
     SettingError
-        If the peak is none of this study, or has not converged.
+        If the peak has not converged or belongs to another study.
     """
     validation.instance("peak", peak, Peak)
     validation.require(peak.converged, "peak", "a converged one", f"status '{peak.status}'")
     check_result(problem, peak, "peak")
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
-    asked = [validation.whole("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
-    validation.require(asked == sorted(set(asked)) and asked, "harmonics", "rising numbers", asked)
-    own = problem.harmonic_numbers[-1]
+    numbers = [validation.whole("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
+    validation.require(numbers == sorted(set(numbers)) and numbers, "harmonics", "increasing numbers", numbers)
+    highest = problem.harmonic_numbers[-1]
     meter = CostMeter()
-    most, limit = _most(problem, peak.frequency, max(own, asked[-1]))
-    problems, limit = _richer(problem, sorted({min(n, most) for n in asked if n > own} - {own}), limit)
-    found, status = [HarmonicPeak(own, peak.amplitude, peak.frequency)], COMPLETE
+    most, limit = _most(problem, peak.frequency, max(highest, numbers[-1]))
+    problems, limit = _richer(problem, sorted({min(n, most) for n in numbers if n > highest} - {highest}), limit)
+    peaks, status = [HarmonicPeak(highest, peak.amplitude, peak.frequency)], COMPLETE
     internal_resonances: tuple[Meeting, ...] = ()
     with LongWork() as work:
         internal_resonances = tuple(_meetings(([problem] + problems)[-1], peak))
-        at, sign = (problem, peak), sign_of_jacobian(problem.system(peak.parameter), peak.y)
+        sign = sign_of_jacobian(problem.system(peak.parameter), peak.y)
         for richer in problems:
-            begin, n = time.thread_time(), richer.harmonic_numbers[-1]
-            new = _to(at, richer, sign, meter)
-            if isinstance(new, str):
-                status = because(INCOMPLETE, f"with {n} harmonics no peak was found beside this one ({new})")
+            n = richer.harmonic_numbers[-1]
+            outcome = evaluate_peak(richer, partial(_richer_peak, problem, peak, sign, meter))
+            if outcome.reason:
+                status = because(INCOMPLETE, f"no peak was found near this one with {n} harmonics ({outcome.reason})")
                 break
-            at, seconds = new, time.thread_time() - begin
-            found.append(HarmonicPeak(n, at[1].amplitude, at[1].frequency, seconds))
-            if (
-                _still(found, tolerance)
-                and richer is not problems[-1]
-                and not any(m.harmonic > n for m in internal_resonances)
-            ):
-                limit = "no later harmonic meets a mode"
+            problem, peak = richer, outcome.result
+            peaks.append(HarmonicPeak(n, outcome.amplitude, outcome.frequency, outcome.seconds))
+            near_mode = any(m.harmonic > n for m in internal_resonances)
+            if _converged(peaks, tolerance) and richer is not problems[-1] and not near_mode:
+                limit = "no later harmonic is near a mode"
                 break
     status = INTERRUPTED if work.interrupted else status
-    return Convergence(
-        peak.parameter, tolerance, tuple(found), internal_resonances, limit, status, meter.read()
-    )  # fmt: skip
-
-
-# ---- the optimal curve ----
+    return Convergence(peak.parameter, tolerance, tuple(peaks), internal_resonances, limit, status, meter.read())
 
 
 def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
-    """The peak at the optimum of an optimal curve with up to 16 harmonics; None where there is no optimum."""
-    best, found, status = curve.optimum, None, INTERRUPTED
+    """Compute the peak at the optimum of an optimal curve with up to 16 harmonics; return None without an optimum."""
+    best, convergence, status = curve.optimum, None, INTERRUPTED
     if not np.isfinite(best.preload):
         return None
     with LongWork():
@@ -148,95 +151,103 @@ def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
             peak = highest_peak(problem, best.preload, tuple(curve.settings["frequency"]))
             if not abs(peak.amplitude / best.amplitude - 1.0) <= NEAR_HIGHEST:
                 raise BdamperError(f"the highest peak there is {height(peak.amplitude, peak.frequency)}")
-            found = harmonic_convergence(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
-            found = replace(found, cost=found.cost if peak.cost is None else found.cost + peak.cost)
+            convergence = harmonic_convergence(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
+            convergence = replace(convergence, cost=convergence.cost if peak.cost is None else convergence.cost + peak.cost)
         except BdamperError as error:
             status = because(NOT_FOUND, error)
-    own = HarmonicPeak(problem.harmonic_numbers[-1], best.amplitude, best.frequency)
-    return found or Convergence(best.preload, TOLERANCE, (own,), status=status)
+    known = HarmonicPeak(problem.harmonic_numbers[-1], best.amplitude, best.frequency)
+    return convergence or Convergence(best.preload, TOLERANCE, (known,), status=status)
 
 
 def beside(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve]) -> OptimalCurve:
-    """What some work makes of an optimal curve; on a thread beside it, the peak at the optimum with more harmonics.
+    """Run work on an optimal curve and, on a second thread, the harmonic convergence at its optimum.
 
-    The cost of the curve takes in both, with the seconds that they need side by side.
+    The cost of the returned curve includes both, with their common elapsed time.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : OptimalCurve
+    work : callable
+        Returns the processed curve.
+
+    Returns
+    -------
+    OptimalCurve
+        The processed curve with ``convergence``.
     """
     start, stop = time.perf_counter(), Event()
     with ThreadPoolExecutor(1) as pool:
         more = pool.submit(ended_by(stop)(at_optimum), problem, curve)
         try:
-            done = work()
-            if any(k.status == INTERRUPTED for k in done.time_response):
+            processed = work()
+            if any(k.status == INTERRUPTED for k in processed.time_response):
                 stop.set()
-            found = more.result()
-            whole = done.cost if found is None else done.cost + found.cost
+            convergence = more.result()
+            whole = processed.cost if convergence is None else processed.cost + convergence.cost
             whole = replace(whole, seconds=curve.cost.seconds + time.perf_counter() - start)
-            return replace(done, convergence=found, cost=whole)
+            return replace(processed, convergence=convergence, cost=whole)
         finally:
             stop.set()
 
 
-# ---- which harmonics there are ----
-
-
-def _still(found: Sequence[HarmonicPeak], tolerance: float) -> bool:
-    """Whether the last two changes are below a fifth of the tolerance."""
-    amplitude = [p.amplitude for p in found[-3:]]
+def _converged(peaks: Sequence[HarmonicPeak], tolerance: float) -> bool:
+    """Return whether the last two changes are below a fifth of the tolerance."""
+    amplitude = [p.amplitude for p in peaks[-3:]]
     change = np.abs(np.diff(amplitude)) / amplitude[-1]
     return len(change) == 2 and bool(change.max() < 0.2 * tolerance)
 
 
 def _richer(problem: Problem, numbers: Sequence[int], highest_harmonic: str) -> tuple[list[Problem], str]:
-    """The problem with all harmonics up to each number, odd ones alone where even ones vanish, and what forbids more."""
-    own, odd = problem.harmonic_numbers, not problem.settings.variable_normal_load
-    found: list[Problem] = []
+    """Return the problem with all harmonics up to each number, and the reason why there are no more.
+
+    Only odd harmonics are added if even harmonics vanish.
+    """
+    known, odd = problem.harmonic_numbers, not problem.settings.variable_normal_load
+    problems: list[Problem] = []
     for n in numbers:
-        harmonics = tuple(l for l in range(1, n + 1) if l in own or l % 2 or not odd)
+        harmonics = tuple(l for l in range(1, n + 1) if l in known or l % 2 or not odd)
         try:
             richer = problem.replace(harmonics=harmonics)
             note = "" if richer.contact.note == problem.contact.note else richer.contact.note
         except BdamperError as error:
             note = str(error)
         if note:
-            return found, f"no {n} harmonics are possible with the same settings ({note})"
-        if richer.harmonic_numbers[-1] > (found or [problem])[-1].harmonic_numbers[-1]:
-            found.append(richer)
-    return found, highest_harmonic
+            return problems, f"{n} harmonics are not possible with the same settings ({note})"
+        if richer.harmonic_numbers[-1] > (problems or [problem])[-1].harmonic_numbers[-1]:
+            problems.append(richer)
+    return problems, highest_harmonic
 
 
 def _most(problem: Problem, frequency: float, top: int) -> tuple[int, str]:
-    """The highest harmonic up to ``top`` that the structure has a say in, and why there is none beyond."""
-    own = problem.harmonic_numbers[-1]
+    """Return the highest useful harmonic up to ``top``, and the reason why no higher one is useful."""
+    highest = problem.harmonic_numbers[-1]
     lacking = missing_harmonics(problem, top)
-    for l in range(own + 1, top + 1):
+    for l in range(highest + 1, top + 1):
         if l in lacking:
-            d, _ = problem.model.folded_nodal_diameter(problem.engine_order * l)
-            return l - 1, f"the model has no modes of harmonic {l}, nodal diameter {d}"
+            return l - 1, f"the model has no modes of harmonic {l}, nodal diameter {nodal_diameter(problem, l)}"
         end = _end(problem, l)
         if l * frequency > end:
-            return l - 1, f"the structure ends at {1e-3 * end:.3g} kHz, harmonic {int(end / frequency)}"
+            return l - 1, f"the equations have no modes above {1e-3 * end:.3g} kHz, harmonic {int(end / frequency)}"
     return top, ""
 
 
 def _end(problem: Problem, harmonic: int) -> float:
-    """Highest frequency (Hz) that the equations hold of a reduced body at the nodal diameter of a harmonic.
+    """Return the highest frequency (Hz) in the equations of the reduced bodies at the nodal diameter of a harmonic.
 
-    Residual modes stand for all modes of the model; without them there are those that the study retains.
+    With residual modes all modes of the model count, otherwise the retained ones.
     """
-    d, _ = problem.model.folded_nodal_diameter(
-        problem.engine_order * (1 if problem.settings.fundamental_modes_only else harmonic)
-    )
-    ends = [np.inf]
+    d, ends = nodal_diameter(problem, harmonic), [np.inf]
     for name, body in problem.model.bodies.items():
         if body.kind == "constrained":
             omega2 = body.bases[d].omega2[: body.bases[d].n_natural]
-            kept = omega2 if problem.contact.residual is not None else omega2[: problem.settings.blade_modes]
-            ends.append(float(np.sqrt(kept.max())) / (2.0 * np.pi))
+            retained = omega2 if problem.contact.residual is not None else omega2[: problem.settings.blade_modes]
+            ends.append(float(np.sqrt(retained.max())) / (2.0 * np.pi))
     return min(ends)
 
 
 def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
-    """The harmonics of the problem that are near a mode with stuck contacts, each with the nearest one."""
+    """Yield the harmonics of the problem near a mode with stuck contacts, each with the nearest mode."""
     springs, linear = stuck_springs(problem, problem.static(peak.parameter)), problem.sector(peak.parameter).linear
     for l in problem.harmonic_numbers[1:]:
         modes = linear.modes(springs, l)[0] / (2.0 * np.pi)
@@ -247,41 +258,42 @@ def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
             yield Meeting(l, k + 1, diameter, float(modes[k]), float(distance[k]))
 
 
-# ---- the search ----
+def _richer_peak(known: Problem, peak: Peak, sign: int, meter: CostMeter, problem: Problem) -> Peak:
+    """Return the peak of a problem with more harmonics, from a known peak.
 
-
-def _to(known: tuple[Problem, Peak], problem: Problem, sign: int, meter: CostMeter) -> tuple[Problem, Peak] | str:
-    """A problem with more harmonics and its peak beside a known one, or why there is none.
-
-    Where Newton's method fails, half of the new harmonics come first.
+    Raises
+    ------
+    BdamperError
+        If Newton's method fails with all new harmonics, and with the first half of them.
     """
-    fewer, peak = known
     preload = peak.parameter
     system = problem.system(preload)
     meter.watch(system)
-    guess = embed(fewer, problem, preload, peak.y)
-    found, iterations = peak_of_sign(system, guess, sign, options=OPTIONS, parameter=preload)
+    guess = embed(known, problem, preload, peak.y)
+    solution, iterations = peak_of_sign(system, guess, sign, options=OPTIONS, parameter=preload)
     meter.count(iterations)
-    if isinstance(found, Peak):
-        return problem, found
-    new = [l for l in problem.harmonic_numbers if l > fewer.harmonic_numbers[-1]]
+    if isinstance(solution, Peak):
+        return solution
+    new = [l for l in problem.harmonic_numbers if l > known.harmonic_numbers[-1]]
     if len(new) == 1:
-        return found
-    some = tuple(l for l in problem.harmonic_numbers if l <= new[len(new) // 2 - 1])
-    half = _to(known, problem.replace(harmonics=some), sign, meter)
-    return half if isinstance(half, str) else _to(half, problem, sign, meter)
+        raise BdamperError(solution)
+    half = problem.replace(harmonics=tuple(l for l in problem.harmonic_numbers if l <= new[len(new) // 2 - 1]))
+    return _richer_peak(half, _richer_peak(known, peak, sign, meter, half), sign, meter, problem)
 
 
-# ---- What accuracy costs ----
+# ---- Cost of accuracy ----
 
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
 Solver = Callable[[Any, float, tuple[float, float]], ResponseCurve | Peak | tuple[float, float]]
-"""Finds the highest peak of a study for a preload (N) and an interval of frequencies (Hz), or amplitude (m) and frequency
-(Hz) of it, not finite if none was found, or raises a BdamperError."""
+"""Callable of study, preload (N) and frequency interval (Hz) that finds the highest peak.
+
+It returns a response curve, a peak, or amplitude (m) and frequency (Hz), not finite if no peak was found. It may raise a
+BdamperError.
+"""
 RICHEST, COMBINED = "richest", "combination"
-"""What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
+"""Kinds of runs; all others are named after the only setting that differs from the most detailed run."""
 
 
 @dataclass(frozen=True)
@@ -291,17 +303,17 @@ class Run:
     Parameters
     ----------
     part : str
-        "richest"; the setting in which the run is poorer than that; or "combination".
+        "richest", "combination", or the name of the only setting that differs from the most detailed run.
     values : tuple of str
-        Of each setting that is varied.
+        Values of the varied settings.
     amplitude, frequency : float, m, Hz
-        NaN if there is no whole answer.
+        Highest peak; NaN if it was not found.
     error : float
-        The larger relative difference of both from the richest run; NaN if that is not known.
+        Larger relative difference of amplitude and frequency from the most detailed run; NaN if unknown.
     seconds : float
-        Of the processor; NaN if the study has no such settings.
+        Processor time; NaN if the study does not allow these settings.
     reason : str
-        Why there is no whole answer, as far as it is known.
+        Reason why there is no result.
     """
 
     part: str
@@ -316,24 +328,25 @@ class Run:
 @brief
 @dataclass(frozen=True)
 class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3):
-    """Errors and times of settings, one at a time and combined, against the richest that was run.
+    """Errors and times of settings relative to the most detailed run.
 
     ``plot`` draws error over time (:func:`bdamper.plot.plot_accuracy`).
 
     Parameters
     ----------
     quantity : str
+        Name of the solver; "curve" by default.
     preload : float, N
     interval : (low, high), Hz
     tolerance : float
     varied : tuple of str
-        Settings that are varied.
+        Names of the varied settings.
     runs : tuple of Run
-        The richest one first.
+        The most detailed run first.
     settings : mapping
-        Of the study.
+        Settings of the study.
     interrupted : bool
-        Whether the search was ended by Ctrl-C, before all combinations were run that it asks for.
+        Whether Ctrl-C stopped the search before all required combinations were computed.
     """
 
     quantity: str
@@ -346,53 +359,53 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     interrupted: bool = False
 
     def columns(self) -> dict[str, Column]:
-        """A row for each run: its settings, its highest peak and its error against the richest run."""
+        """Return one row for each run with its settings, its highest peak and its error."""
         varied = {n: Column(np.array([r.values[i] for r in self.runs])) for i, n in enumerate(self.varied)}
         return varied | from_rows(self.runs)
 
     @property
     def richest(self) -> Run:
-        """The run that all others are measured by."""
+        """Most detailed run, the reference of all errors."""
         return self.runs[0]
 
     @property
     def recommended(self) -> Run:
-        """The cheapest run within the tolerance; the richest only if there is no other."""
+        """Cheapest run within the tolerance; the most detailed run if there is no other."""
         good = [r for r in self.runs[1:] if r.error <= self.tolerance]
         return min(good, key=lambda r: r.seconds, default=self.richest)
 
     @property
     def last_steps(self) -> dict[str, float]:
-        """Error of the second richest value of each setting (NaN if unknown), which indicates the error of the richest."""
+        """Error of the second most detailed value of each setting (NaN if unknown), an indicator of the error of the
+        reference.
+        """
         first = {r.part: r.error for r in reversed(self.runs)}
         return {name: first.get(name, float("nan")) for name in self.varied}
 
     @property
     def uncertainty(self) -> float:
-        """Sum of the last steps, NaN where one is not known: how far the richest run itself may be off."""
+        """Sum of the last steps, an estimate of the error of the most detailed run; NaN if one is unknown."""
         return float(sum(self.last_steps.values()))
 
     def _headline(self) -> str:
         best, tolerance = self.recommended, percent(self.tolerance)
         if best is self.richest:
-            found = f"Nothing but the richest that was run is within {tolerance} of it."
+            head = f"Only the most detailed settings meet {tolerance}."
         else:
             ratio = best.seconds / self.richest.seconds
-            off = f"{percent(best.error)} from the richest in {ratio:.2g} of its time"
-            found = f"For {tolerance}: {_text(self.varied, best.values)}, {off}."
+            cost = f"error {percent(best.error)} in {ratio:.2g} of the time of the most detailed settings"
+            head = f"For {tolerance}: {_text(self.varied, best.values)}, {cost}."
         ended = " Interrupted: other runs may suffice." if self.interrupted else ""
-        return f"{found} The richest itself is uncertain by its last steps, {percent(self.uncertainty)}.{ended}"
+        error = f"Estimated error of the most detailed settings: {percent(self.uncertainty)} (sum of the last refinements)."
+        return f"{head} {error}{ended}"
 
 
 def _text(names: Iterable[str], values: Iterable[str]) -> str:
     return ", ".join(f"{spaced(n)} {v}" for n, v in zip(names, values))
 
 
-# ---- what is varied ----
-
-
 def ladder_values(problem: Problem, name: str) -> list[Any]:
-    """Values of a setting from the cheapest to the richest, as far as the model allows."""
+    """Return the default values of a setting from the cheapest to the most detailed that the model allows."""
     if name == "harmonics":
         return [n for n in (1, 3, 5) if not missing_harmonics(problem, n)]
     if name == "contact_points":
@@ -404,7 +417,14 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
 
 
 def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
-    """Values of each setting that is varied by their names, from the cheapest to the richest; see :func:`accuracy_cost`."""
+    """Return the values of each varied setting by their names, from the cheapest to the most detailed.
+
+    Parameters
+    ----------
+    problem : Problem
+    vary : str, sequence of str or mapping
+        See :func:`accuracy_cost`.
+    """
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
     validation.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
     named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
@@ -423,7 +443,7 @@ def _name(value: Any) -> str:
 
 
 def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
-    """The study with settings changed; more contact points than the model has are all that it has."""
+    """Return the study with changed settings; contact points are limited to the number in the model."""
     changes = dict(changes)
     if "harmonics" in changes:
         problem = with_stand_ins(problem, changes.pop("harmonics"))
@@ -433,22 +453,19 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     return problem.replace(**changes) if changes else problem
 
 
-# ---- the search ----
-
-
 @dataclass
 class _Runs:
-    """Combinations of values, each run once."""
+    """Results of combinations of settings, each computed once."""
 
     problem: Problem
     ladders: Mapping[str, Mapping[str, Any]]
-    ask: Callable[[Problem], Any]
+    solve: Callable[[Problem], Any]
     preload: float
     done: list[Run] = field(default_factory=list)
 
-    def at(self, part: str, place: Mapping[str, int]) -> Run:
-        """The study with the values at these indices, computed unless it was before."""
-        names = tuple(list(values)[place[name]] for name, values in self.ladders.items())
+    def at(self, part: str, indices: Mapping[str, int]) -> Run:
+        """Return the run with the values at these indices."""
+        names = tuple(list(values)[indices[name]] for name, values in self.ladders.items())
         same = next((r for r in self.done if r.values == names), None)
         if same is not None:
             return same
@@ -456,8 +473,8 @@ class _Runs:
             study = varied(self.problem, {n: self.ladders[n][value] for n, value in zip(self.ladders, names)})
             if study.static(self.preload).converged:
                 study.system(self.preload)
-            amplitude, frequency, reason, seconds, _ = ask(study, self.ask)
-        except BdamperError as failure:  # the other runs, those before it above all, are worth having without it
+            amplitude, frequency, reason, seconds, _ = evaluate_peak(study, self.solve)
+        except BdamperError as failure:  # the other runs are useful without this one
             amplitude, frequency, reason, seconds = np.nan, np.nan, str(failure), np.nan
         a, f = (self.done[0].amplitude, self.done[0].frequency) if self.done else (amplitude, frequency)
         error = float(max(abs(amplitude / a - 1.0), abs(frequency / f - 1.0)))
@@ -476,39 +493,39 @@ def accuracy_cost(
     vary: str | Sequence[str] | Mapping[str, Any] | None = None,
     tolerance: float = 0.05,
 ) -> AccuracyCost:
-    """The cheapest combination of settings within a tolerance of the richest one, and what others cost.
+    """Find the cheapest combination of settings within a tolerance of the most detailed one.
 
-    The richest combination takes most of the time, above all where a damper is nearly loose.
+    The most detailed combination takes most of the time, above all if a damper is nearly loose.
 
     Parameters
     ----------
     problem : Problem
-        What is not varied is as it is there.
+        Study with the settings that are not varied.
     preload : float, N
     frequency : (low, high), Hz, optional
         Interval of the peak; around the first mode by default.
     quantity : callable, optional
-        A function of (study, preload, interval) that returns amplitude (m) and frequency (Hz), a peak or a response curve;
-        by default the whole curve.
+        Function of (study, preload, interval) that returns amplitude (m) and frequency (Hz), a peak or a response curve. By
+        default the complete response curve is computed.
     vary : str, sequence of str or mapping, optional
-        Settings and their values from the cheapest to the richest; for "harmonics", "contact_points" and "blade_modes",
-        which are varied by default, the name is enough.
+        Settings with their values from the cheapest to the most detailed. "harmonics", "contact_points" and "blade_modes",
+        the default, do not need values.
     tolerance : float
-        Relative, on amplitude and frequency.
+        Relative tolerance of amplitude and frequency.
 
     Returns
     -------
     AccuracyCost
-        After Ctrl-C with what was run by then.
+        After Ctrl-C it contains the runs computed so far.
 
     Raises
     ------
     SettingError
-        If a setting or a quantity is not known.
+        If a setting or a quantity is unknown.
     BdamperError
-        If the richest combination has no whole answer.
+        If the most detailed combination has no peak.
     KeyboardInterrupt
-        If that was interrupted.
+        If the most detailed combination was interrupted.
     """
     validation.that(
         quantity is None or callable(quantity), "quantity", "a function of study, preload and interval", quantity
@@ -533,22 +550,22 @@ def accuracy_cost(
 
 
 def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:
-    """The richest, each setting down by itself, then the cheapest sufficient values combined, richer until they suffice."""
+    """Run the reference, reduce each setting alone, then combine and refine the values until they meet the tolerance."""
     richest = runs.at(RICHEST, top)
     if not np.isfinite(richest.error):
         text = f"{_text(runs.ladders, richest.values)}, at {runs.preload:g} N"
         why = f" ({richest.reason})" if richest.reason else ""
-        raise BdamperError(f"no whole answer with the richest settings, {text}{why}: give poorer ones in vary")
-    place, error = dict(top), {}
+        raise BdamperError(f"no peak with the most detailed settings, {text}{why}: give less detailed ones in vary")
+    indices, error = dict(top), {}
     for name in top:
         error[name, top[name]] = 0.0
         for k in range(top[name] - 1, -1, -1):
             error[name, k] = runs.at(name, {**top, name: k}).error
             if not error[name, k] <= tolerance:
                 break
-            place[name] = k
-    while place != top:
-        if runs.at(COMBINED, place).error <= tolerance:
+            indices[name] = k
+    while indices != top:
+        if runs.at(COMBINED, indices).error <= tolerance:
             return
-        worst = max((name for name in top if place[name] < top[name]), key=lambda name: error[name, place[name]])
-        place[worst] += 1
+        worst = max((name for name in top if indices[name] < top[name]), key=lambda name: error[name, indices[name]])
+        indices[worst] += 1

@@ -1,11 +1,11 @@
-"""Campbell and interference diagrams: frequencies over rotor speed, free, with stuck contact, and damped.
+"""Campbell and interference diagrams, and the run-up along the line of an engine order.
 
-An excitation of engine order EO travels around as a wave of nodal diameter ``d = EO mod N``, or ``N - d`` where that is
-less, and meets modes of this nodal diameter alone; at a speed it has the frequency ``EO Omega/(2 pi)``.  The Campbell
-diagram of an order shows modes of its nodal diameter over speed, the interference (SAFE) diagram all modes over nodal
-diameter at one speed, with the line of the excitation folded back at N/2.
+An excitation of engine order EO is a travelling wave of nodal diameter ``d = EO mod N``, or ``N - d`` if that is less. It
+excites modes of this nodal diameter only, with the frequency ``EO Omega/(2 pi)``. The Campbell diagram of an order shows
+the modes of its nodal diameter over speed. The interference (SAFE) diagram shows all modes over nodal diameter at one
+speed, with the line of the excitation folded at N/2.
 
-The run-up along the line of an engine order: one curve over rotor speed, at the preload of each speed.
+The run-up is one response curve over rotor speed at the preload of each speed (:mod:`bdamper.analyses.crossings`).
 """
 
 from __future__ import annotations
@@ -35,13 +35,11 @@ from bdamper.util.progress import CostMeter, each, one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
-# ---- Campbell and interference diagrams ----
-
 
 @brief
 @dataclass(frozen=True)
 class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
-    """Frequencies over rotor speed.
+    """Natural frequencies over rotor speed.
 
     ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the interference diagram at one
     speed (:func:`bdamper.plot.plot_safe`).
@@ -50,16 +48,16 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     ----------
     speed : (n,) float, rad/s
     nodal_diameter : (k,) int
-        Those of the model.
+        Nodal diameters of the model.
     free, stuck : (k, n, modes) float, Hz
-        Without contact, and with all points stuck that the preload of the speed closes.
+        Frequencies without contact, and with all points stuck that the preload of the speed closes.
     n_blades : int
     engine_order : (m,) int
-        Orders that were asked for.
+        Requested engine orders.
     damped : tuple of SweepResult
         Damped crossings.
     notes : tuple of str
-        What the model neglects over speed.
+        Effects of speed that the model neglects.
     settings : mapping
     model_hash : str
     """
@@ -77,12 +75,12 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         return len(self.speed)
 
     def met_by(self, engine_order: int) -> int:
-        """Nodal diameter that an engine order excites."""
+        """Return the nodal diameter that an engine order excites."""
         d = engine_order % self.n_blades
         return min(d, self.n_blades - d)
 
     def row(self, nodal_diameter: int) -> int:
-        """Index of a nodal diameter.
+        """Return the index of a nodal diameter.
 
         Raises
         ------
@@ -95,9 +93,9 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
 
     @property
     def met(self) -> NDArray:
-        """(j, 4) float: order, mode, and speeds (rad/s) at which its free and its stuck resonance meet the order's line.
+        """Crossings (j, 4): order, mode, and speeds (rad/s) of the free and the stuck resonance on the line of the order.
 
-        A row for each order and mode, more where a resonance meets a line more than once; NaN where it does not.
+        There is one row for each order and mode, more if a resonance crosses a line more than once; NaN without a crossing.
         """
         rows = []
         for order in self.engine_order.tolist():
@@ -109,21 +107,21 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         return np.array(rows, float).reshape(-1, 4)
 
     def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:
-        """Interference diagram at a speed, rad/s (:func:`bdamper.plot.plot_safe`)."""
+        """Draw the interference diagram at a speed in rad/s (:func:`bdamper.plot.plot_safe`)."""
         return draw(self, "plot_safe", speed, ax, **options)
 
     def _grid(self) -> dict[str, Any]:
         return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Where orders meet modes."""
+        """Return the crossings of orders and modes."""
         places = ((f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in self.met)
         return tuple(Fact(*place) for place in places)
 
     def _headline(self) -> str:
         pairs = dict.fromkeys((n, m) for n, m, *speeds in self.met if np.isfinite(speeds).any())
         which = ", ".join(f"order {n:g} with mode {m:g}" for n, m in pairs) or "none"
-        return f"Engine orders that meet modes from {_place(self.speed[0])} to {_place(self.speed[-1])}: {which}."
+        return f"Engine orders that cross modes from {_place(self.speed[0])} to {_place(self.speed[-1])}: {which}."
 
 
 def _place(speed: float) -> str:
@@ -131,15 +129,21 @@ def _place(speed: float) -> str:
 
 
 def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:
-    """(k,) speeds (rad/s) at which frequencies (n,), Hz, over speeds (n,) meet the line of an order.
+    """Return the speeds (k,) in rad/s at which a resonance crosses the line of an engine order.
 
-    Squared frequencies are interpolated linearly over squared speeds, exact where modes keep their shapes.
+    Squared frequencies are interpolated linearly over squared speeds, which is exact if mode shapes do not change.
+
+    Parameters
+    ----------
+    speed : (n,) float, rad/s
+    frequency : (n,) float, Hz
+    engine_order : int
     """
     gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
     i = np.flatnonzero((gap[:-1] == 0.0) | (gap[:-1] * gap[1:] < 0.0))
     part = np.where(gap[i] == 0.0, 0.0, gap[i] / np.where(gap[i] == gap[i + 1], 1.0, gap[i] - gap[i + 1]))
-    found = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
-    return np.append(found, speed[-1:][gap[-1:] == 0.0])
+    crossings = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
+    return np.append(crossings, speed[-1:][gap[-1:] == 0.0])
 
 
 @partial(validation.spelt, also=Conditions.__dataclass_fields__)
@@ -156,51 +160,57 @@ def campbell(
     progress: bool = False,
     **conditions: Any,
 ) -> Campbell:
-    """Free and stuck frequencies over rotor speed at all nodal diameters of the model that know rotor speeds.
+    """Compute free and stuck frequencies over rotor speed at all nodal diameters of the model with data over speed.
 
     Parameters
     ----------
     problem : Problem
     speeds : (low, high) or sequence of more than two values, rad/s
-        Thirteen between two ends.
+        Two limits give thirteen speeds.
     engine_orders : sequence of int
-        Of which lines are drawn and crossings told.
-    rpm : as ``speeds``, revolutions per minute
-        Instead of them.
+        Orders for lines and crossings.
+    rpm : (low, high) or sequence of more than two values, revolutions per minute
+        Alternative to ``speeds``.
     modes : int
-        Of each nodal diameter, from the lowest.
+        Number of modes of each nodal diameter.
     damped : SweepResult or sequence of SweepResult, optional
-        Damped crossings to be shown with them, as :meth:`bdamper.Study.crossings` finds them.
+        Damped crossings from :meth:`bdamper.Study.crossings`, to be drawn.
     progress : bool
+        Whether to show a progress bar.
     **conditions
-        As for :meth:`bdamper.Study.crossings`.
+        See :meth:`bdamper.Study.crossings`.
+
+    Returns
+    -------
+    Campbell
 
     Raises
     ------
     SettingError
-        If speeds or orders are none, or damped crossings of another model.
+        If speeds or orders are invalid, or damped crossings belong to another model.
     """
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validation.wholes("engine_orders", engine_orders, least=1)
     modes = validation.whole("modes", modes, least=1)
     shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
-    for item in shown:
-        crossings = isinstance(item, SweepResult) and {"speed", "mass"} <= {*item.quantities}
-        validation.that(crossings, "damped", "crossings, as Study.crossings returns them", item)
-        validation.require(
-            item.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one"
-        )
-    given = Conditions(**conditions)
-    bases = [item for body in problem.model.bodies.values() if body.kind == "constrained" for item in body.bases.items()]
-    found = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
-    diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
+    for result in shown:
+        crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
+        validation.that(crossings, "damped", "crossings, as Study.crossings returns them", result)
+        same_model = result.model_hash == problem.model.hash
+        validation.require(same_model, "damped", "crossings of this model", "crossings of another model")
+    operating = Conditions(**conditions)
+    constrained = [body for body in problem.model.bodies.values() if body.kind == "constrained"]
+    bases = [pair for body in constrained for pair in body.bases.items()]
+    known = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
+    own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    diameters = known or [own_diameter]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
-    n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
+    n, resting = problem.model.n_blades, Conditions(operating.friction, operating.temperature)
     beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
-    validation.require(not beyond, "engine_orders", f"orders that meet nodal diameters {diameters}", beyond)
+    validation.require(not beyond, "engine_orders", f"orders that excite nodal diameters {diameters}", beyond)
     by_diameter = [SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters]
-    own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
-    mean = diameters.index(own) if own in diameters else 0  # the static state has no nodal diameter: one serves all
+    # all nodal diameters have the same static state
+    mean = diameters.index(own_diameter) if own_diameter in diameters else 0
     for i, omega in enumerate(each(values.tolist(), progress, "Campbell diagram", "speed")):
         problems = [under(family.base, omega, resting) for family in by_diameter]
         preload = preload_at(problem, omega) if problem.carries_load else 0.0
@@ -220,11 +230,11 @@ def campbell(
     )
 
 
-# ---- The run-up along the line of an engine order ----
+# ---- Run-up ----
 
 
 WITHIN = (50.0, 2000.0)
-"""Speeds (rad/s) between which a crossing is looked for if none are given."""
+"""Limits of the speed (rad/s) for a crossing without given speeds."""
 
 
 @partial(validation.spelt, also=Conditions.__dataclass_fields__)
@@ -239,81 +249,83 @@ def run_up(
     options: ContinuationOptions | None = None,
     **conditions: Any,
 ) -> ResponseCurve:
-    """The response along the line of the study's engine order, through its crossing with a mode.
+    """Compute the response along the line of the study's engine order through its crossing with a mode.
 
     Parameters
     ----------
+    problem : Problem
     speeds : (low, high), rad/s, optional
-        Range of the run-up, which holds the crossing; by default the speeds at which the free and the stuck resonance of
-        the mode meet the line, and some way beyond, from 50 to 2000 rad/s as far as tables over speed reach.
+        Range that contains the crossing. By default the speeds of the free and the stuck resonance on the line with a
+        margin, within 50 to 2000 rad/s and the range of tables over speed.
     rpm : (low, high), revolutions per minute
-        Instead of ``speeds``.
+        Alternative to ``speeds``.
     mode : int
     options : ContinuationOptions
         Coarse by default; the highest point is refined.
     **conditions
-        As for :meth:`bdamper.Study.crossings`.
+        See :meth:`bdamper.Study.crossings`.
 
     Returns
     -------
     ResponseCurve
-        Of the kind "run-up"; its highest maximum solves the equations made at its own speed, and ``notes`` name the peak
-        at fixed speed beside it.
+        Curve of kind "run-up". Its highest maximum solves the equations assembled at its speed; ``notes`` contain the peak
+        at fixed speed.
 
     Raises
     ------
     SettingError
-        If a setting does not fit, or polynomials over speed do not describe the equations well enough: a shorter range.
+        If a setting does not fit, or the interpolation error over speed is too large; use a shorter range.
     BdamperError
         If there is no crossing in the range.
     """
-    given = Conditions(**conditions)
-    asked = np.clip(given.reach(int(problem.engine_order)), *WITHIN)
+    operating = Conditions(**conditions)
+    limits = np.clip(operating.reach(int(problem.engine_order)), *WITHIN)
     narrow = speeds is not None or rpm is not None
     if narrow:
-        asked = speed_values(asked_speeds(problem, speeds, rpm))
+        limits = speed_values(asked_speeds(problem, speeds, rpm))
     mode = validation.whole("mode", mode, least=1)
     meter = CostMeter()
-    family = SpeedFamily(problem, given)
-    low, high = float(asked[0]), float(asked[-1])
+    family = SpeedFamily(problem, operating)
+    low, high = float(limits[0]), float(limits[-1])
     holds = interval(family, low, high, mode)
     why = ""
     if holds is not None:
-        equations, curve, found = follow_line(family, (low, high) if narrow else holds, mode, meter, options)
-        why = "" if found is not None else f": {curve._headline()}"
-    if holds is None or found is None:
+        equations, curve, highest = follow_line(family, (low, high) if narrow else holds, mode, meter, options)
+        why = "" if highest is not None else f": {curve._headline()}"
+    if holds is None or highest is None:
         raise BdamperError(
             f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {low:.6g} and "
             f"{high:.6g} rad/s, found none{why}"
         )
-    top, error = exact(family, found.peak)
+    top, error = exact(family, highest.peak)
     left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
     validation.require(error <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
-    fixed = at_fixed_speed(equations, found.peak, meter)
-    out = _with_maximum(curve, found.index, top, responses(equations, top.y[None])[0])
-    notes = _beside(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
+    fixed = at_fixed_speed(equations, highest.peak, meter)
+    out = _with_maximum(curve, highest.index, top, responses(equations, top.y[None])[0])
+    notes = _comparison_text(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
     return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
 
 
 def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArray) -> ResponseCurve:
-    """The curve with one of its points replaced by its highest maximum, and without unknowns.
+    """Return the curve with the refined highest maximum, and without unknowns.
 
-    They would be taken for those of the study at a speed, whose residual modes have other phases.
+    Unknowns over speed cannot be used in a study at one speed, because their residual modes have other phases.
     """
-    own = {
+    replaced = {
         "harmonics": harmonics, "frequency": top.frequency, "speed": top.parameter, "shares": top.shares,
         "residual": top.residual,
     }  # fmt: skip
-    columns: dict[str, Any] = {name: np.array(getattr(curve, name)) for name in own}
-    for name, value in own.items():
+    columns: dict[str, Any] = {name: np.array(getattr(curve, name)) for name in replaced}
+    for name, value in replaced.items():
         columns[name][index] = value
     return replace(curve, **columns, unknowns=np.zeros((len(curve), 0)))
 
 
-def _beside(top: Peak, fixed: Peak | None) -> str:
-    """The highest maximum, and the peak at fixed speed beside it."""
-    beside = "no peak at fixed speed beside it lies on the line"
+def _comparison_text(top: Peak, fixed: Peak | None) -> str:
+    """Return a text about the highest maximum and the peak at fixed speed."""
+    comparison = "no peak at fixed speed near it lies on the line"
     if fixed is not None:
         above = percent(top.amplitude / fixed.amplitude - 1.0)
-        beside = f"{above} above the peak at fixed speed, {amount(fixed.amplitude, 'm', 4)} at {fixed.parameter:.5g} rad/s"
-    return f"highest maximum {amount(top.amplitude, 'm', 4)} at {top.parameter:.5g} rad/s: {beside}"
+        reference = f"{amount(fixed.amplitude, 'm', 4)} at {fixed.parameter:.5g} rad/s"
+        comparison = f"{above} above the peak at fixed speed, {reference}"
+    return f"highest maximum {amount(top.amplitude, 'm', 4)} at {top.parameter:.5g} rad/s: {comparison}"

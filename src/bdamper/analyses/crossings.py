@@ -1,29 +1,25 @@
-"""Crossings of a resonance with engine orders, for one or several masses of the damper.
+"""Crossings of a resonance with engine orders, over rotor speed and damper mass.
 
-A crossing is the highest point of the response along the line of an engine order
-(:mod:`bdamper.analyses.crossings`), at the preload of each speed, as a slow run-up passes it.  Each is a point of
-a sweep over damper mass and engine order (:func:`bdamper.sweep`), so progress, interruption, files, executors and the
-table are those of sweeps.
+Crossing
+    A crossing is the highest point of the response along the line of an engine order at the preload of each speed, as in a
+    slow run-up. Each crossing is a point of a sweep over damper mass and engine order (:func:`bdamper.sweep`), with its
+    progress, interruption, files and executors.
 
-The response along the line of an engine order, and its highest point.
+Response along the line
+    With the excitation frequency ``omega = EO Omega`` as an unknown, a run-up is a response curve of equations that depend
+    on the speed (:class:`~bdamper.harmonic_balance.speed_family.Family`). The curve is followed from both ends of an
+    interval of speeds that contains the free and the stuck resonance on the line, with a margin.
+    :mod:`bdamper.response.highest_peak` locates the highest point.
 
-With the excitation frequency ``omega = EO Omega`` as the unknown beside ``u`` a run-up is a response curve like any other,
-of equations in which everything changes with the speed (:class:`~bdamper.harmonic_balance.speed_family.Family`).  It is
-followed from both ends of an interval of speeds in which the resonance of a mode can lie: between those at which its free
-and its stuck resonance meet the line, and some way beyond.  The highest point is that of
-:mod:`bdamper.response.highest_peak`.
+    At a fixed speed only the frequency changes. The peak at fixed speed that lies on the line is lower than the highest
+    point. The difference is small for a sharp, round peak, and some per cent if the response has a shoulder or ends a
+    plateau.
 
-At a fixed speed the frequency changes alone.  The peak at fixed speed that lies on the line is lower than the highest
-point, by little where it is round and sharp, by percents where the response has a shoulder or the end of a plateau.
-
-The equations are made at a few speeds and interpolated; what that leaves is measured at the highest point, by the equations
-made there, and the point is one of these.
-
-One problem over rotor speed, as a family of equations.
-
-At every speed the problem is made anew: modes, contact stiffness, preload, static state.  So that unknowns at two speeds
-can be compared, those of a speed are turned onto those of the nearest speed that is known
-(:mod:`bdamper.harmonic_balance.parameters`).
+Equations over speed
+    At every node speed the problem is assembled: modes, contact stiffness, preload and static state. Its unknowns are
+    transformed to the basis of the nearest known speed, so that they are comparable
+    (:mod:`bdamper.harmonic_balance.parameters`). The equations are interpolated between the nodes. At the highest point the
+    exact equations are assembled; they measure the interpolation error and give the final solution.
 """
 
 from __future__ import annotations
@@ -69,14 +65,14 @@ from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError
 from bdamper.util.progress import CostMeter
 
-# ---- One problem over rotor speed, as a family of equations ----
+# ---- Equations over speed ----
 
 
 T = TypeVar("T")
 
 
 def with_needed_bases(problem: Problem) -> Problem:
-    """The same problem with those nodal diameters alone that its harmonics need, which is faster to make at a speed."""
+    """Return the problem with the nodal diameters of its harmonics only, which is faster to assemble at a speed."""
     model = problem.model
 
     def needed(by_diameter: Mapping[int, T]) -> dict[int, T]:
@@ -88,12 +84,12 @@ def with_needed_bases(problem: Problem) -> Problem:
 
 
 class SpeedFamily:
-    """A problem over rotor speed.
+    """Problem as a function of rotor speed.
 
     Parameters
     ----------
     problem : Problem
-        At any speed, or at none.
+        Problem at any speed or without speed.
     conditions : Conditions
     """
 
@@ -104,7 +100,7 @@ class SpeedFamily:
         self._made: dict[float, Problem] = {}
 
     def problem(self, omega: float) -> Problem:
-        """The problem at a speed (rad/s), its unknowns comparable with those at other speeds."""
+        """Return the problem at a speed (rad/s); its unknowns are comparable over speed."""
         if omega not in self._made:
             made = under(self.base, omega, self.conditions)
             known = min(self._made, key=lambda other: abs(other - omega), default=None)
@@ -112,60 +108,67 @@ class SpeedFamily:
         return self._made[omega]
 
     def preload(self, omega: float) -> float:
-        """Preload (N) at a speed."""
+        """Return the preload (N) at a speed (rad/s)."""
         return preload_at(self.whole, omega)
 
     def system(self, omega: float, mass: float = 1.0) -> Equations[Sector]:
-        """The equations at a speed with a factor on the mass of the free bodies, load and inertia together."""
+        """Return the equations at a speed (rad/s); ``mass`` multiplies load and inertia of the free bodies."""
         problem = self.problem(omega)
         if mass != 1.0:
             problem = like(vary(problem, {"damper_mass": mass}), problem)
         return problem.system(mass * self.preload(omega))
 
     def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> Equations[Family]:
-        """The equations along the line of the engine order between two speeds, made at so many of them.
+        """Return the equations along the line of the engine order.
 
-        With a factor on the mass of the free bodies, load and inertia together.
+        Parameters
+        ----------
+        low, high : float, rad/s
+            Range of speeds.
+        nodes : int
+            Number of speeds at which the equations are assembled.
+        mass : float
+            Factor on load and inertia of the free bodies.
         """
         speeds = node_speeds(low, high, nodes)
         systems = [self.system(float(omega), mass) for omega in speeds]
         return family_equations(systems, speeds, int(self.whole.engine_order))
 
     def resonances(self, low: float, high: float, mode: int) -> tuple[float, float]:
-        """Speeds (rad/s) at which the free and the stuck resonance of a mode meet the line of the engine order.
+        """Return the speeds (rad/s) at which free and stuck resonance of a mode cross the line of the engine order.
 
-        From those at two speeds, since squared frequencies are all but linear in the squared speed; 0 where a resonance
-        meets no line.
+        They follow from the resonances at two speeds, since squared frequencies are nearly linear in the squared speed. The
+        result is 0 if a resonance does not cross the line.
         """
         squares, order = np.square([low, high]), float(self.whole.engine_order)
-        found = []
+        crossings = []
         for column in np.transpose([self._linear(omega, mode) for omega in (low, high)]):
             slope = float(np.diff(column**2)[0] / np.diff(squares)[0])
             square = (column[0] ** 2 - slope * squares[0]) / (order**2 - slope) if order**2 > slope else 0.0
-            found.append(float(np.sqrt(max(square, 0.0))))
-        return min(found), max(found)
+            crossings.append(float(np.sqrt(max(square, 0.0))))
+        return min(crossings), max(crossings)
 
     def _linear(self, omega: float, mode: int) -> NDArray:
-        """(2,) free and stuck resonance (rad/s) of a mode of the constrained bodies at a speed."""
+        """Return free and stuck resonance (2,) of a mode of the constrained bodies at a speed, rad/s."""
         problem = self.problem(omega)
         both = free_and_stuck(problem, problem.equilibrium(self.preload(omega)), mode)
         return 2.0 * np.pi * np.array(both)[:, mode - 1]
 
 
-# ---- The response along the line of an engine order, and its highest point ----
+# ---- Response along the line ----
 
 
 NODES = 6
-"""Speeds at which the problem is made for one line."""
+"""Number of speeds at which the equations of a line are assembled."""
 CLOSE = 1e-3
-"""Largest residual, relative to the excitation, that the interpolation may leave at the highest point."""
+"""Largest residual of the interpolation at the highest point, relative to the excitation."""
 
 
 def interval(family: SpeedFamily, low: float, high: float, mode: int) -> tuple[float, float] | None:
-    """Speeds (rad/s) within a range between which the resonance of a mode can meet the line, None where it cannot.
+    """Return the speeds (rad/s) in a range between which the resonance of a mode can cross the line; None if it cannot.
 
-    Half as far beyond the free and the stuck resonance as a curve over frequency goes: with all of it 10 % more evaluations
-    on four crossings, and the same highest points to 1e-8.
+    The margin beyond free and stuck resonance is half that of a curve over frequency. The full margin takes 10 % more
+    evaluations on four crossings and gives the same highest points to 1e-8.
     """
     free, stuck = family.resonances(low, high, mode)
     margin = 0.5 * beyond(free, stuck)
@@ -181,13 +184,26 @@ def follow_line(
     meter: CostMeter,
     options: ContinuationOptions | None = None,
 ) -> tuple[Equations[Family], ResponseCurve, Highest | None]:
-    """Equations along the line, the response between two speeds (rad/s), and its highest maximum where it has one.
+    """Compute the response along the line of the engine order.
 
-    The parameter of the latter is its speed.
+    Parameters
+    ----------
+    family : SpeedFamily
+    speeds : (low, high), rad/s
+    mode : int
+    meter : CostMeter
+    options : ContinuationOptions, optional
+
+    Returns
+    -------
+    equations : Equations
+    curve : ResponseCurve
+    highest : Highest or None
+        Highest maximum, with the speed as its parameter.
     """
     low, high = speeds
     wide, reach = 0.05 * (high - low), family.conditions.reach(int(family.whole.engine_order))
-    # a branch may turn beyond the ends and come back, as far as tables over speed reach
+    # a branch may leave the interval and return; tables over speed limit the range
     equations = family.along(max(low - wide, 0.5 * low, reach[0]), min(high + wide, reach[1]), NODES)
     meter.watch(equations)
     options = options or coarse_options()
@@ -200,35 +216,35 @@ def follow_line(
         problem, preload = _nearest(family, equations, omega / order)
         state, here = problem.equilibrium(preload), equations.structure.at(omega)
         meter.watch(here)
-        found, tried, _ = first_point(here, state, stuck_springs(problem, state), omega, options, meter)
+        highest, tried, _ = first_point(here, state, stuck_springs(problem, state), omega, options, meter)
         for line in tried:
             search.note(omega, line)
-        return found
+        return highest
 
     search.cover(find_start)
     status, reason, left = ending(search.pieces, *search.limits)
-    there, _ = _nearest(family, equations, low)
-    curve = as_curve(there, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
+    lowest, _ = _nearest(family, equations, low)
+    curve = as_curve(lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
     harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
     speed = TWO_PI * curve.frequency / order
     curve = replace(curve, harmonics=harmonics, speed=speed, **family.whole.recorded(search.options))
     try:
         top = highest_of_curve(equations, curve)
-    except BdamperError:  # no point of it is on a branch that counts
+    except BdamperError:  # no point on a connected branch
         return equations, curve, None
     meter.count(top.peak.iterations)
-    found = None if top.kind == "end" else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
-    return equations, curve, found
+    highest = None if top.kind == "end" else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
+    return equations, curve, highest
 
 
 def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> tuple[Problem, float]:
-    """Problem and preload at the nearest speed at which the equations were made."""
+    """Return problem and preload at the node nearest to a speed."""
     nearest = float(min(equations.structure.speeds, key=lambda other: abs(other - speed)))
     return family.problem(nearest), family.preload(nearest)
 
 
 def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> list[tuple[float, float, NDArray]]:
-    """Free and stuck resonance of the mode where they meet the line, with the modal rows of the nearest node."""
+    """Return free and stuck resonance of the mode on the line, with the modal rows of the nearest node."""
     ends = float(equations.structure.speeds.min()), float(equations.structure.speeds.max())
     out = []
     for stuck, speed in enumerate(family.resonances(*ends, mode)):
@@ -237,15 +253,15 @@ def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> li
         omega = equations.structure.engine_order * speed
         if not ends[0] < speed < ends[1]:
             continue
-        found = equations.structure.at(omega).structure.linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
-        out += [(omega, width, row) for _, width, row in sorted(found, key=lambda one: abs(one[0] - omega))[:1]]
+        resonances = equations.structure.at(omega).structure.linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
+        out += [(omega, width, row) for _, width, row in sorted(resonances, key=lambda one: abs(one[0] - omega))[:1]]
     return out
 
 
 def at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) -> Peak | None:
-    """The peak at fixed speed that lies on the line, by secants from the highest point along it.
+    """Return the peak at fixed speed that lies on the line, by secant steps from the highest point along it.
 
-    Steps after which no peak is found are halved: from a shoulder of the response to the peak they are percents long.
+    Steps are halved if no peak is found. From a shoulder of the response to the peak they amount to some per cent.
     """
     order, speeds = equations.structure.engine_order, equations.structure.speeds
     low, high = order * speeds.min(), order * speeds.max()
@@ -274,8 +290,14 @@ def at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) ->
 
 
 def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
-    """The highest point as a solution of the equations made at its speed, and the residual that interpolation leaves there,
-    relative to the excitation."""
+    """Solve the highest point with the equations assembled at its speed.
+
+    Returns
+    -------
+    peak : Peak
+    error : float
+        Residual of the interpolated solution, relative to the excitation.
+    """
     system = family.system(top.parameter)
     error = system.error(top.y)
     options = PeakOptions()
@@ -285,76 +307,86 @@ def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
     return replace(top, y=c.y, amplitude=amplitude_at(system, c.y), shares=np.array(c.shares), residual=c.residual), error
 
 
-# ---- Crossings of a resonance with engine orders, for one or several masses of the damper ----
+# ---- Crossings ----
 
 
 AROUND = (0.03, 0.01, 0.003)
-"""Ranges, relative, around a highest point at which interpolation leaves too much, one after the other: tables over speed
-have corners."""
+"""Successive relative half-widths of the range around a highest point with too large an interpolation error.
+
+Tables over speed have corners.
+"""
 NUMBERS = (
     "amplitude", "speed", "frequency", "preload", "mass", "stick", "slip", "open", "fixed_speed", "fixed_speed_amplitude",
     "amplitude_by_mass", "speed_by_mass", "margin", "residual",
 )  # fmt: skip
-"""Answers of a crossing, NaN where there is none."""
+"""Numeric results of a crossing; NaN if there is none."""
 
 
 def by_mass(family: SpeedFamily, equations: Equations[Family], top: Peak) -> dict[str, float]:
-    """How the highest point moves with the mass of all free bodies, load and inertia together, per unit of the factor.
+    """Return the derivatives of the highest point with respect to a factor on the mass of all free bodies.
 
-    Empty where it has no derivative.
+    The factor acts on load and inertia. The result is empty if there is no derivative.
     """
     low, high = (1.0 - AROUND[-1]) * top.parameter, (1.0 + AROUND[-1]) * top.parameter
     try:
-        found = sensitivities(top, {"mass": (lambda factor: family.along(low, high, 2, factor), 1.0)})["mass"]
+        derivative = sensitivities(top, {"mass": (lambda factor: family.along(low, high, 2, factor), 1.0)})["mass"]
     except SettingError:
         return {}
-    if found.reason:
+    if derivative.reason:
         return {}
     order = equations.structure.engine_order
-    return {"amplitude_by_mass": found.amplitude, "speed_by_mass": TWO_PI * found.frequency / order}
+    return {"amplitude_by_mass": derivative.amplitude, "speed_by_mass": TWO_PI * derivative.frequency / order}
 
 
 def refined(
     family: SpeedFamily, equations: Equations[Family], top: Peak, meter: CostMeter
 ) -> tuple[Equations[Family], Peak, Peak, float]:
-    """Equations and highest point, from shorter ranges where interpolation leaves too much there.
+    """Repeat the interpolation on shorter ranges until its error at the highest point is small.
 
-    Beside them that point by the equations of its speed, and the residual that interpolation leaves.
+    Returns
+    -------
+    equations : Equations
+    top : Peak
+        Highest point of the interpolated equations.
+    solution : Peak
+        Highest point of the equations assembled at its speed.
+    error : float
+        Residual of the interpolation.
     """
-    own, error = exact(family, top)
+    solution, error = exact(family, top)
     for part in AROUND:
         if error <= CLOSE:
             break
-        shorter = family.along((1.0 - part) * own.parameter, (1.0 + part) * own.parameter, NODES)
+        shorter = family.along((1.0 - part) * solution.parameter, (1.0 + part) * solution.parameter, NODES)
         meter.watch(shorter)
-        peak = find_peak(shorter, own.y, tangent=own.tangent, scale=own.scale)
+        peak = find_peak(shorter, solution.y, tangent=solution.tangent, scale=solution.scale)
         if not peak.converged:
             break
         equations, top = shorter, replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order)
-        own, error = exact(family, top)
-    return equations, top, own, error
+        solution, error = exact(family, top)
+    return equations, top, solution, error
 
 
 @dataclass(frozen=True)
 class CrossingTask:
-    """The crossing of a mode with the engine order of a problem, as a question of a sweep.
+    """Crossing of a mode with the engine order of a problem, as the evaluation of a sweep.
 
-    Answers are :data:`NUMBERS` in SI units, NaN where there is no crossing: ``mass`` is that of the loaded damper,
-    ``fixed_speed`` and ``fixed_speed_amplitude`` are those of the peak at fixed speed beside the highest point,
-    ``amplitude_by_mass`` and ``speed_by_mass`` derivatives per unit of the factor on the mass.  ``kind`` is "complete",
-    "incomplete" where there may be a higher point, as ``warning`` says, "not found", or "none" where no resonance of the
-    mode can meet the line.
+    Results are :data:`NUMBERS` in SI units, NaN without a crossing. ``mass`` is the mass of the loaded damper.
+    ``fixed_speed`` and ``fixed_speed_amplitude`` describe the peak at fixed speed near the highest point.
+    ``amplitude_by_mass`` and ``speed_by_mass`` are derivatives with respect to a factor on the mass. ``kind`` is
+    "complete", "incomplete" if there may be a higher point (see ``warning``), "not found", or "none" if no resonance of the
+    mode can cross the line.
 
     Parameters
     ----------
     speeds : (low, high), rad/s
-        In which it is looked for.
+        Search range.
     mode : int
     conditions : Conditions
     margin : LeastMargin, optional
-        With it margins against fatigue are found, too.
+        If given, margins against fatigue are computed.
     named : tuple
-        What tells the functions among the conditions from others in files of long work: their values.
+        Values of the functions among the conditions, which identify them in results files.
     """
 
     speeds: tuple[float, float]
@@ -365,39 +397,40 @@ class CrossingTask:
 
     def __call__(self, problem: Problem, preload: float | None) -> dict[str, Any]:
         meter = CostMeter()
-        found = self._found(problem, meter)
+        results = self._results(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
-        found["warning"] = "; ".join([*found["warning"], *(f"neglected: {note}" for note in neglected)])
+        results["warning"] = "; ".join([*results["warning"], *(f"neglected: {note}" for note in neglected)])
         mass = next(b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
-        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | found | {"cost": meter.read()}
+        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | results | {"cost": meter.read()}
 
-    def _found(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
-        """The answers without those that are NaN, and warnings as a list."""
+    def _results(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
+        """Return the results without NaN, and warnings as a list."""
         family = SpeedFamily(problem, self.conditions)
         where = "mode {} between {:.6g} and {:.6g} rad/s".format(self.mode, *self.speeds)
         speeds = interval(family, *self.speeds, self.mode)
         if speeds is None:
-            return {"kind": "none", "warning": [f"engine order {problem.engine_order} meets no resonance of {where}"]}
+            return {"kind": "none", "warning": [f"engine order {problem.engine_order} crosses no resonance of {where}"]}
         equations, curve, highest = follow_line(family, speeds, self.mode, meter)
         if highest is None:
-            why = f"the response along the line has no maximum of {where}: does the excitation move it, and the response?"
+            why = f"the response along the line has no maximum of {where}; check that excitation and response act on it"
             return {"kind": NOT_FOUND, "warning": [why]}
         warnings = [f"curve {curve.status}: {curve.reason}"] if curve.status != COMPLETE else []
         warnings += [highest.note] if highest.note else []
-        equations, top, own, error = refined(family, equations, highest.peak, meter)
+        equations, top, solution, error = refined(family, equations, highest.peak, meter)
         if not error <= CLOSE:
             warnings.append(f"interpolation over speed leaves a residual of {error:.2g} at the highest point")
         out: dict[str, Any] = {
-            "kind": INCOMPLETE if warnings else COMPLETE, "speed": own.parameter, "amplitude": own.amplitude,
-            "frequency": own.frequency, "preload": family.preload(own.parameter), "residual": own.residual,
+            "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
+            "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,
             **by_mass(family, equations, top),
-            **{name: float(x) for name, x in zip(("stick", "slip", "open"), own.shares)},
+            **{name: float(x) for name, x in zip(("stick", "slip", "open"), solution.shares)},
         }  # fmt: skip
         fixed = at_fixed_speed(equations, top, meter)
         if fixed is not None:
             out |= {"fixed_speed": fixed.parameter, "fixed_speed_amplitude": fixed.amplitude}
         if self.margin is not None:
-            out["margin"] = self.margin(family.problem(own.parameter), own.y[:-1], float(own.y[-1]), out["preload"])
+            at_speed, unknowns = family.problem(solution.parameter), solution.y[:-1]
+            out["margin"] = self.margin(at_speed, unknowns, float(solution.y[-1]), out["preload"])
         return out | {"warning": warnings}
 
 
@@ -417,34 +450,35 @@ def resonance_crossings(
     margin: LeastMargin | None = None,
     **conditions: Any,
 ) -> SweepResult:
-    """Crossings of a mode with engine orders, for several masses of the damper.
+    """Compute crossings of a mode with engine orders for several damper masses.
 
     Parameters
     ----------
+    problem : Problem
     speeds, rpm : (low, high) or sequence of more than two values, rad/s or revolutions per minute
-        Range in which crossings are looked for, one of the two.
+        Search range; give one of the two.
     engine_orders : sequence of int
     damper_mass : sequence of float
-        Factors on the mass of the free bodies, each with its centrifugal load and its inertia.
+        Factors on the mass of the free bodies, which multiply centrifugal load and inertia.
     mode : int
-        Mode of the constrained bodies, 1 for the lowest.
+        Mode of the constrained bodies, from 1.
     executor, resume, progress
-        As of :func:`bdamper.sweep`.
+        See :func:`bdamper.sweep`.
     margin : LeastMargin, optional
-        With it the margin against fatigue of each crossing, for a model with stress sets.
+        If given, the margin against fatigue of each crossing is computed; the model needs stress sets.
     **conditions
         ``friction``, ``temperature``, ``excitation``: fields of :class:`bdamper.harmonic_balance.rotor_speed.Conditions`.
 
     Returns
     -------
     SweepResult
-        Over ``damper_mass`` and ``engine_order``, with the answers of :class:`CrossingTask`;
-        :func:`bdamper.plot.plot_crossings` draws it.
+        Results of :class:`CrossingTask` over ``damper_mass`` and ``engine_order``; :func:`bdamper.plot.plot_crossings`
+        draws them.
 
     Raises
     ------
     SettingError
-        If speeds, orders or factors are none, or no free body carries a load.
+        If speeds, orders or factors are missing, or no free body has a load.
     """
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validation.wholes("engine_orders", engine_orders, least=1)
@@ -453,19 +487,19 @@ def resonance_crossings(
     validation.require(orders, "engine_orders", "at least one", "none")
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
-        raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
-    given = Conditions(**conditions)
-    named = given.values(values.tolist(), orders)  # what tables do not reach is told before any work
+        raise SettingError(f"crossings need a model with a body that carries a load; {problem.why_no_load}")
+    operating = Conditions(**conditions)
+    named = operating.values(values.tolist(), orders)  # raises an error if tables do not cover the speeds
     if margin is not None:
         validation.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    task = CrossingTask((float(values[0]), float(values[-1])), mode, given, margin, named)
+    task = CrossingTask((float(values[0]), float(values[-1])), mode, operating, margin, named)
     over = {"damper_mass": factors.tolist(), "engine_order": list(orders)}
     return sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:
-    """(n,) speeds (rad/s): that many between two ends, or the longer sequence that is given.
+    """Return speeds (n,) in rad/s: n values between two limits, or the given longer sequence.
 
     Raises
     ------

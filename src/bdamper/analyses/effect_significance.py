@@ -1,15 +1,15 @@
-"""Which physical effects one scene calls for.
+"""Selection of the physical effects that change a peak significantly.
 
-The *reference* is the study with all effects on that its model allows, whether the study has them or not.  Of each effect
-the advice says what the highest peak of the reference would change if this effect alone were left out, and what that saves:
+The *reference* is the study with all effects that its model allows. The analysis computes the change of the highest peak of
+the reference without each effect, and the work saved.
 
-1. The peak is carried into the study without the effect; one adjoint solution there estimates the change
+1. The peak is embedded in the study without the effect; one adjoint solution estimates the change
    (:mod:`bdamper.analyses.error_estimates`).
-2. Unless the estimate with what it may miss is within the tolerance, the study without the effect has a whole curve of its
-   own, whose highest point is taken.  Where there is none, the change is unknown and the effect is needed.
-3. Effects are left out one after the other, those that save most first, as long as the sum of their changes is within the
-   tolerance.  Small changes may still amount to more together than their sum, so the peak without all of them is computed
-   and compared with that of the reference; until they agree, the effect with the largest change is taken back.
+2. If the estimate with its uncertainty exceeds the tolerance, the complete curve without the effect is computed. If this
+   fails, the change is unknown and the effect is significant.
+3. Effects are omitted one after the other, in order of the work saved, as long as the sum of their changes is within the
+   tolerance. Together they may change the peak by more than the sum. Therefore the peak without all of them is computed and
+   compared with the reference. Until they agree, the effect with the largest change is restored.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from bdamper.util.tables import Column, Tabular, from_rows
 
 @dataclass(frozen=True)
 class EffectRow:
-    """Change of the peak without one effect, and whether the effect is needed.
+    """Change of the peak without one effect, and the significance of the effect.
 
     Parameters
     ----------
     name : str
-        As :meth:`bdamper.Effects.without` takes it.
+        Name for :meth:`bdamper.Effects.without`.
     on : bool
         Whether the study has the effect.
     amplitude_change, frequency_change : float
-        Relative change of the peak of the reference if this effect alone is left out; NaN if it is not known.
+        Relative change of the peak of the reference without this effect; NaN if unknown.
     uncertainty : float
-        Relative change that an estimate may miss; 0 if the change was computed, infinite if it is not known.
+        Possible error of an estimate, relative; 0 if the change was computed, infinite if unknown.
     source : {"estimated", "computed", "unknown"}
     work : float
-        Operations of a Newton iteration without the effect, relative to those of the reference.
+        Operations of a Newton iteration without the effect, relative to the reference.
     significant : bool
     reason : str
-        Why the change is not known, or why an effect of a small change is needed.
+        Reason why the change is unknown, or why an effect with a small change is significant.
     """
 
     name: str
@@ -68,7 +68,7 @@ class EffectRow:
 
     @property
     def size(self) -> float:
-        """Largest relative change of amplitude or frequency, with what the estimate may miss; infinite if not known."""
+        """Largest relative change of amplitude or frequency plus the uncertainty; infinite if unknown."""
         return Change(self.amplitude_change, self.frequency_change, self.uncertainty).size
 
     @property
@@ -82,7 +82,7 @@ class EffectRow:
 @brief
 @dataclass(frozen=True)
 class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance", version=4):
-    """Change of the peak without each effect, and which effects are needed.
+    """Change of the peak without each effect, and the significant effects.
 
     ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_effect_significance`).
 
@@ -90,21 +90,21 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
     ----------
     preload : float, N
     interval : (low, high), Hz
-        In which the highest peak was looked for.
+        Search interval of the highest peak.
     tolerance : float
-        Relative change of amplitude or frequency of the highest peak that leaving out effects may make in all.
+        Allowed relative change of amplitude or frequency of the highest peak by all omitted effects together.
     amplitude, frequency : float, m, Hz
-        The highest peak of the reference.
+        Highest peak of the reference.
     effects : tuple of EffectRow
         The largest change first.
     reference, significant : Effects
-        All effects on, and just those that the scene calls for.
+        All effects, and only the significant ones.
     amplitude_change, frequency_change : float
-        Relative change of the peak with just the effects needed, computed.
+        Computed relative change of the peak with the significant effects only.
     work : float
-        Operations of a Newton iteration with just these, relative to those of the reference.
+        Operations of a Newton iteration with the significant effects, relative to the reference.
     notes : tuple of str
-        What else to know of the curve of the reference.
+        Status of the reference curve if it is not complete.
     """
 
     preload: float
@@ -121,7 +121,7 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
     notes: tuple[str, ...] = ()
 
     def columns(self) -> dict[str, Column]:
-        """A row for each effect; changes are relative."""
+        """Return one row for each effect; changes are relative."""
         return from_rows(self.effects)
 
     def __getitem__(self, name: str) -> EffectRow:
@@ -130,15 +130,15 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Names of the effects that the scene does not call for."""
+        """Names of the effects that are not significant."""
         return tuple(e.name for e in self.effects if not e.significant)
 
     def _headline(self) -> str:
         left = ", ".join(self.left_out) or "none"
-        change = f"the peak changes by {percent(self.amplitude_change, True)} at {self.work:.2g} of the work"
+        change = f"the peak changes by {percent(self.amplitude_change, True)} and the work is {self.work:.2g} times as much"
         return (
-            f"At a preload of {amount(self.preload, 'N')} this scene calls for {len(self.effects) - len(self.left_out)} of "
-            f"{len(self.effects)} effects. Without the others ({left}) {change}."
+            f"At a preload of {amount(self.preload, 'N')}, {len(self.effects) - len(self.left_out)} of {len(self.effects)} "
+            f"effects are significant. Without the others ({left}) {change}."
         )
 
     def _rows(self) -> list[tuple[str, ...]]:
@@ -162,22 +162,22 @@ def effect_significance(
     against: Effects | None = None,
     tolerance: float = 0.01,
 ) -> EffectSignificance:
-    """Change of the highest peak without each effect, and which effects are needed.
+    """Compute the change of the highest peak without each effect, and select the significant effects.
 
-    It costs many peaks itself: that of the reference, one for each effect whose change is not small, one or a few to
-    compute what leaving out effects together changes.  It pays where many peaks of like scenes follow.
+    The cost is several peaks: the reference, one for each effect with a large change, and one or more without all omitted
+    effects. It pays off before many computations of similar problems.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
     frequency : (low, high), Hz
-        Interval in which the highest peak is looked for.
+        Search interval of the highest peak.
     against : Effects, optional
-        The reference; by default all that the model allows (:func:`fullest`).  The friction law stays that of the
-        study: it says what is computed.
+        Reference; by default all effects that the model allows (:func:`fullest`). The friction law of the study does not
+        change.
     tolerance : float
-        Relative change of amplitude or frequency that leaving out effects may make in all.
+        Allowed relative change of amplitude or frequency by all omitted effects together.
 
     Returns
     -------
@@ -186,15 +186,15 @@ def effect_significance(
     Raises
     ------
     BdamperError
-        If the reference has no peak there.
+        If the reference has no peak in the interval.
     """
     preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     check_question(problem, [preload], frequency)
-    own = Effects.of(problem)
+    present = Effects.of(problem)
     effects = fullest(problem) if against is None else validation.instance("against", against, Effects)
     reference = _Reference(problem.with_effects(effects), effects, preload, frequency)
-    rows = [reference.row(name, own, tolerance) for name in parts(problem, effects)]
+    rows = [reference.row(name, present, tolerance) for name in parts(problem, effects)]
     rows.sort(key=lambda row: -row.size)
     rows, (amplitude, change) = _chosen(reference, rows, tolerance)
     significant = effects
@@ -210,7 +210,7 @@ def effect_significance(
 
 
 class _Reference:
-    """The study with all effects on and its highest peak; other studies are compared with it."""
+    """Study with all effects, and its highest peak."""
 
     def __init__(self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]) -> None:
         self.problem, self.effects, self.preload = problem, effects, preload
@@ -218,33 +218,35 @@ class _Reference:
         self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
 
-    def row(self, name: str, own: Effects, tolerance: float) -> EffectRow:
-        """The change of the peak without one effect: estimated, where that is not enough computed."""
-        on = own.without(name) != own
+    def row(self, name: str, present: Effects, tolerance: float) -> EffectRow:
+        """Return the change of the peak without one effect; compute it if the estimate exceeds the tolerance."""
+        on = present.without(name) != present
         leaner = self.problem.with_effects(self.effects.without(name))
         if not leaner.static(self.preload).converged:
             return EffectRow(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
-        system, found, source = leaner.system(self.preload), None, "estimated"
-        if self.curve.point_kind[self.peak.index] == "maximum":  # elsewhere the amplitude is not stationary along the curve
+        system, change, source = leaner.system(self.preload), None, "estimated"
+        if self.curve.point_kind[self.peak.index] == "maximum":  # the estimate needs a stationary amplitude
             y = np.append(self.curve.unknowns[self.peak.index], 2.0 * np.pi * self.peak.frequency)
-            found = estimate_change(system, embed(self.problem, leaner, self.preload, y))
-        if found is None or found.size > tolerance:
-            found, source = self.computed(leaner), "computed"
-        why = "" if found.known else found.how
-        source = source if found.known else "unknown"
-        return EffectRow(name, on, *found[:3], source, _work(system) / self.work, reason=why)
+            change = estimate_change(system, embed(self.problem, leaner, self.preload, y))
+        if change is None or change.size > tolerance:
+            change, source = self.computed(leaner), "computed"
+        why = "" if change.known else change.how
+        source = source if change.known else "unknown"
+        return EffectRow(name, on, *change[:3], source, _work(system) / self.work, reason=why)
 
     def computed(self, leaner: Problem) -> Change:
-        """Relative change of amplitude and frequency to the highest peak of another study."""
+        """Compute the change of the highest peak from the reference to another study."""
         return compare(self.problem, leaner, self.preload, self.tops)
 
 
 def _chosen(
     reference: _Reference, rows: list[EffectRow], tolerance: float
 ) -> tuple[list[EffectRow], tuple[float, float]]:
-    """The rows, marked with the effects that can be left out together, and the computed change without all of these."""
+    """Select the effects that can be omitted together; return the marked rows and the computed change without these
+    effects.
+    """
     taken_back = {row.name: reason for row in rows if (reason := _contains_more(reference.effects, row, rows, tolerance))}
-    worth = 0.98  # share of the work of the reference from which on leaving an effect out saves nothing
+    worth = 0.98  # relative work above which the omission of an effect saves nothing
     while True:
         effects, total, out = reference.effects, 0.0, dict[str, EffectRow]()
         for row in sorted(rows, key=lambda row: row.work):
@@ -258,62 +260,63 @@ def _chosen(
                 change = reference.computed(reference.problem.with_effects(effects))[:2]
             except BdamperError:
                 change = np.inf, np.inf
-        if max(map(abs, change)) <= tolerance:  # not where it is not known
+        if max(map(abs, change)) <= tolerance:  # false if the change is unknown
             break
         taken_back[max(out.values(), key=lambda row: row.size).name] = "changes more together with others"
     marked = []
     for row in rows:
-        covered = effects.without(row.name) == effects  # by itself or with an effect that contains it
+        covered = effects.without(row.name) == effects  # omitted, alone or with an effect that contains it
         reason = row.reason or taken_back.get(row.name, "")
         if not covered and not reason and row.size <= tolerance:
-            reason = "saves nothing" if row.work >= worth else "the sum would be beyond the tolerance"
+            reason = "saves nothing" if row.work >= worth else "the sum would exceed the tolerance"
         marked.append(replace(row, significant=not covered, reason="" if covered else reason))
     return marked, change
 
 
 def _contains_more(effects: Effects, row: EffectRow, rows: list[EffectRow], tolerance: float) -> str:
-    """Whether leaving out an effect leaves out another one that is needed by itself: both may cancel by chance."""
+    """Return a reason if omitting an effect also omits another significant effect; the changes of both may cancel by
+    chance.
+    """
     without = effects.without(row.name)
     large = (other.name for other in rows if other is not row and other.size > tolerance)
     return next((f"contains {name}" for name in large if without.without(name) == without), "")
 
 
 def _work(system: Equations) -> float:
-    """Operations of a Newton iteration, the same on every machine."""
+    """Return the number of operations of a Newton iteration, which does not depend on the machine."""
     return float(system.work[:3].sum())
 
 
 def fullest(problem: Problem) -> Effects:
-    """All effects that the model of a study allows: three harmonics where it has their modes, two elastic damper modes.
+    """Return all effects that the model of a study allows: three harmonics if it has their modes, two elastic damper
+    modes.
 
-    Modes of the blade are those of the study; what more of them would change, :mod:`bdamper.analyses.error_estimates` says.
+    The number of blade modes does not change; :mod:`bdamper.analyses.error_estimates` estimates the effect of more modes.
     """
-    own = Effects.of(problem)
+    present = Effects.of(problem)
     most = 1
-    # of the reference, unless the study or the caller asks for more: each of the many peaks takes some five times as
-    # long with five
-    most_harmonics = 3
+    most_harmonics = 3  # five harmonics would take some five times as long
     for l in range(2, most_harmonics + 1):
         try:
             problem.coupling.basis(l)
         except SettingError:
             break
         most = l
-    numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
+    numbers = tuple(sorted({*present.harmonic_numbers, *range(1, most + 1)}))
     on: dict[str, Any] = dict.fromkeys(SWITCHES, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
     least = min(2, problem.settings.most_modes("free"))
     modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
-    damper_modes: Any = modes if isinstance(own.damper_modes, Mapping) else max(own.damper_modes, least)
-    return replace(own, harmonics=harmonics, damper_modes=damper_modes, **on)
+    damper_modes: Any = modes if isinstance(present.damper_modes, Mapping) else max(present.damper_modes, least)
+    return replace(present, harmonics=harmonics, damper_modes=damper_modes, **on)
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
-    """Names of the single effects among those that are on, as :meth:`Effects.without` takes them, for one model."""
+    """Return the names of the single active effects of a model, as :meth:`Effects.without` accepts them."""
     points = problem.settings.most_points
     points = points if effects.contact_points is None else min(points, effects.contact_points)
     names = ["bias", "variable normal load", "separation"]
-    names += [f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)]  # others have a force
+    names += [f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)]  # excited ones are needed
     if problem.model.n_blades > 1:
         names.append("harmonic nodal diameters")
     if any(face.kind == "constraint" for face in problem.model.interfaces.values()):

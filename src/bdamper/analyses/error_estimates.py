@@ -1,52 +1,46 @@
-"""Error estimates of a peak by source: what richer settings would change.
+"""Comparison of a peak with the peak of a more or less detailed study, and error estimates by source.
 
-For each source the peak is compared with the highest point of a whole curve of a richer problem.  With more harmonics that
-takes long: there the converged peak is embedded in the richer problem, Newton's method goes on to the peak there (at an end
-of the interval: to the response at this frequency), and the whole curve is followed only if it fails.  Lower peaks of the
-curve that could become the highest are carried over with it (:mod:`bdamper.analyses.error_estimates`).  Where the richer
-response is highest at an end of the interval and that of the curve is not, the resonance has left the interval, which is
-then widened there by up to 39 % of the frequency.
+A study with other settings is compared in one of three ways.
 
-Nothing is concluded from poorer settings.  A source for which the model has nothing richer, or whose richer curve cannot be
-followed, is not estimated, and says why.
+Complete curve
+    The response curve of the other study is computed and its highest point taken (:func:`whole_curve`). If the response is
+    highest at an end of the interval and the first curve is not, the resonance has left the interval. The interval is then
+    widened there by up to 39 % of the frequency.
+
+Newton iteration
+    The converged peak is embedded in the other study, and Newton's method continues to the peak there, or to the response
+    at the same frequency at an end of the interval. Lower peaks that could become the highest are treated in the same way.
+    If an iteration fails, the complete curve follows. With more harmonics this saves most of the time.
+
+Adjoint estimate
+    A converged solution ``y = (u, omega)`` is embedded in the other system: common modes and harmonics keep their
+    amplitudes, others are zero, and the mean keeps its distance from the static state. The residual ``R`` of the other
+    system is not zero there. The amplitude ``A`` is stationary along the curve at a peak, so any nearby point of the other
+    curve may be compared. The phase of the response is held, since it follows a resonance that shifts:
+
+        B = [ J  R_omega ; grad(phase)  0 ],      B^T lambda = (grad A, 0),      B^T mu = (0, 1),
+        dA = -lambda . R,                          domega = -mu . R.
+
+    One Jacobian and one factorisation of the other system give both. A second evaluation of ``R`` at ``y - B^-1 R`` with
+    the same weights gives the *defect*, the error of the linear estimate. An estimate with its defect is an order of
+    magnitude that identifies small changes. On a test rig (five harmonics, without separation) the estimated change of
+    amplitude is +5.6 %, its defect 3.7 % and the true change +1.3 %.
+
+Error estimates by source compare the peak with a more detailed study in one respect. They draw no conclusions from less
+detailed settings. If the model has no more detail, or the curve cannot be computed, the source is not estimated and the
+reason is given.
 
 ``harmonics``
-    As many more as there are, at least four; where the model lacks a nodal diameter the modes of the fundamental stand in.
+    Twice as many, at least four more; modes of the fundamental replace modes of a nodal diameter that the model lacks.
 ``contact_forces``
-    Samples against exact events.
+    Sampled contact forces against exact events.
 ``contact points``
-    United patches against the patches of the model.
+    Merged contact patches against the patches of the model.
 ``modes``
-    Twice as many modes with residual modes, which leave an error that falls with the fourth power of the frequency of the
-    first mode left out (at least as many as a blade has by default, since twice none would be none); otherwise, where
-    convergence is slow, all modes of the model.
+    With residual modes twice as many modes, at least the default number of blade modes: the error decreases with the fourth
+    power of the frequency of the first omitted mode. Otherwise all modes of the model, since convergence is slow.
 ``residual flexibility``
-    Contact stiffness by a diagonal rule against residual modes, which carry all of it for the stuck modes.
-
-The change of a peak from one study to another, without computing the other peak.
-
-A converged solution ``y = (u, omega)`` of one system is embedded in another one, richer or leaner: modes and harmonics that
-both have keep their amplitudes, others are at rest or left out, and the mean keeps its distance from the static state.
-There the residual ``R`` of the other system is not zero.  At a peak of the response the amplitude ``A`` is stationary along
-the curve, so it does not matter at which point of the other curve it is compared; the phase of the response is held, which
-follows a resonance that moves:
-
-    B = [ J  R_omega ; grad(phase)  0 ],      B^T lambda = (grad A, 0),      B^T mu = (0, 1),
-    dA = -lambda . R,                          domega = -mu . R.
-
-One Jacobian of the other system and one factorisation give both.  ``R`` a second time, at ``y - B^-1 R``, tells how far
-the linear estimate holds: what the same weights make of it is the *defect*, the part of the change that it has missed.
-
-An estimate with its defect is an order of magnitude, to tell the small from what has to be computed.  On a test
-rig (five harmonics, without separation) the estimated change of amplitude is +5.6 %, its defect 3.7 % and the true
-change +1.3 %.
-
-One question, asked of a problem and of a richer or leaner one: value, change, cost and status.
-
-A *question* is a function that asks a problem for its highest point: a response curve (:func:`whole_curve`), a peak, or
-amplitude and frequency.  :func:`ask` says what comes of it.  :func:`compare` says what another problem changes of an answer
-that is known: where Newton's method leads from the peak to that of the other problem without changing it much, that is its
-answer; otherwise its whole curve is followed.
+    Contact stiffness by a diagonal rule against residual modes, which contain the complete flexibility for stuck modes.
 """
 
 from __future__ import annotations
@@ -77,20 +71,18 @@ from bdamper.util.errors import COMPLETE, BdamperError, SettingError, word
 from bdamper.util.formatting import short
 from bdamper.util.progress import one_thread
 
-# ---- The change of a peak from one study to another, without computing the other peak ----
-
 
 class Change(NamedTuple):
-    """Relative change that another study makes to a peak.
+    """Relative change of a peak from one study to another.
 
     Parameters
     ----------
     amplitude, frequency : float
-        NaN if they are not known.
+        Relative changes; NaN if unknown.
     uncertainty : float
-        What the change may miss: 0 if it was computed, the defect of an estimate, infinite if nothing is known.
+        Possible error of the change: 0 if computed, the defect of an estimate, infinite if unknown.
     how : str
-        How it was found, or why not.
+        Method, or the reason why the change is unknown.
     """
 
     amplitude: float
@@ -100,31 +92,33 @@ class Change(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether it was found."""
+        """Whether the change is known."""
         return bool(np.isfinite(self.amplitude))
 
     @property
     def size(self) -> float:
-        """Largest relative change, with what it may miss; infinite if not known."""
+        """Largest relative change plus its uncertainty; infinite if unknown."""
         size = max(abs(self.amplitude), abs(self.frequency)) + self.uncertainty
         return float(size) if np.isfinite(size) else np.inf
 
 
 def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
-    """A point of one study as a point of a study with other effects.
+    """Embed a point of one study in a study with other settings.
 
-    Modes that both have keep their amplitudes, others are at rest; the mean keeps its distance from the static state.
+    Modes and harmonics of both studies retain their amplitudes, others are zero. The mean retains its distance from the
+    static state.
 
     Parameters
     ----------
     old, new : Problem
     preload : float, N
     y : (n_unknowns + 1,) float
-        Of the old study.
+        Unknowns and angular frequency (rad/s) of the old study.
 
     Returns
     -------
     (n_unknowns + 1,) float
+        Unknowns and angular frequency of the new study.
     """
     a, b = old.system(preload), new.system(preload)
     out = np.zeros(b.n_unknowns + 1)
@@ -150,15 +144,19 @@ def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
 
 
 def estimate_change(system: Equations, y: NDArray) -> Change:
-    """Change of the peak from the point ``y`` to the solutions of a system that ``y`` does not solve.
-
-    It is unknown where the equations of the system are not finite.
+    """Estimate the change of a peak by one adjoint solution.
 
     Parameters
     ----------
     system : Equations
+        Equations of the other study.
     y : (n_unknowns + 1,) float
-        A peak of another system, embedded.
+        Embedded peak, which does not solve ``system``.
+
+    Returns
+    -------
+    Change
+        Unknown if the equations are not finite or singular.
     """
     n, unknown = system.n_unknowns, Change(np.nan, np.nan, np.inf, "no estimate")
     if system.core.evaluate(np.ascontiguousarray(y), r := np.empty(n)) != OK:
@@ -170,7 +168,7 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
     border /= max(norm2(border), 1e-300)
     weights = np.zeros((2, n + 1))  # d ln(amplitude) and d ln(frequency)
     weights[0, :n], weights[1, n] = grow / max(amplitude, 1e-300) * scale[:n], 1.0
-    try:  # a mean position that nothing holds stays where it is
+    try:
         dual = system.solve_linear(y, border, scale, weights, transposed=True)[:, :n]
         step = system.solve_linear(y, border, scale, np.append(-r, 0.0)[None])[0]
     except FloatingPointError:
@@ -184,55 +182,63 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
     return Change(float(change[0]), float(change[1]), float(np.abs(missed).max()), "estimated")
 
 
-# ---- One question, asked of a problem and of a richer or leaner one ----
-
-
-Question = Callable[[Problem], Any]
 NEARLY_HIGHEST = 0.7
-"""Height over that of the highest peak, from which on a lower one is carried over with it.
+"""Relative height from which lower peaks are followed along with the highest.
 
-A peak that changes by more than the rest, 30 %, may leave the top to one that is not carried over, so then a whole curve is
-taken.  In the scenes of ``benchmarks.estimate_scenes`` the changes that Newton's method finds are at most 6 %, and those of
-whole curves to 1e-4.
+A peak that changes by more than 30 % may fall below a peak that is not followed; the complete curve is computed then. In
+the scenes of ``benchmarks.estimate_scenes`` Newton's method finds changes of at most 6 %, which agree with the complete
+curves to 1e-4.
 """
 WIDER = 1.05, 1.1, 1.2
-"""By how much an interval is widened, one after the other, where the resonance has left it: 39 % in all."""
+"""Successive factors on the interval if the resonance has left it: 39 % in total."""
 
 
-class Answer(NamedTuple):
-    """What a question came to.
+class PeakOutcome(NamedTuple):
+    """Highest peak of a study with its cost, or the reason of a failure.
 
     Parameters
     ----------
     amplitude, frequency : float, m, Hz
-        NaN if they are not known.
-    why : str
-        Why not; "" if they are.
+        NaN if unknown.
+    reason : str
+        Reason of a failure; otherwise "".
     seconds : float
-        Of the processor.
+        Processor time.
     result : ResponseCurve, Peak or tuple of float, or None
+        Result of the solver.
     """
 
     amplitude: float
     frequency: float
-    why: str
+    reason: str
     seconds: float
     result: Any
 
 
-def ask(problem: Problem, question: Question) -> Answer:
-    """The answer of a problem, in this thread; a failure is an answer, too."""
+def evaluate_peak(problem: Problem, solve: Callable[[Problem], Any]) -> PeakOutcome:
+    """Solve a problem for its highest peak in this thread; convert failures to a reason.
+
+    Parameters
+    ----------
+    problem : Problem
+    solve : callable
+        Function of the problem that returns a response curve, a peak, or amplitude (m) and frequency (Hz).
+
+    Returns
+    -------
+    PeakOutcome
+    """
     begin, result = time.thread_time(), None
     try:
-        result = question(problem)
-        amplitude, frequency, why = _read(problem, result)
+        result = solve(problem)
+        amplitude, frequency, reason = _read(problem, result)
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-        amplitude, frequency, why = np.nan, np.nan, str(error)
-    return Answer(float(amplitude), float(frequency), why, time.thread_time() - begin, result)
+        amplitude, frequency, reason = np.nan, np.nan, str(error)
+    return PeakOutcome(float(amplitude), float(frequency), reason, time.thread_time() - begin, result)
 
 
 def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
-    """Amplitude, frequency, and why they are not known."""
+    """Return amplitude (m), frequency (Hz) and reason of a failure."""
     if not isinstance(result, ResponseCurve | Peak):
         try:
             amplitude, frequency = (float(value) for value in result)
@@ -241,14 +247,12 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
             raise SettingError(f"answer: expected {what}, found {short(result)}") from None
         return amplitude, frequency, ""
     if isinstance(result, Peak):
-        known, why = (
-            result.converged and word(result.search_status) == COMPLETE,
-            f"status '{result.status}', scan {result.search_status}",
-        )
+        known = result.converged and word(result.search_status) in ("", COMPLETE)
+        reason = f"status '{result.status}', search {result.search_status}"
     else:
-        known, why = result.complete, f"{result.status}: {result.reason}"
+        known, reason = result.complete, f"{result.status}: {result.reason}"
     if not known:
-        return np.nan, np.nan, why
+        return np.nan, np.nan, reason
     if isinstance(result, ResponseCurve):
         result = highest_of_curve(problem.system(result.preload), result).peak if result.peak_at_end else result.peak
     return result.amplitude, result.frequency, ""
@@ -257,10 +261,23 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
 def whole_curve(
     problem: Problem, preload: float, frequency: tuple[float, float], at_end: bool = False, wider: tuple | None = None
 ) -> ResponseCurve:
-    """A response curve; an error where it has no point or, unless ``at_end``, no maximum within the interval.
+    """Compute a response curve that contains a maximum.
 
-    With factors ``wider`` it is an error, too, if an end is higher than every maximum.  The interval is first widened by
-    them, one after the other, at the end at which the response is highest.
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz
+    at_end : bool
+        Accept a response that is highest at an end of the interval.
+    wider : tuple of float, optional
+        Successive factors that widen the interval at the end with the highest response. If given, an end that is higher
+        than every maximum is an error.
+
+    Raises
+    ------
+    BdamperError
+        If the curve has no point, or no maximum within the interval.
     """
     curve = uninterrupted(frequency_response(problem, preload, frequency))
     why = "" if len(curve) else curve.reason
@@ -279,18 +296,19 @@ def whole_curve(
 
 @dataclass(frozen=True)
 class Tops:
-    """The highest peak of a study under one preload, and what else may become the highest.
+    """Highest peak of a study at one preload, and lower peaks that may become the highest.
 
     Parameters
     ----------
     peaks : tuple of Peak
         The highest first.
     interval : (low, high), Hz, or None
-        Of the curve that they are from.
+        Interval of their response curve.
     at_end : bool
-        Whether the highest is an end of the interval, which is no maximum.
+        Whether the highest point is an end of the interval.
     follow : bool
-        Whether the interval is widened where the peak leaves it: not if an end is already higher, on the flank of another.
+        Whether to widen the interval if the peak leaves it. This is wrong if an end is already higher, on the flank of
+        another resonance.
     """
 
     peaks: tuple[Peak, ...]
@@ -300,7 +318,7 @@ class Tops:
 
     @classmethod
     def of(cls, problem: Problem, curve: ResponseCurve) -> Tops:
-        """The highest point of a response curve and the peaks nearly as high, refined."""
+        """Refine the highest point of a response curve and the nearly highest peaks."""
         system = problem.system(curve.preload)
         top = highest_of_curve(system, curve)
         lower = (p for p in maxima(system, curve, NEARLY_HIGHEST) if not same_peak(p, top.peak))
@@ -308,16 +326,20 @@ class Tops:
 
 
 def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_newton: bool = False) -> Change:
-    """How the highest peak changes from one problem to another under one preload (N).
+    """Compute the change of the highest peak from one problem to another.
 
     Parameters
     ----------
     problem, other : Problem
     preload : float, N
     tops : Tops
-        Of the first problem.
+        Highest peaks of the first problem.
     by_newton : bool
-        Whether Newton's method is tried from its peaks before the whole curve of the other problem is followed.
+        Whether to try Newton's method from these peaks before the complete curve.
+
+    Returns
+    -------
+    Change
     """
     state, peak = other.static(preload), tops.peaks[0]
     if not state.converged:
@@ -325,33 +347,37 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
     if by_newton:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
-        found = _at_frequency(system, embedded, peak) if tops.at_end else _solved(system, embedded, tops)
-        if found is not None:
-            return found
+        change = _at_frequency(system, embedded, peak) if tops.at_end else _solved(system, embedded, tops)
+        if change is not None:
+            return change
     interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
-    answer = ask(other, lambda p: whole_curve(p, preload, interval, tops.at_end, WIDER if tops.follow else None))
-    beyond = "" if interval[0] <= answer.frequency <= interval[1] else ", beyond the interval"
-    return _change(peak, answer, f"no whole curve: {answer.why}" if answer.why else f"found anew by a whole curve{beyond}")
+    wider = WIDER if tops.follow else None
+    outcome = evaluate_peak(other, lambda p: whole_curve(p, preload, interval, tops.at_end, wider))
+    if outcome.reason:
+        return Change(np.nan, np.nan, np.inf, f"no complete response curve: {outcome.reason}")
+    outside = "" if interval[0] <= outcome.frequency <= interval[1] else ", outside the interval"
+    return _change(peak, outcome, f"computed by a complete response curve{outside}")
 
 
-def _change(before: Peak, after: Answer | Peak, how: str) -> Change:
-    a, f = after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0
-    return Change(a, f, 0.0 if np.isfinite(a) else np.inf, how)
+def _change(before: Peak, after: PeakOutcome | Peak, how: str) -> Change:
+    return Change(after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, how=how)
 
 
 def _solved(system: Equations, embedded: list[NDArray], tops: Tops) -> Change | None:
-    """The highest of the peaks to which Newton's method leads from each; None if it fails, or leads to another one."""
-    found = []
+    """Return the change to the highest peak found by Newton's method; None if it fails or finds another peak."""
+    peaks = []
     for y, peak in zip(embedded, tops.peaks):
-        found.append(find_peak(system, y))
-        change = _change(peak, found[-1], "")
-        if not found[-1].converged or max(abs(change.amplitude), abs(change.frequency)) > 1.0 - NEARLY_HIGHEST:
+        peaks.append(find_peak(system, y))
+        change = _change(peak, peaks[-1], "")
+        if not peaks[-1].converged or max(abs(change.amplitude), abs(change.frequency)) > 1.0 - NEARLY_HIGHEST:
             return None
-    return _change(tops.peaks[0], max(found, key=lambda p: p.amplitude), "solved")
+    return _change(tops.peaks[0], max(peaks, key=lambda p: p.amplitude), "solved")
 
 
 def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
-    """To the response of another system at the frequency of a point, if nothing else may become the highest."""
+    """Return the change of the response at the frequency of a point; None if it fails or another peak may become the
+    highest.
+    """
     y = embedded[0]
     for search in (False, True) if len(embedded) == 1 else ():
         c = system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), 1e-9, 60 if search else 20, search)
@@ -361,24 +387,22 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
     return None
 
 
-# ---- Error estimates of a peak by source ----
-
-
 SOURCES = ("harmonics", "contact_forces", "contact points", "modes", "residual flexibility")
+"""Sources of error."""
 
 
 @one_thread
 def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: Sequence[str] = SOURCES) -> ErrorEstimates:
-    """Estimated errors of a peak by source.
+    """Estimate the errors of a peak by source.
 
     Parameters
     ----------
     problem : Problem
-        That the result was computed with.
+        Problem of the result.
     result : ResponseCurve or Peak
-        Of a response curve the highest peak is taken.
+        For a response curve the highest peak is examined.
     sources : sequence of str
-        Out of :data:`SOURCES`.
+        Subset of :data:`SOURCES`.
 
     Returns
     -------
@@ -387,7 +411,7 @@ def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: 
     Raises
     ------
     SettingError
-        If the result is not one of this study, or not converged.
+        If the result has not converged or belongs to another study.
     """
     sources = validation.names("sources", sources, SOURCES)
     validation.instance("result", result, (ResponseCurve, Peak), "a ResponseCurve or a Peak of this study")
@@ -410,30 +434,27 @@ def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> Sou
         if richer is None:
             return None
         by_newton = richer.problem.harmonic_numbers != problem.harmonic_numbers
-        found = compare(problem, richer.problem, preload, tops, by_newton)
-        how = f"{richer.text}; {found.how}" if found.known else found.how
+        change = compare(problem, richer.problem, preload, tops, by_newton)
+        how = f"{richer.text}; {change.how}" if change.known else change.how
     except BdamperError as error:
-        found, how = Change(np.nan, np.nan, np.inf), str(error)
-    return SourceError(source, *found[:3], how)
-
-
-# ---- richer studies ----
+        change, how = Change(np.nan, np.nan, np.inf), str(error)
+    return SourceError(source, *change[:3], how)
 
 
 class Richer(NamedTuple):
-    """A study that is richer than another in one source of error, and in what."""
+    """Study that is more detailed in one respect, and a description."""
 
     problem: Problem
     text: str
 
 
 def richer_study(problem: Problem, source: str) -> Richer | None:
-    """A study that is richer in one respect, or None where the source is no concern of the study.
+    """Return a study that is more detailed in one respect; None if the source does not apply.
 
     Raises
     ------
     BdamperError
-        If there is none, with the reason.
+        If there is no such study; the message contains the reason.
     """
     return {
         "harmonics": _more_harmonics,
@@ -444,35 +465,35 @@ def richer_study(problem: Problem, source: str) -> Richer | None:
     }[source](problem)
 
 
+def nodal_diameter(problem: Problem, harmonic: int) -> int:
+    """Return the nodal diameter of the modes of a harmonic."""
+    order = problem.engine_order * (1 if problem.settings.fundamental_modes_only else harmonic)
+    return problem.model.folded_nodal_diameter(order)[0]
+
+
 def missing_harmonics(problem: Problem, top: int) -> list[int]:
-    """Harmonics up to the top one for which the model has no modes."""
-    out = []
-    for l in range(2, top + 1):
-        d, _ = problem.model.folded_nodal_diameter(
-            problem.engine_order * (1 if problem.settings.fundamental_modes_only else l)
-        )
-        if any(body.kind == "constrained" and d not in body.bases for body in problem.model.bodies.values()):
-            out.append(l)
-    return out
+    """Return the harmonics up to ``top`` for which the model has no modes."""
+    bases = [body.bases for body in problem.model.bodies.values() if body.kind == "constrained"]
+    return [l for l in range(2, top + 1) if any(nodal_diameter(problem, l) not in by_diameter for by_diameter in bases)]
 
 
 def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Problem:
-    """The study with harmonics for which modes of the fundamental's nodal diameter stand in where the model has none."""
+    """Return the study with more harmonics; modes of the fundamental replace modes that the model lacks."""
     lacking = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
     if not lacking:
         return problem.with_effects(replace(Effects.of(problem), harmonics=harmonics))
     model, bodies = problem.model, {}
-    own, *others = (model.folded_nodal_diameter(problem.engine_order * l)[0] for l in (1, *lacking))
+    fundamental, *others = (nodal_diameter(problem, l) for l in (1, *lacking))
     for name, body in model.bodies.items():
-        lent = {d: body.bases[own] for d in others if body.kind == "constrained" and d not in body.bases}
+        lent = {d: body.bases[fundamental] for d in others if body.kind == "constrained" and d not in body.bases}
         bodies[name] = replace(body, bases={**body.bases, **lent})
     return problem.replace(model=replace(model, bodies=bodies), harmonics=harmonics)
 
 
 def _more_harmonics(problem: Problem) -> Richer:
-    own = problem.harmonic_numbers
-    top = min(own[-1] + max(4, own[-1]), MAX_HARMONIC)
-    if top == own[-1]:
+    numbers = problem.harmonic_numbers
+    top = min(numbers[-1] + max(4, numbers[-1]), MAX_HARMONIC)
+    if top == numbers[-1]:
         raise BdamperError(f"there are no more than {MAX_HARMONIC} harmonics")
     lacking = missing_harmonics(problem, top)
     text = f"harmonics 1 to {top}" + (f", with the modes of the first for {lacking[0]} and more" if lacking else "")
@@ -480,13 +501,13 @@ def _more_harmonics(problem: Problem) -> Richer:
 
 
 def _exact_events(problem: Problem) -> Richer | None:
-    own = problem.settings.contact_forces
-    if not isinstance(own, AFT):
+    sampling = problem.settings.contact_forces
+    if not isinstance(sampling, AFT):
         return None
     try:
         return Richer(problem.replace(contact_forces="event_driven"), "exact events")
-    except SettingError:  # there are none with coupled friction
-        return Richer(problem.replace(contact_forces=AFT(4 * own.n_time)), f"{4 * own.n_time} samples")
+    except SettingError:  # coupled friction has no event-driven evaluation
+        return Richer(problem.replace(contact_forces=AFT(4 * sampling.n_time)), f"{4 * sampling.n_time} samples")
 
 
 def _more_points(problem: Problem) -> Richer:
@@ -498,12 +519,12 @@ def _more_points(problem: Problem) -> Richer:
 
 def _more_modes(problem: Problem) -> Richer:
     s = problem.settings
-    own, blade = s.by_body("damper_modes"), s.most_modes("constrained")
-    rich = {name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in own}
+    damper_modes, blade = s.by_body("damper_modes"), s.most_modes("constrained")
+    rich = {name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in damper_modes}
     if isinstance(s.contact_stiffness, ResidualModes) or s.contact_stiffness == "residual_modes":
         blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
-        rich = {name: min(most, max(BLADE_MODES, 2 * own[name])) for name, most in rich.items()}
-    if blade <= s.blade_modes and rich == own:
+        rich = {name: min(most, max(BLADE_MODES, 2 * damper_modes[name])) for name, most in rich.items()}
+    if blade <= s.blade_modes and rich == damper_modes:
         raise BdamperError("the model has no more modes")
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
     text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
@@ -515,19 +536,3 @@ def _residual_modes(problem: Problem) -> Richer | None:
     if problem.stiffness_method not in ("unit_traction", "cigeroglu2009"):
         return None
     return Richer(problem.replace(contact_stiffness="residual_modes"), "residual modes")
-
-
-@one_thread
-def with_errors(problem: Problem, curve: ResponseCurve, *, sources: Sequence[str] = SOURCES) -> ResponseCurve:
-    """The same response curve with estimated errors of its highest peak, which it prints in one line and saves.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : ResponseCurve
-        Of this problem.
-    sources : sequence of str
-        What to estimate: "harmonics", "evaluation", "contact points", "modes", "residual flexibility".
-    """
-    validation.instance("curve", curve, ResponseCurve)
-    return replace(curve, error_estimates=estimate_errors(problem, curve, sources=sources))

@@ -1,10 +1,10 @@
-"""Points of a sweep on the workers of an executor, each of which receives what all points have in common once.
+"""Execution of the points of a sweep on the workers of an executor; each worker receives the common data once.
 
-The job, a study with its question, takes some megabytes, a task some hundred bytes.  So the job is written to a file that
-tasks name with its digest, and a worker reads it when it meets the digest first.  A worker that does not see the file (on
-another host) hands the task back; as many tasks at a time as there are such workers then carry the job itself, until all of
-them have it; if all carried it, a scheduler would hold it as often as there are points.  This asks nothing of an executor
-but :meth:`concurrent.futures.Executor.submit`.
+The job, a study with its function, has some megabytes, a task some hundred bytes. The job is therefore written to a file.
+Tasks contain its digest, and a worker reads the file when it receives a digest for the first time. A worker that cannot
+read the file, for example on another host, returns the task. Tasks with the job itself are then submitted, at most one for
+each worker without the job. If all tasks contained the job, a scheduler would store it once for each point. The only
+required method of an executor is :meth:`concurrent.futures.Executor.submit`.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ from bdamper.util.storage import ResultsFile, as_line
 Record = dict[str, Any]
 Keep = Callable[[int, Record], None]
 NOT_RUN: Record = {"status": errors.NOT_RUN, "values": {}, "seconds": 0.0, "cost": {}}
-"""Record of a point that interrupted work has left out."""
+"""Record of a point that was not computed because of an interruption."""
 
 
 class Job(Protocol):
-    """Data common to all points; picklable if other processes need it."""
+    """Common data of all points; picklable for other processes."""
 
     def run(self, settings: Mapping[str, Any]) -> Record:
-        """The record of the point with some settings."""
+        """Return the record of the point with these settings."""
         ...
 
 
 def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
-    """Record of one point: the answers to a question, or why there are none.
+    """Return the record of one point: the named results of a function, or the reason of a failure.
 
-    An answer named "cost" that is a :class:`bdamper.util.progress.Cost` is the cost of the point.
+    A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point.
     """
     watch, ending, values = CostMeter(), errors.COMPLETE, dict[str, Any]()
     try:
-        with LongWork() as work:  # a worker does not know that the point is part of longer work
+        with LongWork() as work:  # in a worker there is no outer LongWork
             values = dict(ask())
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
@@ -63,13 +63,13 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
 
 
 MOST_JOBS = 8
-"""Jobs that a process keeps, since several sweeps may share a pool; it reads older ones again if it needs them."""
+"""Number of jobs that a process stores, since several sweeps may share a pool; older ones are read again."""
 _jobs: dict[str, Job] = {}
-"""Jobs of this process and of the tasks that it has run, by the digests of their pickles."""
+"""Jobs of this process and of its tasks, by the digests of their pickles."""
 
 
 def _keep_job(key: str, job: Job) -> Job:
-    """Keep a job, and remove the oldest ones beyond :data:`MOST_JOBS`."""
+    """Store a job, and remove the oldest ones beyond :data:`MOST_JOBS`."""
     _jobs[key] = job
     for former in list(_jobs)[:-MOST_JOBS]:
         _jobs.pop(former, None)
@@ -77,7 +77,7 @@ def _keep_job(key: str, job: Job) -> Job:
 
 
 def _unpacked(key: str, path: str, packed: bytes | None) -> Job | None:
-    """The job of a digest: the one that is kept, from the bytes, or from the file; None without any of them."""
+    """Return the job of a digest from memory, from the bytes, or from the file; None if it is not available."""
     job = _jobs.get(key)
     if job is None:
         if packed is None:
@@ -92,21 +92,21 @@ def _unpacked(key: str, path: str, packed: bytes | None) -> Job | None:
 
 
 def work(key: str, path: str, packed: bytes | Job | None, settings: Mapping[str, Any]) -> tuple[str, Record | None]:
-    """Name of the worker that ran this, and the record of one point, None if the worker has no way to the job."""
+    """Return the name of the worker, and the record of one point; None if the worker cannot read the job."""
     job = _unpacked(key, path, packed) if packed is None or isinstance(packed, bytes) else packed
     return f"{platform.node()} {os.getpid()}", None if job is None else job.run(settings)
 
 
 Task = Future[tuple[str, Record | None]]
-"""One that runs on an executor."""
+"""Task on an executor."""
 
 
 @dataclass
 class _Tasks:
-    """Tasks of an executor, and what is known of its workers.
+    """Tasks of an executor and the state of its workers.
 
-    ``without`` has the workers that have handed a task back and not yet received the job, ``carriers`` the running tasks
-    that carry it.
+    ``without`` contains the workers that returned a task and have not received the job, ``carriers`` the running tasks that
+    contain it.
     """
 
     executor: Executor
@@ -121,8 +121,8 @@ class _Tasks:
     handed_back: list[int] = field(default_factory=list)
 
     def submit(self, i: int, carries: bool) -> None:
-        """Submit a point, with the job or with its digest alone."""
-        with on_executor(RuntimeError):  # as one that was shut down raises it
+        """Submit a point with the job, or with its digest only."""
+        with on_executor(RuntimeError):  # raised after a shutdown
             future = self.executor.submit(work, self.key, self.path, self.packed if carries else None, self.points[i])
         self.running[future] = i
         if carries:
@@ -130,7 +130,7 @@ class _Tasks:
         future.add_done_callback(self.finished.put)
 
     def record(self, future: Task) -> Record | None:
-        """Record of a finished task, None if it was handed back."""
+        """Return the record of a finished task; None if the worker returned the task."""
         self.carriers.discard(future)
         with on_executor():
             worker, record = future.result()
@@ -142,12 +142,12 @@ class _Tasks:
         return record
 
     def submit_again(self) -> None:
-        """Submit what was handed back, with the job as long as workers are without it."""
+        """Submit returned tasks again, with the job if workers lack it."""
         while self.handed_back and (not self.without or len(self.carriers) < len(self.without)):
             self.submit(self.handed_back.pop(0), bool(self.without))
 
     def left(self, keep: Keep) -> None:
-        """Keep what was finished when the work ended early."""
+        """Store finished points after an early end of the work."""
         for future, i in self.running.items():
             if not future.cancel() and future.done() and future.exception() is None:
                 record = future.result()[1]
@@ -158,24 +158,25 @@ class _Tasks:
 def run_points(
     job: Job, points: Sequence[Mapping[str, Any]], todo: Sequence[int], executor: Executor | None, keep: Keep
 ) -> None:
-    """Run points, and keep each as soon as it is finished.
+    """Compute points and store each as soon as it is finished.
 
     Parameters
     ----------
     job : Job
     points : sequence of mapping
+        Settings of all points.
     todo : sequence of int
-        Numbers of the points to run.
+        Indices of the points to compute.
     executor : concurrent.futures.Executor, optional
-        One point after another without it.
+        Without it points are computed one after the other.
     keep : callable
-        Receives number and record of each finished point, in the order in which they are finished; that of one in which
-        it was interrupted once more.
+        Receives index and record of each point in the order of completion. After an interruption it may receive a point
+        twice.
 
     Raises
     ------
     KeyboardInterrupt
-        On Ctrl-C, or if the executor has ended; as other errors, after all that was finished by then has been kept.
+        On Ctrl-C or the end of the executor. All finished points are stored before this or another error is raised.
     """
     if executor is None or not todo:
         for i in todo:
@@ -187,10 +188,10 @@ def run_points(
         key = hashlib.sha256(packed).hexdigest()
         _keep_job(key, job)  # threads of this process use the job itself
     except (pickle.PicklingError, AttributeError, TypeError):
-        packed, key = job, ""  # enough for threads; a pool of processes raises an error that says why it cannot
+        packed, key = job, ""  # sufficient for threads; a process pool raises an error with the reason
     with ExitStack() as stack:
         path = Path()
-        with suppress(OSError):  # without room for the file tasks carry the job
+        with suppress(OSError):  # on a full disk tasks contain the job
             folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
             path = Path(stack.enter_context(folder)) / "job.pickle"
             if isinstance(packed, bytes):
@@ -204,7 +205,7 @@ def run_points(
                 record = tasks.record(future)
                 if record is not None:
                     keep(tasks.running[future], record)
-                del tasks.running[future]  # not before it is kept, which may be interrupted
+                del tasks.running[future]  # after it is stored, since storing may be interrupted
                 tasks.submit_again()
         except BaseException:
             tasks.left(keep)
@@ -217,7 +218,7 @@ def run_points(
 
 
 def check_executor(executor: Any) -> None:
-    """Refuse what takes no tasks; None stands for this process."""
+    """Raise SettingError unless the executor is None or has a method ``submit``."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise validation.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
 
@@ -232,23 +233,25 @@ def run_stored(
     what: str,
     unit: str,
 ) -> list[Record]:
-    """Records of all points, in the same form whether a point was just computed or read from the file.
+    """Return the records of all points, in the same form for computed points and for points from the results file.
 
     Parameters
     ----------
     job, points, executor
-        As in :func:`run_points`.
+        See :func:`run_points`.
     names : sequence of int or str
-        Of the points in the file.
+        Keys of the points in the file.
     store : ResultsFile, optional
-        What it has is not computed again; each point is added as soon as it is finished.
+        Its points are not computed again; finished points are appended.
     progress : bool
-        Whether to show a bar, of some ``what`` in some ``unit``.
+        Whether to show a progress bar.
+    what, unit : str
+        Labels of the progress bar.
 
     Returns
     -------
     list of mapping
-        After Ctrl-C, or the end of the executor, :data:`NOT_RUN` with the reason for points that were not finished.
+        After Ctrl-C or the end of the executor, unfinished points have the record :data:`NOT_RUN` with the reason.
     """
     records: dict[int | str, Record] = {} if store is None else dict(store.records)
     todo = [i for i, name in enumerate(names) if name not in records]

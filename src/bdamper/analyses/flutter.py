@@ -1,7 +1,7 @@
-"""Limit cycles: amplitudes at which friction balances a flow that excites.
+"""Limit cycles of a blade in a destabilising flow.
 
-An aerodynamic force in proportion to mass times velocity is that of a nonlinear mode: where the damping ratio of the mode
-and that of the flow add up to zero, the motion goes on by itself, and it solves the autonomous equations exactly.
+An aerodynamic force proportional to mass times velocity has the form of the force in a nonlinear mode. If the damping
+ratios of mode and flow add up to zero, the motion sustains itself and solves the autonomous equations exactly.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabul
 @brief
 @dataclass(frozen=True)
 class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", row="cycle"):
-    """Rest and limit cycles of a blade that a flow excites, over preload and nodal diameter.
+    """Equilibria and limit cycles of a blade in a flow, over preload and nodal diameter.
 
     ``plot`` draws them over the preload (:func:`bdamper.plot.plot_flutter`).
 
@@ -40,16 +40,17 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
     preload : (n,) float, N
     nodal_diameter : (n,) int
     amplitude : (n,) float, m
-        Of the first harmonic of the response; 0 at rest, where frequency and damping are those of the lowest amplitude.
+        Amplitude of the first harmonic of the response; 0 for the equilibrium, with frequency and damping of the lowest
+        amplitude.
     frequency : (n,) float, Hz
     stable : (n,) bool
-        Whether a small change of the amplitude dies out.  Starts beyond an unstable one go on to the next stable one, or
-        grow without bound.
+        Whether small changes of the amplitude decay. Beyond an unstable limit cycle the amplitude grows to the next stable
+        one or without bound.
     highest : float, m
-        Amplitude up to which cycles were looked for.
+        Upper limit of the searched amplitudes.
     aerodynamic_damping : mapping of nodal diameter to complex
     statuses : tuple of str
-        Of each row.
+        Status of each row.
     settings : mapping
     model_hash : str
     """
@@ -65,16 +66,17 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
 
     @property
     def safe(self) -> NDArray:
-        """(n,) float, m: at the preload and nodal diameter of each row, amplitude up to which starts stay bounded.
+        """Amplitude (n,) in m up to which the vibration stays bounded, at preload and nodal diameter of each row.
 
-        Infinite where no unstable cycle was found below ``highest``; 0 where rest is unstable and nothing stops the growth.
+        Infinite if there is no unstable limit cycle below ``highest``; 0 if the equilibrium and all limit cycles are
+        unstable.
         """
         out = np.full(len(self.preload), np.inf)
         for k, case in enumerate(zip(self.preload, self.nodal_diameter)):
-            own = np.flatnonzero((self.preload == case[0]) & (self.nodal_diameter == case[1]))
-            held = np.maximum.accumulate(self.stable[own])  # from the first stable one on
-            ends = self.amplitude[own][~self.stable[own] & held]
-            out[k] = 0.0 if not held.any() else ends.min(initial=np.inf)
+            rows = np.flatnonzero((self.preload == case[0]) & (self.nodal_diameter == case[1]))
+            bounded = np.maximum.accumulate(self.stable[rows])  # rows from the first stable one
+            ends = self.amplitude[rows][~self.stable[rows] & bounded]
+            out[k] = 0.0 if not bounded.any() else ends.min(initial=np.inf)
         return out
 
     def _headline(self) -> str:
@@ -82,11 +84,13 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         k = int(np.argmin(safe))
         where = f"a preload of {amount(self.preload[k], 'N')} and nodal diameter {self.nodal_diameter[k]}"
         cycles = f"{np.count_nonzero(self.amplitude)} limit cycles found"
-        if (held := self.amplitude[self.stable]).any():
-            cycles += f", stable ones of up to {amount(held.max(), 'm')}"
+        if (stable := self.amplitude[self.stable]).any():
+            cycles += f", stable ones up to {amount(stable.max(), 'm')}"
         if np.isinf(safe[k]):
-            return f"Every start below {amount(self.highest, 'm')} stays bounded: {cycles}."
-        return f"Starts below {amount(safe[k], 'm')} stay bounded, the least at {where}: {cycles}."
+            return f"Vibration below {amount(self.highest, 'm')} stays bounded: {cycles}."
+        if safe[k] == 0.0:
+            return f"Unstable: at {where} vibration grows from rest: {cycles}."
+        return f"Vibration below {amount(safe[k], 'm')} stays bounded (least value, at {where}): {cycles}."
 
 
 @validation.spelt
@@ -101,35 +105,40 @@ def flutter(
     n: int = 9,
     options: ContinuationOptions | None = None,
 ) -> Flutter:
-    """Limit cycles of a mode in a flow, stable or not, and how far starts are safe.
+    """Compute the limit cycles of a mode in a flow, their stability, and the safe initial amplitudes.
 
     Parameters
     ----------
     problem : Problem
     preload : float, (low, high) or sequence of more than two values, N
     aerodynamic_damping : float or complex, or a mapping of nodal diameters to these
-        Damping ratio of the flow, negative where it excites, at the nodal diameter of the engine order or at those given.
-        Of a complex one the imaginary part is the damping ratio, the real part a relative shift of the frequency.  The
-        force is in proportion to mass, that of the shift not on rigid motions.
+        Aerodynamic damping ratio, negative for a destabilising flow, at the nodal diameter of the engine order or at the
+        given ones. For a complex number the imaginary part is the damping ratio and the real part the relative frequency
+        shift. The force is proportional to mass; the part of the shift does not act on rigid motions.
     mode, amplitude, options
-        As for ``bdamper.analyses.nonlinear_mode.nonlinear_mode``; the amplitudes are those in which cycles are looked for.
+        See :func:`bdamper.analyses.nonlinear_mode.nonlinear_mode`; limit cycles are searched in this range of amplitudes.
     n : int
-        Preloads between two ends.
+        Number of preloads between two limits.
 
     Returns
     -------
     Flutter
+
+    Raises
+    ------
+    SettingError
+        If a value is not finite, or the mode was not found at a preload.
     """
     low, high = validation.interval("amplitude", amplitude, "m")
     values = preload_values(preload, n) if np.ndim(preload) else np.array([problem.check_preload(preload)])  # type: ignore[arg-type]
-    own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
-    given = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own: aerodynamic_damping}
+    own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    by_diameter = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own_diameter: aerodynamic_damping}
     rows: list[tuple[Any, ...]] = []
-    for d, value in given.items():
+    for d, value in by_diameter.items():
         flow = complex(value)
         validation.that(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
         zeta = flow.imag if isinstance(value, complex) else flow.real
-        one = problem if d == own else problem.replace(engine_order=int(d) or problem.model.n_blades)
+        one = problem if d == own_diameter else problem.replace(engine_order=int(d) or problem.model.n_blades)
         one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
         curve: NonlinearMode | None = None
         for p in values[::-1].tolist():
@@ -139,8 +148,8 @@ def flutter(
                 cycles = _cycles(one, curve, zeta)
             s = p / curve.preload if curve.scales_to else 1.0
             rest = zeta + float(curve.damping_ratio[0]) > 0.0
-            found = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
-            rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(found))]
+            scaled = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
+            rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(scaled))]
     preloads, diameters, amplitudes, frequencies, stable, statuses = zip(*rows)
     return Flutter(
         preload=np.array(preloads),
@@ -149,14 +158,14 @@ def flutter(
         frequency=np.array(frequencies),
         stable=np.array(stable, bool),
         highest=high,
-        aerodynamic_damping={str(d): [complex(z).real, complex(z).imag] for d, z in given.items()},
+        aerodynamic_damping={str(d): [complex(z).real, complex(z).imag] for d, z in by_diameter.items()},
         statuses=statuses,
         **problem.recorded(options),
     )
 
 
 def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Problem:
-    """The problem with a stiffness in proportion to mass, of which the mode shifts by so much."""
+    """Return the problem with a stiffness proportional to mass that shifts the frequency of the mode."""
     if shift == 0.0:
         return problem
     square = 2.0 * shift * mode_system(problem, preload, mode, 1.0)[1] ** 2
@@ -169,7 +178,7 @@ def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Probl
 
 
 def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[float, float, bool, str]]:
-    """Amplitude (m), frequency (Hz), stability and status of the motions of a mode with a damping ratio of ``-zeta``."""
+    """Return amplitude (m), frequency (Hz), stability and status of the motions with a damping ratio of ``-zeta``."""
     validation.require(len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}")
     system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
     g, out = mode.damping_ratio + zeta, []

@@ -1,26 +1,26 @@
-"""Hysteresis of the contacts: loops of force over displacement, and the energy that they take from the vibration.
+"""Hysteresis of the contacts: loops of force over displacement, dissipated energy, and the curve of first loading.
 
-:mod:`bdamper.harmonic_balance.contact_cycle` has the equations.  A face has the sum of the forces of its points over the
-mean of their displacements, weighted by area.  The contacts as a whole have one loop, that of the force at the response
-location which does the work of all of them: with the relative motion ``X_i`` of each point in the fundamental harmonic, as
-the modes of the bodies carry it, and the response ``x``, a point moves as the response times ``|X_i/x|`` with the phase of
-``X_i/x``, and
+Loops
+    :mod:`bdamper.harmonic_balance.contact_cycle` contains the equations. The loop of a face is the sum of its point forces
+    over the mean displacement of its points, weighted by area. The loop of all contacts is the force at the response
+    location that does the same work on the fundamental harmonic. With the relative motion ``X_i`` of point i in the
+    fundamental harmonic and the response ``x``, the point moves as the response times ``|X_i/x|`` with the phase of
+    ``X_i/x``. The force is
 
-    f(theta) = sum_i |X_i/x| f_i(theta - phase of X_i/x)
+        f(theta) = sum_i |X_i/x| f_i(theta - phase of X_i/x)
 
-without the mean of the forces, which does no work.  The area of this loop is what the contacts take from the fundamental
-harmonic of the motion; its slope and width are the equivalent stiffness and damping.
+    without the mean forces, which do no work. The area of this loop is the energy that the contacts dissipate from the
+    fundamental harmonic. Its slope and width give the equivalent stiffness and damping.
 
-First loading of a seated damper along its faces: force over displacement at constant preload.
+First loading
+    The damper is at rest under the preload :math:`P`, and a force :math:`Q` at one of its locations grows from zero. The
+    static equations of :mod:`bdamper.contact.static_state` become
 
-The static equations of :mod:`bdamper.contact.static_state` under the load :math:`P` that seats the damper, then a force
-:math:`Q` at a location of it, growing from zero while :math:`P` stays:
+    .. math:: K q + G^T F(G q + P x_0) = P f + Q d
 
-.. math:: K q + G^T F(G q + P x_0) = P f + Q d,
-
-:math:`d` the modes of the location in the direction of :math:`Q`.  Residual modes do not move the location and :math:`Q`
-does no work on them, so curves of different contact stiffnesses differ by the contact alone.  As points begin to slip one
-after the other the slope decreases from the stuck stiffness to zero, at the force at which the damper slides.
+    with the modes :math:`d` of the location in the direction of :math:`Q`. Residual modes do not move the location, so
+    curves for different contact stiffnesses differ by the contact only. Points begin to slip one after the other. The slope
+    decreases from the stuck stiffness to zero, at the force at which the damper slides.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.sweep import SweepResult
-from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, PreloadState, static_state
+from bdamper.contact.static_state import static_state
 from bdamper.harmonic_balance.contact_cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
@@ -53,64 +53,62 @@ from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Quantity, Tabular
 
-# ---- Hysteresis of the contacts ----
-
-
 AXES = ("t1", "t2", "n")
 WHOLE = "whole"
-"""Name of the loop of all contacts together."""
+"""Name of the loop of all contacts."""
 NOTHING = 1e-9
-"""Energy relative to the work of the excitation below which nothing slips: the residual of a solution."""
+"""Dissipated energy relative to the work of the excitation below which nothing slips: the residual of a solution."""
 Solved = ResponseCurve | Peak | OptimalCurve
 
 
 @brief
 @dataclass(frozen=True)
 class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis"):
-    """Energies, equivalent stiffness and damping of the contacts; of a single solution also its motions and forces.
+    """Energies, equivalent stiffness and damping of the contacts, and loops for a single solution.
 
-    A single solution has numbers, and arrays with a value for each contact point.  Of several solutions each has a row, and
-    there are no loops.
+    For a single solution the fields are numbers, or arrays over the contact points. For several solutions each has a row,
+    and there are no loops.
 
-    ``plot`` draws (:func:`bdamper.plot.plot_hysteresis`) loops of force over displacement, or stiffness and damping of
-    several solutions over the amplitude; ``plot_history`` forces and the gap over time (:func:`bdamper.plot.plot_history`),
-    ``plot_energy`` the energy lost over the faces (:func:`bdamper.plot.plot_energy`).
+    ``plot`` draws loops of force over displacement, or stiffness and damping of several solutions over the amplitude
+    (:func:`bdamper.plot.plot_hysteresis`). ``plot_history`` draws forces and gap over time
+    (:func:`bdamper.plot.plot_history`), ``plot_energy`` the dissipated energy on the faces
+    (:func:`bdamper.plot.plot_energy`).
 
     Parameters
     ----------
     preload : float or (n,) float, N
     frequency : float or (n,) float, Hz
     amplitude : float or (n,) float, m
-        Of the fundamental harmonic of the response.
+        Amplitude of the fundamental harmonic of the response.
     interface : tuple of str
-        Of each contact point.
+        Interface of each contact point.
     energy : (n_points,) or (n, n_points) float, J
-        Lost at each contact point in a cycle.
+        Energy dissipated at each contact point per cycle.
     damping, excitation : float or (n,) float, J
-        Lost to the damping of the modes; work of the excitation, of one sector.
+        Energy dissipated by modal damping, and work of the excitation, per cycle and sector.
     kinetic : float or (n,) float, J
-        Largest kinetic energy of the motion, if all of it passed through rest together.
+        Maximum kinetic energy if all points pass the mean position simultaneously.
     stiffness, width : float or (n,) float, N/m
-        Equivalent stiffness of the contacts seen from the response, and equivalent viscous damping times the angular
-        frequency; NaN where the response is at rest.
+        Equivalent stiffness of the contacts at the response location, and equivalent viscous damping times angular
+        frequency; NaN if the response is zero.
     branch : (n,) int
-        Branch of the curve that each of several solutions lies on.
+        Branch of the curve of each solution.
     theta : (n_theta,) float, rad
-        Angle of the excitation, from 0 to 2 pi, both included.
+        Phase angle of the excitation from 0 to 2 pi, both included.
     points : (n_points, 3) float, m
     frame : (n_points, 3, 3) float
         Rows t1, t2, n.
     area : (n_points,) float, m2
     displacement : (n_points, 3, n_theta) float, m
-        Of the contact elements, along t1 and t2 and closing along n; the elasticity around the contacts that residual modes
-        hold adds to it.  NaN at points that the settings leave out.
+        Relative displacement of the contact elements along t1 and t2, and closing along n. It includes the elasticity of
+        residual modes. NaN at points that the settings omit.
     force : (n_points, 3, n_theta) float, N
     gap : (n_points, n_theta) float, m
-        Distance of the surfaces, 0 in contact; NaN at points without a normal spring.
+        Distance of the surfaces, 0 in contact; NaN at points without normal spring.
     response : (n_theta,) float, m
         Fundamental harmonic of the response.
     whole : (n_theta,) float, N
-        Force at the response that does the work of all contacts on the fundamental harmonic of the motion.
+        Force at the response location equivalent to all contacts.
     settings : mapping
     model_hash : str
     """
@@ -143,7 +141,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     @property
     def single(self) -> bool:
-        """Whether it is of a single solution and has its motions and forces."""
+        """Whether the result belongs to a single solution and has loops."""
         return self.theta is not None
 
     @property
@@ -153,22 +151,22 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     @property
     def interfaces(self) -> tuple[str, ...]:
-        """Names of the faces, each once."""
+        """Names of the interfaces."""
         return tuple(dict.fromkeys(self.interface))
 
     @property
     def by_interface(self) -> dict[str, Any]:
-        """Energy that each face takes in a cycle, J."""
+        """Energy dissipated per cycle by interface, J."""
         return {name: self.energy[..., self.rows(name)].sum(axis=-1) for name in self.interfaces}
 
     @property
     def lost(self) -> Annotated[Any, Quantity("J")]:
-        """Energy that all contacts take in a cycle, J."""
+        """Energy dissipated per cycle by all contacts, J."""
         return self.energy.sum(axis=-1)
 
     @property
     def damping_ratio(self) -> Annotated[Any, Quantity(label="Equivalent damping ratio")]:
-        """Equivalent damping ratio of the contacts: lost energy over 4 pi times the kinetic energy."""
+        """Equivalent damping ratio of the contacts: dissipated energy over 4 pi times the kinetic energy."""
         return self.lost / np.where(np.equal(self.kinetic, 0.0), np.nan, 4.0 * np.pi * self.kinetic)
 
     @property
@@ -178,40 +176,40 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 
     @property
     def imbalance(self) -> Any:
-        """What is left of the work of the excitation after both losses, relative to it."""
-        own = np.where(np.equal(self.excitation, 0.0), np.nan, self.excitation)
-        return (self.excitation - self.damping - self.lost) / own
+        """Work of the excitation minus all dissipated energies, relative to the work: the error of the energy balance."""
+        work = np.where(np.equal(self.excitation, 0.0), np.nan, self.excitation)
+        return (self.excitation - self.damping - self.lost) / work
 
     def _dimension(self) -> str:
         return "contact_point" if self.single else "point"
 
     def columns(self) -> dict[str, Column]:
-        """A row for each contact point of a single solution; for each of several, with what each face takes."""
-        found, n = super().columns(), len(self.interface)
+        """Return one row for each contact point of a single solution, or for each of several solutions."""
+        columns, n = super().columns(), len(self.interface)
         if not self.single:
-            return found | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
-        of_points = {name: c for name, c in found.items() if c.dims or len(c.values) == n}
+            return columns | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
+        of_points = {name: c for name, c in columns.items() if c.dims or len(c.values) == n}
         rows = ("interface", "energy")
         return {name: c._replace(dims=()) if name in rows else c for name, c in of_points.items()}
 
     def rows(self, interface: str) -> NDArray:
-        """Indices of the points of one face."""
+        """Return the indices of the points of an interface."""
         return np.flatnonzero(np.array(self.interface) == validation.choice("interface", interface, self.interfaces))
 
     def loop(self, where: int | str = WHOLE, direction: str = "t1") -> tuple[NDArray, NDArray]:
-        """Displacement (m), without its mean, and force (N), (n_theta,) each, over one cycle.
+        """Return displacement (m) without its mean, and force (N), (n_theta,) each, over one cycle.
 
         Parameters
         ----------
         where : int or str
-            A contact point by its index, a face by its name, or "whole": the contacts as a whole.
+            Index of a contact point, name of an interface, or "whole" for all contacts.
         direction : {"t1", "t2", "n"}
-            Of a point or a face.
+            Direction at a point or an interface.
 
         Raises
         ------
         SettingError
-            If there is no such point or face, or the settings leave all of it out.
+            If there is no such point or interface, or the settings omit it.
         """
         k = AXES.index(validation.choice("direction", direction, AXES))
         if isinstance(where, str):
@@ -222,20 +220,19 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         else:
             rows = np.array([validation.whole("where, index of a contact point", where, 0, len(self.points) - 1)])
         rows = rows[np.isfinite(self.displacement[rows, 0, 0])]
-        validation.require(len(rows), "where", "contact that takes part", f"{where!r}, which the settings leave out")
+        validation.require(len(rows), "where", "an active contact", f"{where!r}, which the settings leave out")
         moved = np.average(self.displacement[rows, k], axis=0, weights=self.area[rows])
         return moved - moved[:-1].mean(), self.force[rows, k].sum(axis=0)
 
     def plot_history(self, where: int, **options: Any) -> Any:
-        """Forces and gap of one contact point over time: :func:`bdamper.plot.plot_history`."""
+        """Draw forces and gap of one contact point over time (:func:`bdamper.plot.plot_history`)."""
         return draw(self, "history", where, **options)
 
     def plot_energy(self, **options: Any) -> Any:
-        """Energy lost per cycle over the faces: :func:`bdamper.plot.plot_energy`."""
+        """Draw the energy dissipated per cycle on the faces (:func:`bdamper.plot.plot_energy`)."""
         return draw(self, "energy", **options)
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Energies of a cycle, and equivalent stiffness and damping of the contacts, of a single solution."""
         return super()._facts() if self.single else ()
 
     def _headline(self) -> str:
@@ -248,13 +245,13 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         most = max(self.by_interface, key=lambda name: self.by_interface[name], default="")
         where = f", most of it at {most}" if self.lost > NOTHING * self.excitation else ""
         return (
-            f"The contacts take {percent(share)} of the work of the excitation{where}: equivalent damping ratio "
+            f"The contacts dissipate {percent(share)} of the work of the excitation{where}: equivalent damping ratio "
             f"{percent(self.damping_ratio)} at {amount(self.amplitude, 'm')} and {amount(self.frequency, 'Hz')}."
         )
 
 
 def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
-    """Solutions of a result where it has a value, and the branch that each lies on."""
+    """Return the converged solutions of a result, and the branch of each."""
     kinds = ResponseCurve, Peak, OptimalCurve
     validation.instance("result", result, kinds, "a response curve, a peak or an optimal curve of this study")
     if isinstance(result, ResponseCurve):
@@ -263,14 +260,14 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     if isinstance(result, ResponseCurve):
         branch = result.branch
     elif isinstance(result, OptimalCurve):
-        branch = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
+        branch = np.cumsum(~result.goes_on)
     known = np.isfinite(solved.frequency)
     validation.require(known.any(), "result", "solutions", f"none ({type(result).__name__})")
     return Solutions(*(column[known] for column in solved)), branch[known]
 
 
 def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> NDArray:
-    """Sums over the elements of the equations that belong to each contact point of the structure."""
+    """Sum values of the contact elements at each contact point of the model."""
     if system.structure.points.index is None:
         return values
     out = np.zeros((problem.coupling.n_points, *values.shape[1:]))
@@ -280,14 +277,14 @@ def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> 
 
 @one_thread
 def dissipation(problem: Problem, result: Solved) -> Hysteresis:
-    """Energy lost per cycle, equivalent stiffness and damping along a result.
+    """Compute dissipated energy, equivalent stiffness and damping along a result.
 
     Parameters
     ----------
     problem : Problem
     result : ResponseCurve, Peak or OptimalCurve
-        Of this problem.  An optimal curve shows them over amplitude at resonance: a response depends on preload and
-        excitation through their ratio alone where there are no gaps.
+        Result of this problem. An optimal curve gives them over the amplitude at resonance, since the response depends on
+        the ratio of preload and excitation only if there are no gaps.
 
     Returns
     -------
@@ -296,7 +293,7 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
     Raises
     ------
     SettingError
-        If the result is of another problem, or holds no solution.
+        If the result belongs to another problem or contains no solution.
     """
     solved, branch = _solutions(problem, result)
     rows = [_of_solution(problem, *solution) for solution in zip(*solved)]
@@ -305,7 +302,7 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
 
 
 def _of_solution(problem: Problem, u: NDArray, frequency: float, preload: float) -> dict[str, Any]:
-    """Energies, equivalent stiffness and damping of one solution."""
+    """Return energies, equivalent stiffness and damping of one solution."""
     system, shown = problem.system(preload), ~problem.coupling.spring_points
     e = energies(system, u, 2.0 * np.pi * frequency, _counted(problem, system))
     return {
@@ -321,13 +318,13 @@ def _faces(problem: Problem) -> list[Interface]:
 
 
 def _identity(problem: Problem) -> dict[str, Any]:
-    """What both results say of the problem: the interface of each contact point, settings, model."""
+    """Return the interface of each contact point, and settings and model of the problem."""
     names = tuple(face.name for face in _faces(problem) if face.kind != "spring" for _ in range(face.n_points))
     return {"interface": names, **problem.recorded()}
 
 
 def _counted(problem: Problem, system: Equations[Sector]) -> NDArray:
-    """(n,) bool: elements of the equations that belong to contacts; cubic and linear springs are a part of the bodies."""
+    """Return which contact elements (n,) belong to contacts; springs between bodies do not."""
     faces = _faces(problem)
     contact = np.repeat([face.kind in ("friction", "constraint") for face in faces], [face.n_points for face in faces])
     return contact if system.structure.points.index is None else contact[system.structure.points.index]
@@ -335,18 +332,18 @@ def _counted(problem: Problem, system: Equations[Sector]) -> NDArray:
 
 @one_thread
 def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_theta: int = 720) -> Hysteresis:
-    """Loops of force over displacement at all contact points, at the highest point of a result or at another one.
+    """Compute the hysteresis loops of all contact points for one solution.
 
     Parameters
     ----------
     problem : Problem
     result : ResponseCurve, Peak or OptimalCurve
-        Of this problem.
+        Result of this problem.
     index : int, optional
-        Of the point of a curve, among those with a value; the highest point of a response curve and the least of an optimal
-        curve by default.
+        Index of a converged point of a curve. By default the highest point of a response curve and the lowest of an optimal
+        curve.
     n_theta : int
-        Steps of the cycle.
+        Number of steps in the cycle.
 
     Returns
     -------
@@ -355,7 +352,7 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     Raises
     ------
     SettingError
-        If the result is of another problem, or holds no solution.
+        If the result belongs to another problem or contains no solution.
     """
     n_theta = validation.whole("n_theta", n_theta, least=16)
     if index is None and isinstance(result, ResponseCurve) and len(result):
@@ -372,7 +369,8 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     counted, shown = _counted(problem, system), ~problem.coupling.spring_points
     response = complex(system.response(u)[1])
     places = np.arange(system.n_points) if system.structure.points.index is None else system.structure.points.index
-    first = np.unique(places, return_index=True)[1]  # of two elements of a point the first, with the point's own normal
+    # a point may have two elements; the first has the normal of the point
+    first = np.unique(places, return_index=True)[1]
     sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
     force = _on_points(problem, system, np.stack([F[:, 0], F[:, 1], sense[:, None] * F[:, 2]], axis=1))
     displacement = np.full(force.shape, np.nan)
@@ -391,7 +389,7 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
 
 
 def _whole(system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, counted: NDArray) -> NDArray:
-    """(n_theta,) force at the response that does the work of all contacts on the fundamental harmonic."""
+    """Return the force (n_theta,) at the response location that is equivalent to all contacts."""
     (_, mean, _), response = system.contact(u), complex(system.response(u)[1])
     if response == 0.0:
         return np.full(len(theta), np.nan)
@@ -403,9 +401,6 @@ def _whole(system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, co
     return out
 
 
-# ---- First loading of a seated damper along its faces ----
-
-
 @asked
 def microslip(
     problem: Problem,
@@ -415,29 +410,30 @@ def microslip(
     location: str = "damper",
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> SweepResult:
-    """Displacement of a location under forces that grow while the load stays.
+    """Compute the displacement of a location under a growing force at constant preload (first loading).
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
     forces : (n,) float, N
-        Increasing, above zero.
+        Increasing positive forces.
     location : str
+        Location of the force.
     direction : (3,) float
-        Of the force, along X, Y, Z.
+        Direction of the force along X, Y, Z.
 
     Returns
     -------
     SweepResult
-        Over "force", from zero: "displacement" of the location along it (m), since the force is there; "slipping" and
-        "open", shares of the closed points that slip in either direction and of all points that are apart; "residual" of
-        modal equilibrium, relative.  Forces under which the damper slides have failed.
+        Results over "force", from zero. "displacement" is the displacement of the location along the force (m). "slipping"
+        is the share of the closed points that slip, "open" the share of all points without contact. "residual" is the
+        relative residual of modal equilibrium. Forces under which the damper slides have the status "failed".
 
     Raises
     ------
     SettingError
-        If the forces do not increase from zero.
+        If the forces do not increase from zero, or the location does not move in the direction of the force.
     ModelError
         If there is no static state under the preload.
     """
@@ -452,27 +448,28 @@ def microslip(
     d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
     if not np.any(d):
         raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
-    own = problem.static_system
+    static = problem.static_system
     system = replace(
-        own, force=d.real, shift=np.zeros_like(own.shift), constant_force=preload * own.force + own.constant_force,
-        constant_shift=own.shift_at(preload),
+        static, force=d.real, shift=np.zeros_like(static.shift),
+        constant_force=preload * static.force + static.constant_force, constant_shift=static.shift_at(preload),
     )  # fmt: skip
+    forces, values = np.append(0.0, wanted), []
     state = replace(seat, load=0.0)
-    values = [_answers(state, 0.0)]
-    for force in wanted:
-        state = static_state(system, float(force), start=state, steps=2)
+    for force in forces:
+        if force > 0.0:
+            state = static_state(system, float(force), start=state, steps=2)
         if not state.converged:
             break
-        values.append(_answers(state, float(d.real @ (state.q - seat.q))))
-    beyond = len(wanted) + 1 - len(values)
-    status = (COMPLETE,) * len(values) + (because(FAILED, "the damper slides"),) * beyond
-    points = tuple({"force": force} for force in (0.0, *wanted.tolist()))
-    found = (*values, *[{}] * beyond)
-    return SweepResult(("force",), points, found, status, np.zeros(len(points)), (len(points),), **problem.recorded())
-
-
-def _answers(state: PreloadState, moved: float) -> dict[str, float]:
-    closed = float(np.mean(state.status[:, 0] != OPEN))
-    slips = float(((state.status == SLIP_PLUS) | (state.status == SLIP_MINUS)).any(axis=1).mean())
-    slipping = slips / max(closed, 1e-300)
-    return {"displacement": moved, "slipping": slipping, "open": 1.0 - closed, "residual": state.residual}
+        n, n_open = len(state.state), state.state.count("open")
+        values.append({
+            "displacement": float(d.real @ (state.q - seat.q)),
+            "slipping": state.state.count("slip") / max(n - n_open, 1),
+            "open": n_open / n,
+            "residual": state.residual,
+        })  # fmt: skip
+    n_failed = len(forces) - len(values)
+    status = (COMPLETE,) * len(values) + (because(FAILED, "the damper slides"),) * n_failed
+    points = tuple({"force": float(force)} for force in forces)
+    return SweepResult(
+        ("force",), points, (*values, *[{}] * n_failed), status, np.zeros(len(points)), (len(points),), **problem.recorded()
+    )

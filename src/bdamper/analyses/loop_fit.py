@@ -1,17 +1,18 @@
-r"""Contact stiffness and friction from measured hysteresis loops.
+r"""Identification of contact stiffness and friction from measured hysteresis loops.
 
-The contact is n sliders in parallel, each a spring :math:`k_t/n` with a friction limit :math:`\mu_i N/n`.  The coefficients
-are the midpoints of n equal parts between :math:`\mu(1-s)` and :math:`\mu(1+s)`, so a spread s > 0 rounds the corners of
-the loop.  A single slider makes a contact that slips point after point seem softer than it is.
+The contact model consists of n sliders in parallel, each with the stiffness :math:`k_t/n` and the friction limit
+:math:`\mu_i N/n`. The coefficients :math:`\mu_i` are the midpoints of n equal parts between :math:`\mu(1-s)` and
+:math:`\mu(1+s)`. A spread s > 0 rounds the corners of the loop. A single slider underestimates the stiffness of a contact
+that slips point after point.
 
-By Masing's rule the loop between the displacements :math:`x_-` and :math:`x_+` has two branches of straight lines,
+By Masing's rule the loop between the displacements :math:`x_-` and :math:`x_+` has two piecewise linear branches
 
-.. math:: f = f_0 \pm \Big(\tfrac12 H - \sum_i \tfrac{k_t}{n} \min(|x_\pm - x|, 2 \mu_i N / k_t)\Big),
+.. math:: f = f_0 \pm \Big(\tfrac12 H - \sum_i \tfrac{k_t}{n} \min(|x_\pm - x|, 2 \mu_i N / k_t)\Big)
 
-with the upper sign for decreasing x and H the sum at :math:`|x_\pm - x| = x_+ - x_-`.  Displacement and force both have
-errors, so the fit minimises the sum of squared distances from the points to their branch, each axis in units of its noise.
-The noise is measured: third differences of a smooth record contain little else.  Standard deviations follow from the
-fits without one block of successive points after the other (jackknife), which allows for correlated errors.
+with the upper sign for decreasing x, and H the sum at :math:`|x_\pm - x| = x_+ - x_-`. Displacement and force both have
+errors. The fit minimises the sum of squared distances from the points to their branch, each axis in units of its noise. The
+noise follows from third differences, which are otherwise small in a smooth record. Standard deviations follow from fits
+without one block of successive points each (jackknife), which allows for correlated errors.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ from bdamper.util.errors import COMPLETE, INCOMPLETE, because
 from bdamper.util.formatting import amount, brief, percent
 
 REVERSAL = 10.0
-"""Reversals of the displacement count from this multiple of its noise, or from ``CLOSED`` of its range."""
+"""Least reversal of the displacement as a multiple of its noise; the least part of its range is ``CLOSED``."""
 CLOSED = 0.05
-"""Difference, relative to the range, up to which a loop closes and turning points coincide."""
+"""Relative difference up to which a loop is closed and turning points coincide."""
 STICKS = 0.01
-"""Half the height of a loop, relative to the range of its force, up to which it does not determine the friction."""
+"""Half the height of a loop, relative to the range of its force, below which it does not determine the friction."""
 RESOLVED = 1e-4
-"""Least noise, relative to the range, for records without noise."""
+"""Lower limit of the noise relative to the range, for records without noise."""
 DIFFERENCE = 5e-3
-"""Step of the derivatives: differences smooth the corners of the sliders, which would stop the search."""
+"""Step of the finite differences; it smooths the corners of the sliders, which would stop the search."""
 ITERATIONS = 40
-"""Iterations of a search."""
+"""Maximum number of evaluations of a search."""
 POOR = 0.05
 """Misfit above which the model does not describe a loop."""
 
@@ -51,29 +52,30 @@ POOR = 0.05
 @brief
 @dataclass(frozen=True)
 class FittedLoop(Plottable):
-    """Contact stiffness and friction of a hysteresis loop.
+    """Contact stiffness and friction identified from a hysteresis loop.
 
     ``plot`` draws measured and fitted force over displacement (:func:`bdamper.plot.plot_loop`).
 
     Parameters
     ----------
     kt : float, N/m
+        Tangential contact stiffness.
     mu : float
-        Mean over the sliders.
+        Mean friction coefficient of the sliders.
     spread : float
-        Half width of the uniform distribution of the friction limits, divided by their mean (s above).
+        Half width of the uniform distribution of the friction limits over their mean, s above.
     deviation : (3,) float
         Standard deviations of kt, mu and spread.
     misfit : float
-        Root mean square distance from the points to the loop beyond the measured noise, each axis relative to the root
-        mean square of its values.
+        Root mean square distance from the points to the loop in excess of the noise; each axis relative to its root mean
+        square.
     noise : (2,) float
-        Measured standard deviations of the noise of displacement (m) and force (N).
+        Standard deviations of the noise of displacement (m) and force (N).
     sliders : int
-    displacement, force, model : (n,) float
-        Points that were fitted, in m and N, and the force of the model at these displacements.
+    displacement, force, model : (n,) float, m, N, N
+        Fitted points, and force of the model at these displacements.
     status : str
-        "complete", or "incomplete: ..." with the reason why the values are doubtful.
+        "complete", or "incomplete: ..." with the reason for doubt.
     notes : tuple of str
     """
 
@@ -104,19 +106,19 @@ class FittedLoop(Plottable):
 
 @validation.spelt
 def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: int = 20) -> FittedLoop:
-    """Find contact stiffness, friction coefficient and its spread from a measured loop.
+    """Identify contact stiffness, friction coefficient and its spread from a measured loop.
 
     Parameters
     ----------
     displacement : (n,) float, m
-        Relative displacement in the order of time over one period or more.  If there are several periods, only those with
-        full amplitude are fitted, without start and stop.
+        Relative displacement in chronological order over one period or more. In a longer record only periods with full
+        amplitude are fitted, without start and end.
     force : (n,) float, N
         Tangential force, positive if it resists a positive displacement.
     normal : float, N
         Constant normal load.
     sliders : int
-        1 for an element that slips at once.
+        Number of sliders; 1 for an element that changes from stick to slip at once.
 
     Returns
     -------
@@ -125,8 +127,8 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     Raises
     ------
     SettingError
-        If there are fewer than ten points; the record has no closed period because of drift, varying amplitude or missing
-        points; the force has the opposite sign; the points are in reverse order; or no slip is seen.
+        If there are fewer than ten points; if there is no closed period because of drift, varying amplitude or missing
+        points; if the force has the opposite sign; if the points are in reverse order; or if there is no slip.
     """
     x, y = validation.numbers("displacement", displacement), validation.numbers("force", force)
     expected = "ten or more displacements and as many forces"
@@ -155,7 +157,7 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
 
 
 def _noise(values: NDArray) -> float:
-    """Estimate the standard deviation of the noise from third differences; a median, so that corners do not count."""
+    """Return the standard deviation of the noise from the median of third differences, which ignores corners."""
     third = float(np.median(np.abs(np.diff(values, 3)))) / (0.6745 * np.sqrt(20.0))
     return max(third, RESOLVED * float(np.ptp(values)))
 
@@ -163,14 +165,15 @@ def _noise(values: NDArray) -> float:
 def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
     """Return 1 at points of increasing displacement, -1 at points of decreasing displacement and 0 outside of periods.
 
-    Turning points are those from which the displacement returns by the distance ``apart``.
+    At a turning point the displacement reverses by at least ``apart``.
     """
     kinds = {int(i): way for way in (1.0, -1.0) for i in scipy.signal.find_peaks(way * x, prominence=apart)[0]}
-    turns = [i for before, i in itertools.pairwise([-1, *sorted(kinds)]) if kinds[i] != kinds.get(before)]  # no equal peaks
+    # of successive turning points of the same kind only the first counts
+    turns = [i for before, i in itertools.pairwise([-1, *sorted(kinds)]) if kinds[i] != kinds.get(before)]
     ends = np.array([0, *turns, len(x)])
     rise = np.diff(x[np.minimum(ends, len(x) - 1)])
     sense = np.sign(rise)
-    if len(turns) > 2:  # start and stop are no part of a period
+    if len(turns) > 2:  # start and end are incomplete periods
         full = np.abs(rise) > np.ptp(x[turns]) - apart
         full[[0, -1]] = False
         sense = sense * full
@@ -188,7 +191,7 @@ def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
 
 
 def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
-    """Refuse a loop that sticks, supplies energy or has a negative stiffness."""
+    """Raise SettingError for a loop without slip, with energy supply or with negative stiffness."""
     slope, half, _ = np.linalg.lstsq(np.column_stack([x, sense, np.ones(len(x))]), y, rcond=None)[0]
     slips = abs(half) > STICKS * np.ptp(y)
     validation.require(slips, "loop", "slip, without which friction is not known", "a loop that sticks")
@@ -201,9 +204,9 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
 
 @dataclass(eq=False)
 class _Loop:
-    """Branches of sliders and their distances from measured points.
+    """Branches of the slider model and their distances from measured points.
 
-    Parameters p are the logarithms of kt and mu, the spread, and the mean force and both turning points of the
+    The parameters p are the logarithms of kt and mu, the spread, and mean force and both turning points of the
     displacement, each relative to its measured range.
     """
 
@@ -226,7 +229,7 @@ class _Loop:
         return {-1.0: fall, 1.0: [low + high, 2.0 * middle] - fall}
 
     def force(self, p: NDArray) -> NDArray:
-        """Return the force (n,) of the branches at the measured displacements."""
+        """Return the force (n,) of the model at the measured displacements."""
         up, down = self.branches(p)[1.0], self.branches(p)[-1.0][::-1]
         return np.where(self.sense > 0.0, np.interp(self.x, *up.T), np.interp(self.x, *down.T))
 
@@ -248,17 +251,17 @@ class _Loop:
         for spread in (0.1, 0.5, 0.9) if self.sliders > 1 else (0.0,):
             starts = [p + spread * np.eye(6)[2] for p in grid]
             start = min(starts, key=lambda p: float((self.residual(p) ** 2).sum()))
-            origin = start - 1.0  # steps of the differences are relative to the parameters, which are about 1
-            found = least_squares(
+            origin = start - 1.0  # shifts the parameters to about 1, since difference steps are relative
+            solution = least_squares(
                 lambda q, origin=origin: self.residual(origin + q), start - origin, "3-point", bounds - origin,
                 xtol=1e-8, ftol=1e-10, diff_step=DIFFERENCE, max_nfev=ITERATIONS,
             )  # fmt: skip
-            tries.append((found.cost, origin + found.x, found.fun.reshape(-1, 2), found.jac))
+            tries.append((solution.cost, origin + solution.x, solution.fun.reshape(-1, 2), solution.jac))
         return min(tries, key=lambda each: each[0])[1:]
 
 
 def _nearest(points: NDArray, corners: NDArray) -> NDArray:
-    """Return the vectors (n,) from points to the nearest points of a line through corners, all complex numbers."""
+    """Return the vectors (n,) from points to the nearest points of a polygonal line; all are complex numbers."""
     away, along = points[:, None] - corners[:-1], np.diff(corners)
     share = np.clip((away * along.conj()).real / np.maximum(np.abs(along) ** 2, 1e-300), 0.0, 1.0)
     way = share * along - away
@@ -266,12 +269,20 @@ def _nearest(points: NDArray, corners: NDArray) -> NDArray:
 
 
 def read_loop(path: str | Path) -> tuple[NDArray, NDArray]:
-    """Displacement (m) and force (N) of a CSV file with these two columns, their units in brackets.
+    """Read displacement (m) and force (N) from a CSV file with these two columns, their units in brackets.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    displacement, force : (n,) float, m and N
 
     Raises
     ------
     BdamperError
-        If a column is missing, a unit is not known, or a value is not a finite number; the message names the line.
+        If a column is missing, a unit is unknown, or a value is not a finite number; the message contains the line.
     """
-    found = read_columns(path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES})
-    return found["displacement"][0], found["force"][0]
+    columns = read_columns(path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES})
+    return columns["displacement"][0], columns["force"][0]

@@ -1,15 +1,12 @@
-"""Following a nonlinear mode over its amplitude.
+"""Nonlinear modes: frequency and damping of free vibration over its amplitude.
 
-Up to some amplitude nothing slips or opens, and the mode is that of stuck contact, exactly: this part is one piece
-without steps.  From there on the branch is followed by arclength, since it may turn back in the amplitude where a
-harmonic meets another mode; from its upper end, too, where it does not get there.
+The equations describe a sector without excitation, with frequency and damping as unknowns (``csrc/balance/nonlinear_mode.c``). A
+point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` contains the mean, the vibration ``P`` scaled to the response amplitude
+``A_0``, the angular frequency, the modal damping ratio and the response amplitude ``A``.
 
-A nonlinear mode as a result.
-
-Equations of nonlinear modes: a sector without excitation, its frequency and its damping unknown (``csrc/balance/nonlinear_mode.c``).
-
-A point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` has the mean, the vibration ``P`` scaled to the amplitude ``A_0`` of the
-response, frequency, modal damping ratio, and the amplitude ``A`` of the response.
+At small amplitudes nothing slips or opens, and the mode is exactly that of stuck contact: this part needs no steps. From
+there the branch is followed by arclength continuation, because the amplitude may decrease along it if a harmonic resonates
+with another mode. If the branch does not reach the upper amplitude, another branch is followed downward from there.
 """
 
 from __future__ import annotations
@@ -38,39 +35,37 @@ from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, PerRow, Quantity, Shares, Tabular
 
-# ---- A nonlinear mode as a result ----
-
 
 @brief
 @dataclass(frozen=True)
 class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
-    """Free vibration of a structure with friction: frequency and damping over its amplitude.
+    """Free vibration of a structure with friction: frequency and damping over amplitude.
 
-    Every point is a converged periodic motion.  ``plot`` draws both over the amplitude
+    Every point is a converged periodic motion. ``plot`` draws frequency and damping over amplitude
     (:func:`bdamper.plot.plot_nonlinear_mode`).
 
     Parameters
     ----------
     frequency, damping_ratio : (n,) float, Hz and 1
-        The latter of the force in proportion to mass times velocity that would keep the motion up.
+        Frequency, and the ratio of the negative damping proportional to mass that would sustain the motion.
     harmonics : (n, n_harmonics + 1) complex, m
-        Of the response; the first column is the mean.
+        Harmonics of the response; the first column is the mean.
     unknowns : (n, n_unknowns) float
         Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
     correlation : (n,) float
         MAC of the first harmonic with the mode of stuck contact.
     shares : (n, 3) float
-        Stick, slip and open, mean over the friction points and the cycle.
+        Shares of stick, slip and separation, averaged over the friction points and the cycle.
     residual, branch : (n,) float and int
     point_kind : tuple of str
-        "regular", "fold" (the amplitude turns), "maximum" (of the damping), "end" or "drift".
+        "regular", "fold" (turning point of the amplitude), "maximum" (of the damping), "end" or "drift".
     linear_to : float, m
-        Amplitude up to which nothing slips or opens; NaN where something does at the lowest one.
+        Amplitude up to which nothing slips or opens; NaN if this is not so at the lowest amplitude.
     preload, mode : float (N) and int
     scales_to : float, N
-        Highest preload that the same curve serves (:meth:`at_preload`); 0 if it serves no other one.
+        Highest preload to which the curve can be scaled (:meth:`at_preload`); 0 if it cannot be scaled.
     status, reason, cost, settings, model_hash
-        As of a response curve.
+        See :class:`bdamper.response.response_curve_result.ResponseCurve`.
     """
 
     frequency: Hertz
@@ -93,13 +88,13 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
     @property
     def folds(self) -> NDArray:
-        """(k,) int: points at which the amplitude turns."""
+        """Indices (k,) of the turning points of the amplitude."""
         return np.array([i for i, kind in enumerate(self.point_kind) if kind == "fold"], int)
 
     def at(self, amplitude: float) -> list[tuple[float, float]]:
-        """Frequency (Hz) and damping ratio of all motions with an amplitude (m), in the order of the branch.
+        """Return frequency (Hz) and damping ratio of all motions with an amplitude (m), in the order of the branch.
 
-        Between points they are interpolated along the logarithm of the amplitude.
+        Values between points are interpolated linearly over the logarithm of the amplitude.
         """
         a = np.log(self.amplitude / validation.number("amplitude", amplitude, above=0.0, unit="m"))
         i = np.flatnonzero((a[:-1] * a[1:] <= 0.0) & (a[1:] != 0.0) & (self.branch[:-1] == self.branch[1:]))
@@ -108,19 +103,20 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
         return list(zip(f.tolist(), zeta.tolist()))
 
     def at_preload(self, preload: float) -> NonlinearMode:
-        """The same mode at another preload, with which all displacements and forces grow in proportion.
+        """Return the mode at another preload, with displacements and forces scaled in proportion.
 
         Raises
         ------
         SettingError
-            If gaps that close, interference, cubic springs or forces that do not grow with the preload take part.
+            If the mode does not scale to this preload, because of closing gaps, interference, cubic springs or constant
+            forces.
         """
         preload = validation.number("preload", preload, above=0.0, unit="N")
         if preload > self.scales_to:
-            found = f"one that scales to {self.scales_to:.6g} N" if self.scales_to else "one that does not scale"
+            actual = f"one that scales to {self.scales_to:.6g} N" if self.scales_to else "one that does not scale"
             raise SettingError(
                 f"preload: expected a mode that scales to {preload:.6g} N, without interference, cubic springs, constant "
-                f"forces and gaps that close, found {found}; compute it there"
+                f"forces and gaps that close, found {actual}; compute it there"
             )
         s = preload / self.preload
         return replace(
@@ -145,27 +141,27 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
 @dataclass(frozen=True)
 class InAmplitude:
-    """Units where frequency and damping are unknown and the logarithm of the amplitude is the parameter.
+    """Scaling of unknowns for equations with the logarithm of the amplitude as parameter.
 
     Parameters
     ----------
     n_mean : int
     reference : float, m
-        Amplitude of the response at the parameter 0.
+        Response amplitude at parameter 0.
     """
 
     n_mean: int
     reference: float
 
     SHIFT, DAMPING = 0.05, 0.1
-    """Change of frequency, relative, and of the damping ratio that count as much as one of the whole vibration."""
+    """Relative change of frequency and change of damping ratio that count as much as the complete vibration."""
 
     def vibration(self, y: NDArray) -> float:
-        """Norm of the harmonics."""
+        """Return the norm of the harmonics."""
         return norm2(y[self.n_mean : -3]) * float(np.exp(y[-1]))
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """Units of the mean, the vibration, frequency, damping and the logarithm of the amplitude."""
+        """Return the units of mean, vibration, frequency, damping and logarithm of the amplitude."""
         scale = np.ones(len(y))
         scale[: self.n_mean] = max(norm2(y[: self.n_mean]), vibration)
         scale[self.n_mean : -3] = vibration * float(np.exp(-y[-1]))
@@ -173,24 +169,24 @@ class InAmplitude:
         return scale
 
     def place(self, parameter: float) -> str:
-        """The amplitude of the response."""
+        """Return the response amplitude as text."""
         return f"{self.reference * np.exp(parameter):.6g} m"
 
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """Periodic motions that a force in proportion to mass times velocity keeps up.
+    """Periodic motions sustained by a force proportional to mass times velocity.
 
-    The amplitude is that of the first harmonic of the response, its phase is zero: two linear equations.
+    Two linear equations define the amplitude of the first harmonic of the response and its phase, which is zero.
 
     Parameters
     ----------
     driven : Equations
-        Of one structure at one preload; of its forces the static ones count.
+        Equations of one structure at one preload, with static forces only.
     stuck : (n_modes,) complex
-        About the motion of the mode in the first harmonic, in modal coordinates, at the reference.
+        Approximate motion of the mode in the first harmonic, in modal coordinates, at the reference amplitude.
     reference : float, m
-        Amplitude A_0 of the response, below all that are asked for, so that the parameter stays positive.
+        Response amplitude A_0 below all computed amplitudes, so that the parameter is positive.
     """
 
     driven: Equations[Sector]
@@ -203,28 +199,47 @@ class Mode:
         return self.driven.structure.bases[1]
 
     def start(self, mean: NDArray, omega: float, amplitude: float) -> NDArray:
-        """The linear mode at an amplitude (m) of the response, a guess."""
+        """Return the linear mode at a response amplitude (m), an initial guess."""
         size = np.abs(self.stuck) ** 2
         zeta = float(size @ self.basis.damping / (size @ self.basis.mass)) / (2.0 * omega)
         u = self.driven.layout.pack(mean[: self.driven.n_mean], self.stuck)
         return np.append(u, [omega, zeta, np.log(amplitude / self.reference)])
 
     def point(self, u: NDArray, omega: float, zeta: float) -> NDArray:
-        """The point of a motion (n_unknowns of the driven equations) of which the response has the phase zero."""
+        """Return the point of a motion whose response has phase zero.
+
+        Parameters
+        ----------
+        u : (n_unknowns,) float
+            Unknowns of the driven equations.
+        omega : float, rad/s
+        zeta : float
+        """
         ratio = float(abs(self.driven.response(u)[1])) / self.reference
         y = np.append(u, [omega, zeta, np.log(ratio)])
         y[self.driven.n_mean : -3] /= ratio
         return y
 
     def motion(self, y: NDArray) -> NDArray:
-        """(..., n_unknowns of the driven equations) modal coordinates of points, in their units."""
+        """Return the unknowns (..., n_unknowns) of the driven equations at points."""
         u = np.array(y[..., :-3])
         u[..., self.driven.n_mean :] *= np.exp(y[..., -1:])
         return u
 
 
 def mode_equations(driven: Equations[Sector], omega: float, shape: NDArray, reference: float) -> Equations[Mode]:
-    """Equations of a mode of about a frequency (rad/s) and a shape (n_modes,), from a reference amplitude (m) on."""
+    """Return the equations of a mode.
+
+    Parameters
+    ----------
+    driven : Equations
+    omega : float, rad/s
+        Approximate angular frequency.
+    shape : (n_modes,) complex
+        Approximate mode shape.
+    reference : float, m
+        Reference amplitude.
+    """
     sector, n_mean = driven.core, driven.n_mean
     assert isinstance(sector, _core.Sector)
     row = np.asarray(driven.response_rows[1])
@@ -234,20 +249,20 @@ def mode_equations(driven: Equations[Sector], omega: float, shape: NDArray, refe
     scale = np.append(driven.row_scale, [1.0 / weight, 1.0 / weight])
     scale[n_mean:-2] = 1.0 / weight
     damping = np.zeros((1, 2, len(scale)))
-    damping[0, 0, -1] = 1.0  # what has maxima along a branch
+    damping[0, 0, -1] = 1.0  # maxima of the damping are located along a branch
     return Equations(
         _core.Modes(sector, re, im, weight, scale), Mode(driven, stuck, float(reference)), driven.layout,
         driven.response_rows, Rows(damping), InAmplitude(n_mean, float(reference)), scale, driven.n_points, driven.work,
     )  # fmt: skip
 
 
-# ---- Following a nonlinear mode over its amplitude ----
+# ---- Continuation over amplitude ----
 
 
 RIGID = 1e-6
-"""Of the highest frequency without contact: those below it are rigid motions."""
+"""Relative frequency, with respect to the highest one without contact, below which motions are rigid."""
 FLAT = 1e-6
-"""By how much a maximum of the damping exceeds its neighbours at least, relative."""
+"""Least relative height of a maximum of the damping above its neighbours."""
 
 
 @validation.spelt
@@ -260,30 +275,35 @@ def nonlinear_mode(
     *,
     options: ContinuationOptions | None = None,
 ) -> NonlinearMode:
-    """Frequency and damping of a mode over the amplitude of the free vibration.
+    """Compute frequency and damping of a mode over the amplitude of free vibration.
 
-    The motion is periodic: a force in proportion to mass times velocity, ``2 omega zeta M q'``, balances all losses, and
-    zeta is the modal damping ratio (M. Krack, Computers & Structures 154, 2015).  Excitation has no part in it.
+    The motion is periodic: the force ``2 omega zeta M q'`` balances all losses, and zeta is the modal damping ratio [1]_.
+    The excitation has no effect.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
     mode : int
-        1 for the lowest elastic mode without contact; the stuck mode most like it is followed by continuity.
+        Number of the elastic mode without contact, from 1. The branch starts at the stuck mode with the highest
+        correlation.
     amplitude : (low, high), m
-        Of the first harmonic of the response.
+        Range of the amplitude of the first harmonic of the response.
     options : ContinuationOptions
 
     Returns
     -------
     NonlinearMode
-        "complete" if the branch reaches the upper amplitude as the same mode; otherwise ``reason`` says where it ends.
+        "complete" if the branch reaches the upper amplitude as the same mode; otherwise ``reason`` describes its end.
 
     Raises
     ------
     SettingError
         If a value does not fit, or the response does not move in this mode.
+
+    References
+    ----------
+    .. [1] M. Krack, Computers & Structures 154, 2015.
     """
     preload, mode = problem.check_preload(preload), validation.whole("mode", mode, least=1)
     low, high = validation.interval("amplitude", amplitude, "m")
@@ -321,7 +341,7 @@ def nonlinear_mode(
 
 
 def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tuple[Equations[Mode], float]:
-    """Equations of a mode for amplitudes of the response from ``low`` (m) on, and its stuck frequency (rad/s)."""
+    """Return the equations of a mode for response amplitudes from ``low`` (m), and its stuck frequency (rad/s)."""
     state, driven = problem.equilibrium(preload), problem.system(preload)
     free, alone = driven.structure.linear.modes(None)
     elastic = np.flatnonzero(free > RIGID * free[-1])
@@ -331,14 +351,14 @@ def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tupl
     k = int(np.argmax(across))
     row, shape = driven.response_rows[1], shapes[:, k]
     if not abs(row @ shape) > 1e-6 * float(np.linalg.norm(row) * np.linalg.norm(shape)):
-        raise SettingError(f"response: expected a place and direction that mode {mode} moves, found one that it does not")
-    # of the lowest amplitude: how small a motion the first point is looked for at, where contacts slip already
+        raise SettingError(f"response: mode {mode} does not move this location in this direction; choose another one")
+    # the start may need smaller motions than the lowest amplitude, if contacts slip there
     descent = 1e-4
     return mode_equations(driven, float(frequencies[k]), shape, descent * low), float(frequencies[k])
 
 
 class _Branch:
-    """The branch through the stuck mode, between two amplitudes (m)."""
+    """Branch through the stuck mode between two amplitudes (m)."""
 
     def __init__(self, system: Equations[Mode], amplitude: tuple[float, float], options: ContinuationOptions) -> None:
         self.system = system.within(options.budget or evaluation_budget(system))
@@ -348,7 +368,7 @@ class _Branch:
         self.linear_to = np.nan
 
     def run(self, state: PreloadState, omega: float) -> None:
-        """Follows it from its start; from the upper end as well, if it does not get there."""
+        """Follow the branch from its start, and from the upper amplitude if it does not get there."""
         start = self._start(state, omega)
         if start is None:
             self.pieces.append(Piece(Path((), NOT_FOUND, "no motion at the lowest amplitude", 0, 0), True))
@@ -371,21 +391,23 @@ class _Branch:
         return self.system.units(y, 1.0)
 
     def _at(self, y: NDArray, parameter: float) -> Correction:
-        """Newton with line search from a point at another amplitude."""
+        """Solve by Newton's method with line search from a point at another amplitude."""
         y = np.append(y[:-1], parameter)
         return self.system.correct_at(y[:-1], parameter, self._scale(y), self.options.tolerance, 40, True)
 
     def _start(self, state: PreloadState, omega: float) -> Correction | None:
-        """The motion of the lowest amplitude; where there is none near the linear mode, that of a smaller one."""
+        """Return the motion at the lowest amplitude, or at a smaller one if Newton's method fails there; None without
+        success.
+        """
         guess = self.system.structure.start(state.q, omega, self.system.structure.reference * float(np.exp(self.low)))
         for lower in np.log([1.0, 0.1, 0.01, 0.002]):
-            found = self._at(guess, self.low + float(lower))
-            if found.status == OK:
-                return found
+            solution = self._at(guess, self.low + float(lower))
+            if solution.status == OK:
+                return solution
         return None
 
     def _linear(self, start: Correction) -> Correction:
-        """The last point up to which the motion only grows, a little before something slips or opens; or the start."""
+        """Return the last point of the linear range, slightly before slip or separation begins; or the start."""
 
         def holds(parameter: float) -> bool:
             y = np.append(start.y[:-1], parameter)
@@ -401,27 +423,27 @@ class _Branch:
                 middle = 0.5 * (least + most)
                 least, most = (middle, most) if holds(middle) else (least, middle)
         self.linear_to = float(self.system.structure.reference * np.exp(most))
-        stuck_part = 0.9  # of the amplitude at which something begins to slip: where steps begin
+        stuck_part = 0.9  # continuation begins at this share of the amplitude of first slip
         begin = most if most == self.high else most + float(np.log(stuck_part))
         return self._at(start.y, begin) if begin > start.y[-1] else start
 
     def _from_above(self, last: NDArray) -> None:
-        """The branch that a motion of the largest amplitude lies on, downward."""
-        found = self._at(last, self.high)
-        if found.status == OK:
-            path = follow(self.system, found.y, (self.low, self.high), up=False, options=self.options)
+        """Follow the branch at the largest amplitude downward."""
+        solution = self._at(last, self.high)
+        if solution.status == OK:
+            path = follow(self.system, solution.y, (self.low, self.high), up=False, options=self.options)
             self.pieces.append(Piece(path, False, 1))
 
 
 def _correlation(system: Equations[Mode], y: NDArray) -> NDArray:
-    """(n,) square of the cosine between the first harmonic and the stuck mode, in the norm of the mass."""
+    """Return the MAC (n,) of the first harmonic and the stuck mode, weighted with the mass."""
     a, mass = system.layout.amplitudes(y, 1), system.structure.basis.mass
     across = np.abs(a @ (mass * system.structure.stuck.conj())) ** 2
     return np.asarray(across / ((np.abs(a) ** 2 @ mass) * (np.abs(system.structure.stuck) ** 2 @ mass)))
 
 
 def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: float) -> float:
-    """Highest preload (N) up to which motions u grow in proportion to it; 0 where they do not at all.
+    """Return the highest preload (N) to which motions u can be scaled; 0 if they cannot.
 
     Without interference, cubic springs and constant forces the contact is homogeneous as long as no gap closes in a cycle.
     """
@@ -440,28 +462,28 @@ def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: f
 
 
 def _kinds(points: list[tuple[Correction, Piece]], damping: NDArray) -> tuple[str, ...]:
-    """What the points are; a maximum of the damping that hardly stands out among its neighbours is none."""
+    """Return the kinds of the points; a flat maximum of the damping counts as regular."""
     around = np.concatenate([damping[:1], damping, damping[-1:]])
     low = np.maximum(around[:-2], around[2:]) >= (1.0 - FLAT) * damping
     return tuple("regular" if p.kind == "maximum" and flat else p.kind for (p, _), flat in zip(points, low))
 
 
 def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tuple[str, str]:
-    """Status and reason of the mode."""
+    """Return status and reason of the mode."""
     path, place = branch.pieces[0].path, branch.system.measure.place
     if not path.points:
         return NOT_FOUND, path.reason
     reason = f"{path.status}: {path.reason}" if path.status != COMPLETE else path.reason
     apart = len(branch.pieces) > 1
     reason += f"; another branch from {place(branch.high)} down" if apart else ""
-    familiar = 0.5  # correlation with the stuck mode below which a motion counts as that of another one
-    overdamped = 0.5  # damping ratio beyond which a periodic motion says little about one that decays
+    familiar = 0.5  # least correlation of the same mode with the stuck mode
+    overdamped = 0.5  # damping ratio above which the periodic motion does not represent a decaying one
     foreign, over = correlation < familiar, y[:, -2] > overdamped
     if foreign.any():
         at = y[int(np.argmax(foreign))]
-        reason += f"; beyond {place(at[-1])} the motion is no longer that of mode {mode}: it meets another one"
+        reason += f"; beyond {place(at[-1])} the motion is no longer that of mode {mode}: it interacts with another mode"
     if over.any():
         at = y[int(np.argmax(over))]
-        reason += f"; damping is above {overdamped:g} from {place(at[-1])} on, where no motion decays so"
+        reason += f"; damping is above {overdamped:g} from {place(at[-1])} on, too high for a periodic approximation"
     whole = path.status == COMPLETE and not foreign.any() and not over.any()
     return COMPLETE if whole else INCOMPLETE, reason

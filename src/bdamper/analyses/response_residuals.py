@@ -1,17 +1,17 @@
-r"""How far the response of a problem lies from measured ones, and how that changes with parameters.
+r"""Residuals of computed against measured responses, and their derivatives with respect to parameters.
 
-At a measured frequency the residual is the logarithm of the ratio of both responses over the standard deviation
-:math:`\sigma` of the noise: :math:`\ln|X/X_i|/\sigma` for the amplitude and, where a phase was measured,
-:math:`2\sin(\tfrac12\arg(X/X_i))/\sigma`, which is the difference of the phases where that is small and nowhere jumps.
-The response is that of the branch which the sweep of the test stays on, solved for at the measured frequency itself:
-interpolation along a curve puts a ripple on the residual that stops the search for the best parameters.
+At a measured frequency the residual of the amplitude is :math:`\ln|X/X_i|/\sigma` with the standard deviation
+:math:`\sigma` of the noise. If a phase was measured, its residual is :math:`2\sin(\tfrac12\arg(X/X_i))/\sigma`, which
+equals the phase difference for small differences and is continuous. The computed response lies on the branch that the sweep
+of the test follows. It is solved at the measured frequency itself, since interpolation along a curve causes ripples of the
+residual that stop the search for the best parameters.
 
-Near a jump of the sweep a small change of a parameter moves the point to another branch.  There, within a few frequency
-steps of the test, the residual is the distance from the measured point to the curve, stable or not, in ln(frequency) over
-the step and ln(amplitude) over :math:`\sigma`.  The distance is not taken elsewhere: a narrow spike between two measured
-frequencies would cost nothing.
+Near a jump of the sweep a small change of a parameter moves the point to another branch. Within a few frequency steps of a
+jump the residual is therefore the distance from the measured point to the curve, stable or unstable. Coordinates are
+ln(frequency) over the frequency step and ln(amplitude) over :math:`\sigma`. Elsewhere this distance is not used: a narrow
+spike between two measured frequencies would not contribute.
 
-Derivatives are those across the curve (:func:`bdamper.response.sensitivity.across`).
+:func:`bdamper.response.sensitivity.across` gives the derivatives across the curve.
 """
 
 from __future__ import annotations
@@ -38,36 +38,41 @@ from bdamper.util.errors import BdamperError, ModelError, SettingError
 
 T = TypeVar("T")
 FORCE = "force_factor"
-"""The parameter by which all excitations differ from those of the tests."""
+"""Parameter that multiplies the excitation of all tests."""
 NEAR_JUMP = 5.0
-"""Frequency steps of a test around a jump within which points are compared with the whole curve."""
+"""Number of frequency steps around a jump within which points are compared with the complete curve."""
 LOST = 10.0
-"""Residual of a point where no response is found."""
+"""Residual of a point without computed response."""
 STEP = 1e-5
-"""Relative, of the differences of the resonance without damper."""
+"""Relative step of the finite differences of the resonance without damper."""
 EDGE = 1e-6
-"""Relative: what curves go beyond the measured frequencies; a step or a distance that counts as none."""
+"""Relative margin of the curves beyond the measured frequencies; also the step or distance that counts as zero."""
 
 
 @validation.spelt
 @dataclass(frozen=True)
 class MeasuredResponse(validation.Checked):
-    """A measured response over frequency, and how it was measured.
+    """Measured response over frequency with its test conditions.
 
     Parameters
     ----------
     data : Measurement
-        In a unit of length; of the response that the study asks for, relative to the excitation where it has a phase
-        (``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i omega t))``).
+        Response in a unit of length at the response location of the study. If it has a phase, it is relative to the
+        excitation: ``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i omega t))``.
     preload : float, N
-        On the damper.
+        Preload of the damper.
     force : float, N, optional
         Amplitude of the excitation; by default that of the study.
     sweep : {"up", "down"}
-        Whether the frequency rose or fell.
+        Direction of the frequency sweep.
+
+    Raises
+    ------
+    SettingError
+        If there are fewer than three frequencies, or frequencies or amplitudes are not positive.
     """
 
-    __test__ = False  # no test of pytest
+    __test__ = False  # pytest ignores this class
     data: Measurement
     preload: validation.Force
     force: Annotated[float, validation.Limits(above=0.0, unit="N")] | None = None
@@ -86,42 +91,42 @@ class MeasuredResponse(validation.Checked):
 
 
 class Variations:
-    """A problem at values of parameters and beside them, with unknowns that mean the same.
+    """Problem at given parameters and at neighbouring values, with comparable unknowns.
 
     Parameters
     ----------
     problem : Problem
     values : mapping of name to float
-        ``"force_factor"`` is no setting: it multiplies the excitation of every test.
+        Parameters. ``"force_factor"`` is not a setting; it multiplies the excitation of every test.
     """
 
     def __init__(self, problem: Problem, values: dict[str, float]) -> None:
         self.problem, self.values = problem, values
         self.own = self._at(values)
-        _ = self.own.bases, self.own.static_states  # made here, so that all tests share them
+        _ = self.own.bases, self.own.static_states  # computed once for all tests
         self._beside: dict[tuple[str, float], Problem] = {}
 
     def _at(self, values: dict[str, float]) -> Problem:
         return vary(self.problem, {name: value for name, value in values.items() if name != FORCE})
 
     def beside(self, name: str, value: float) -> Problem:
-        """The problem at another value of one parameter."""
+        """Return the problem at another value of one parameter."""
         if name == FORCE or value == self.values[name]:
             return self.own
         if (name, value) not in self._beside:
-            found = like(self._at(self.values | {name: value}), self.own)
-            _ = found.static_states
-            self._beside[name, value] = found
+            neighbour = like(self._at(self.values | {name: value}), self.own)
+            _ = neighbour.static_states
+            self._beside[name, value] = neighbour
         return self._beside[name, value]
 
     def under(self, force: float | None, problem: Problem | None = None, gain: float | None = None) -> Problem:
-        """The problem under the excitation of a test."""
+        """Return the problem with the excitation of a test."""
         gain = self.values.get(FORCE, 1.0) if gain is None else gain
-        given = self.problem.settings.excitation.amplitude if force is None else force
-        return vary(problem or self.own, {"excitation.amplitude": gain * given})
+        amplitude = self.problem.settings.excitation.amplitude if force is None else force
+        return vary(problem or self.own, {"excitation.amplitude": gain * amplitude})
 
     def families(self, force: float | None, preload: float) -> dict[str, tuple[Family, float]]:
-        """The equations at one preload as functions of each parameter."""
+        """Return the equations at one preload as functions of each parameter."""
 
         def family(name: str) -> Callable[[float], Equations]:
             def at(value: float) -> Equations:
@@ -135,20 +140,22 @@ class Variations:
 
 @dataclass(frozen=True)
 class Separation:
-    """Residuals of one set of data, and how to find their derivatives.
+    """Residuals of one data set and their derivatives.
 
     Parameters
     ----------
     place : (n,) float, Hz
+        Frequencies.
     measured, model : (n,) complex
+        Measured and computed responses.
     residual : (n, 2) float
-        Of amplitude and phase, of amplitude and frequency for resonances; 0 where there is nothing to compare.
+        Residuals of amplitude and phase, for resonances of amplitude and frequency; 0 without measured value.
     slopes : callable
-        (n, 2, n_parameters) derivatives with respect to the parameters.
+        Returns the derivatives (n, 2, n_parameters).
     lost : (n,) bool
-        No response was found.
+        Whether no response was computed.
     reason : str
-        Error of the solver, if one ended the search.
+        Error of the solver.
     """
 
     place: NDArray
@@ -161,7 +168,10 @@ class Separation:
 
 
 def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
-    """Return the result of a computation, or None and the reason if the solver fails; mistakes of the user are raised."""
+    """Return the result of a computation, or None and the reason if the solver fails.
+
+    Errors of the input are raised.
+    """
     try:
         return compute(), ""
     except (SettingError, ModelError):
@@ -171,7 +181,7 @@ def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
 
 
 def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separation:
-    """Residuals of a swept response; of points without a response ``LOST``."""
+    """Return the residuals of a swept response; points without computed response have the residual ``LOST``."""
     f, measured = test.data.frequency, test.data.metres * test.data.response
     problem, n = varied.under(test.force), len(f)
     phase = bool(np.any(test.data.response.imag))
@@ -185,27 +195,27 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
         reason = reason if search is None else search.curve.reason
         return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
     for i in range(n):
-        found, place = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
+        solution, target = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
         if search.jumps(f[i], NEAR_JUMP * step):
-            found = search.nearest(place, np.array([step, noise]))
-            if found is not None:
-                gap, way = search.away(found, place, np.array([step, noise]))
+            solution = search.nearest(target, np.array([step, noise]))
+            if solution is not None:
+                gap, way = search.away(solution, target, np.array([step, noise]))
                 normal[i] = np.array([-way[1], way[0]]) / norm2(way)
                 residual[i] = gap @ normal[i], 0.0
-        if found is None and (found := search.at(f[i])) is not None:
-            ratio = search.first(found) / measured[i]
+        if solution is None and (solution := search.at(f[i])) is not None:
+            ratio = search.first(solution) / measured[i]
             residual[i] = np.log(abs(ratio)) / noise, phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / noise
-        if found is not None:
-            lost[i], model[i] = False, search.first(found)
-            points.append(found)
+        if solution is not None:
+            lost[i], model[i] = False, search.first(solution)
+            points.append(solution)
             scale.append(search.scale)
 
     def slopes() -> NDArray:
         out = np.zeros((n, 2, len(varied.values)))
         if not points:
             return out
-        own = varied.families(test.force, test.preload)
-        for j, s in enumerate(across(search.system, points, np.array(scale), own).values()):
+        families = varied.families(test.force, test.preload)
+        for j, s in enumerate(across(search.system, points, np.array(scale), families).values()):
             relative = s.at_frequency / model[~lost]
             turned = np.cos(0.5 * np.angle(model[~lost] / measured[~lost]))
             vertical = np.array([relative.real, phase * turned * relative.imag]).T / noise
@@ -219,7 +229,7 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
 
 
 class _Swept:
-    """Solutions near points of a response curve: on the branch of a sweep, and nearest to a measured point."""
+    """Solutions near the points of a response curve: on the branch of a sweep, and nearest to a measured point."""
 
     def __init__(self, problem: Problem, test: MeasuredResponse, band: tuple[float, float]) -> None:
         self.system, self.curve = system, curve = (
@@ -238,49 +248,50 @@ class _Swept:
         return complex(self.system.rows.value(c.y))
 
     def jumps(self, frequency: float, within: float) -> bool:
-        """Whether the sweep jumps or ends within a relative distance of a frequency."""
+        """Return whether the sweep jumps or ends within a relative distance of a frequency."""
         return any(abs(np.log(frequency / jump.frequency)) <= within for jump in self.sweep.jumps)
 
     def at(self, frequency: float) -> Correction | None:
-        """The solution at a frequency (Hz) on the branch of the sweep."""
+        """Return the solution at a frequency (Hz) on the branch of the sweep; None without success."""
         k = int(np.searchsorted(self.sense * self.sweep.frequency, self.sense * frequency))
         if not 0 < k < len(self.sweep.point):
             return None
         j, f, branch = int(self.sweep.point[k]), self.curve.frequency, self.curve.branch
-        beside = [i for i in (j - 1, j + 1) if 0 <= i < len(f) and branch[i] == branch[j]]
-        beside = [i for i in beside if (f[i] - frequency) * (f[j] - frequency) <= 0.0]
-        if not beside:
+        neighbours = [i for i in (j - 1, j + 1) if 0 <= i < len(f) and branch[i] == branch[j]]
+        neighbours = [i for i in neighbours if (f[i] - frequency) * (f[j] - frequency) <= 0.0]
+        if not neighbours:
             return None
-        i = min(beside, key=lambda i: abs(i - int(self.sweep.point[k - 1])))
+        i = min(neighbours, key=lambda i: abs(i - int(self.sweep.point[k - 1])))
         share = (frequency - f[i]) / (f[j] - f[i]) if f[j] != f[i] else 0.0
         between = self.y[i] + share * (self.y[j] - self.y[i])
         apart = norm2((self.y[j] - self.y[i]) / self.scale) + self.tolerance
-        for guess, search in ((between, 0), (between, 1), (self.y[i], 1), (self.y[j], 1)):  # a corner may lie between
+        # interpolation fails at a corner between both points, so each of them is a guess
+        for guess, search in ((between, 0), (between, 1), (self.y[i], 1), (self.y[j], 1)):
             omega = 2.0 * np.pi * frequency
             c = self.system.correct_at(guess[:-1], omega, self.scale, self.tolerance, self.most, search)
             if c.status == OK and norm2((c.y - between) / self.scale) <= apart:
                 return c
         return None
 
-    def away(self, c: Correction, place: NDArray, units: NDArray) -> tuple[NDArray, NDArray]:
-        """From a measured place to a point of the curve, and the change of place along the curve there."""
+    def away(self, c: Correction, target: NDArray, units: NDArray) -> tuple[NDArray, NDArray]:
+        """Return the vector from a measured point to a point of the curve, and the tangent of the curve there."""
         first, along = self.first(c), c.tangent * self.scale
         way = np.array([along[-1] / c.y[-1], (self.system.rows.value(along) / first).real]) / units
         here = np.array([np.log(c.y[-1] / (2.0 * np.pi)), np.log(abs(first))]) / units
-        return here - place, way
+        return here - target, way
 
-    def nearest(self, place: NDArray, units: NDArray) -> Correction | None:
-        """The point of the curve that is nearest to a measured one, by steps along its tangent from that of the curve."""
+    def nearest(self, target: NDArray, units: NDArray) -> Correction | None:
+        """Return the point of the curve nearest to a measured one, by tangential steps from the nearest computed point."""
         logs = np.log([self.curve.frequency, self.curve.amplitude]).T / units
-        i = int(np.argmin(((logs - place) ** 2).sum(axis=1)))
+        i = int(np.argmin(((logs - target) ** 2).sum(axis=1)))
         before, after = (min(max(k, 0), len(logs) - 1) for k in (i - 1, i + 1))
         chord = (self.y[after] - self.y[before]) / self.scale
         longest = max(norm2(chord), 1e-300)
         c = self.system.solve(self.y[i], Plane(chord / longest), self.scale, self.tolerance, self.most)
         for _ in range(self.most):
-            gap, way = self.away(c, place, units)
+            gap, way = self.away(c, target, units)
             size = norm2(way)
-            if c.status != OK or size < EDGE:  # the mean alone drifts along the curve
+            if c.status != OK or size < EDGE:  # only the mean changes along the curve
                 return None
             step = -float(gap @ way) / size**2
             if abs(step) * size < EDGE:
@@ -291,10 +302,10 @@ class _Swept:
 
 
 def of_resonances(varied: Variations, data: Measured, noise: float) -> Separation:
-    """Residuals of resonances over load, relative to those without load, in amplitude and frequency.
+    """Return the residuals of resonances over load, relative to those without load, in amplitude and frequency.
 
-    Noise of the amplitude hides the place of a maximum of the relative width w up to ``w sqrt(2 noise)``, which is the
-    standard deviation of its frequency: that of a flat peak says little.
+    Noise of the amplitude hides the position of a maximum of relative width w up to ``w sqrt(2 noise)``. This is the
+    standard deviation of its frequency, so a flat peak has little weight.
     """
     loads, n = np.unique(data.load[data.load > 0.0]), int((data.load > 0.0).sum())
     problem, band = varied.under(None), peak_interval(varied.own, None, float(loads[-1]))
@@ -329,18 +340,18 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
         for j, name in enumerate(varied.values):
             value = varied.values[name]
             above, below = (varied.under(None, varied.beside(name, value * s)) for s in (1.0 + STEP, 1.0 - STEP))
-            own = (reference(above) - reference(below)) / (2.0 * STEP * value)
+            reference_slope = (reference(above) - reference(below)) / (2.0 * STEP * value)
             if name == FORCE:
-                own = np.array([1.0 / value, 0.0])
+                reference_slope = np.array([1.0 / value, 0.0])
             for i, p in enumerate(rows):
                 if p is None or lost[i]:
                     continue
                 s = sensitivities(p, {name: varied.families(None, p.parameter)[name]})[name]
-                rate = np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency]) - own
+                rate = np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency]) - reference_slope
                 out[i, :, j] = np.where(np.isfinite(measured[i]), rate / units[i], 0.0)
         return out
 
     size, frequency = np.exp(reference(problem))
-    place = frequency * np.where(np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1]))
-    found, expected = size * measured[:, 0] + 0j, size * np.exp(model[:, 0]) + 0j
-    return Separation(place, found, expected, residual, slopes, lost, "; ".join(reasons))
+    frequencies = frequency * np.where(np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1]))
+    observed, computed = size * measured[:, 0] + 0j, size * np.exp(model[:, 0]) + 0j
+    return Separation(frequencies, observed, computed, residual, slopes, lost, "; ".join(reasons))

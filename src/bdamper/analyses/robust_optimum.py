@@ -1,14 +1,16 @@
-"""Optimal curves under uncertainty: percentile bands, and the preload that is best for nearly all of a sample.
+"""Optimal curves under uncertainty, and preloads that are optimal by other measures than the amplitude of one study.
 
-Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), from a scrambled Sobol
-sequence, whose averages converge faster than those of independent draws.  The optimal curve of every draw is one point of
-a :func:`bdamper.sweep`, so executors and results files work as they do there.
+Uncertainty
+    Settings are drawn from distributions of :mod:`scipy.stats` (any object with a ``ppf``) by a scrambled Sobol sequence,
+    whose averages converge faster than those of independent draws. The optimal curve of every draw is one point of a
+    :func:`bdamper.sweep`, with its executors and results files. Percentiles over the sample give bands, and the preload at
+    which a percentile of the amplitude is least.
 
-The preload of the largest margin against fatigue: beside that of the least amplitude, and not always the same.
-
-More preload changes where and how the blade bends, not only how much, and adds to the mean stress.  The margin at a preload
-is that of the highest point of the whole curve there.  Between the preloads of an optimal curve its largest value is found
-as the least amplitude is (:mod:`bdamper.response.minimum_search`), with the slopes from the peak at preloads beside.
+Largest fatigue margin
+    More preload changes position and shape of the bending and adds to the mean stress. The preload with the largest margin
+    may therefore differ from the preload with the least amplitude. The margin at a preload is that of the highest point of
+    the complete response curve. Between the preloads of an optimal curve its maximum is refined as the least amplitude is
+    (:mod:`bdamper.response.minimum_search`). The derivatives are finite differences of peaks at neighbouring preloads.
 """
 
 from __future__ import annotations
@@ -51,19 +53,19 @@ from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 
-# ---- Optimal curves under uncertainty ----
+# ---- Uncertainty ----
 
 
 def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[str, NDArray]:
-    """Values of settings drawn from independent distributions, by a scrambled Sobol sequence.
+    """Draw settings from independent distributions by a scrambled Sobol sequence.
 
     Parameters
     ----------
     distributions : mapping of setting to distribution
-        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.  For "residual_slip_std" its
-        standard deviation (m), with which every draw gets offsets of its own at all contact points.
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``. For "residual_slip_std" a number,
+        the standard deviation in m; every draw has other offsets at the contact points.
     n : int
-        A power of two.
+        Number of draws, a power of two.
     seed : int
         Equal seeds give equal draws.
 
@@ -73,18 +75,18 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     """
     if not isinstance(distributions, Mapping) or not distributions:
         raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
-    given, distributions = distributions, {k: d for k, d in distributions.items() if k != "residual_slip_std"}
+    all_distributions, distributions = distributions, {k: d for k, d in distributions.items() if k != "residual_slip_std"}
     for name, distribution in distributions.items():
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
     n, seed = validation.whole("n", n, least=2), validation.whole("seed", seed)
     validation.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
     drawn = {}
-    if "residual_slip_std" in given:
-        spread = validation.number("residual_slip_std", given["residual_slip_std"], least=0.0, unit="m")
+    if "residual_slip_std" in all_distributions:
+        spread = validation.number("residual_slip_std", all_distributions["residual_slip_std"], least=0.0, unit="m")
         drawn = {"residual_slip_std": np.full(n, spread), "residual_slip_seed": np.arange(n) + float(n * seed)}
     unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
-    # keep away from the ends, where a ppf may be infinite
+    # a ppf may be infinite at 0 and 1
     unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
     return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
 
@@ -92,23 +94,23 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
 @brief
 @dataclass(frozen=True)
 class RobustOptimum:
-    """The preload at which a percentile of the resonance amplitude over a sample is least.
+    """Preload at which a percentile of the resonance amplitude over a sample is least.
 
     Parameters
     ----------
     preload : float, N
     amplitude : float, m
-        The percentile there.
+        Percentile of the amplitude at this preload.
     percentile : float
     uncertainty : float
         Relative half-width of the last bracket of the preload.
     kind : {"interior", "end"}
-        Whether the preload lies within the range or at one end of it.
+        Whether the preload is inside the range or at one of its ends.
     warnings : int
-        Draws of which the last optimal curve leaves something open; see :attr:`OptimalCurveUncertainty.warnings`.
+        Number of draws whose last optimal curve has a warning; see :attr:`OptimalCurveUncertainty.warnings`.
     status : str
-        "complete"; "incomplete" if the bracket was not narrowed further, or "interrupted", where the preload is known no
-        better than ``uncertainty``.  With the reason where the executor ended.
+        "complete"; "incomplete" if the bracket is wider than the tolerance; "interrupted", with the reason if the executor
+        ended.
     """
 
     preload: float
@@ -132,15 +134,15 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
     ----------
     preload : (m,) float, N
     amplitude, frequency : (n, m) float
-        Of each draw, m and Hz; NaN where no peak was found, and of draws that were not run.
+        Values of each draw in m and Hz; NaN without a peak or for draws that were not run.
     samples : mapping of setting to (n,) float
     status : tuple of str
-        Of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`.
+        Status of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`.
     settings : mapping
-        Of the problem that was varied.
+        Settings of the varied problem.
     model_hash : str
     warnings : tuple of str
-        What the optimal curve of each draw leaves open, an empty text where it leaves nothing open.
+        Warning of the optimal curve of each draw, empty if there is none.
     """
 
     preload: Newtons
@@ -154,9 +156,15 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
         return len(self.amplitude)
 
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
-        """Percentiles over the sample at every preload: (m,) or (len(q), m).
+        """Return percentiles over the sample at every preload, (m,) or (len(q), m).
 
-        Draws without a peak at a preload are left out there.
+        Draws without a peak at a preload are ignored there.
+
+        Parameters
+        ----------
+        q : float or sequence of float
+            Percentiles from 0 to 100.
+        quantity : {"amplitude", "frequency"}
         """
         validation.choice("quantity", quantity, ("amplitude", "frequency"))
         validation.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
@@ -164,11 +172,11 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
 
     @property
     def complete(self) -> bool:
-        """Whether there is an optimal curve of every draw."""
+        """Whether every draw has an optimal curve."""
         return all_complete(self.status)
 
     def columns(self) -> dict[str, Column]:
-        """Percentiles at each preload; the curves of all draws for xarray."""
+        """Return percentiles at each preload, and the curves of all draws for xarray."""
         bands = {
             f"{name}_{q}": Column(self.percentile(float(q), name), unit)
             for name, unit in (("amplitude", "m"), ("frequency", "Hz"))
@@ -201,17 +209,21 @@ def optimal_curve_uncertainty(
     resume: str | Path | None = None,
     progress: bool = False,
 ) -> OptimalCurveUncertainty:
-    """Optimal curves of a sample of settings.
+    """Compute the optimal curves of a sample of settings.
 
     Parameters
     ----------
     study : Study
     samples : mapping of setting to (n_draws,) float
-        From :func:`sample`, or given otherwise.
+        Sample from :func:`sample` or from elsewhere.
     preload, n, frequency, mode
-        As in :func:`bdamper.response.optimal_curve.optimal_curve`; the same preloads serve all draws.
+        See :func:`bdamper.response.optimal_curve.optimal_curve`; all draws use the same preloads.
     executor, resume, progress
-        As in :func:`bdamper.sweep`.
+        See :func:`bdamper.sweep`.
+
+    Returns
+    -------
+    OptimalCurveUncertainty
     """
     validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
     validation.require("preload" not in samples, "samples", "settings other than the preload", "'preload'")
@@ -245,10 +257,10 @@ def robust_optimum(
     executor: Executor | None = None,
     progress: bool = False,
 ) -> RobustOptimum:
-    """The preload that minimises a percentile of the resonance amplitude over a sample.
+    """Find the preload that minimises a percentile of the resonance amplitude over a sample.
 
-    Every percentile is taken over peaks computed at that preload, none is interpolated in the preload; the grid is narrowed
-    around its least value until it is as fine as asked for.
+    Percentiles are computed from peaks at each preload of a grid, without interpolation in the preload. The grid is refined
+    around its least value down to the tolerance.
 
     Parameters
     ----------
@@ -258,21 +270,21 @@ def robust_optimum(
     percentile : float
         From 0 to 100.
     n : int
-        Preloads in a grid, at least 5.
+        Number of preloads in a grid, at least 5.
     tolerance : float
-        Relative, on the preload.
+        Relative tolerance of the preload.
     frequency, mode, executor, progress
-        As in :func:`optimal_curve_uncertainty`.
+        See :func:`optimal_curve_uncertainty`.
 
     Returns
     -------
     RobustOptimum
-        After Ctrl-C that of the last whole grid.
+        After Ctrl-C the result of the last complete grid.
 
     Raises
     ------
     BdamperError
-        If a draw has no peak at any preload of a grid, or the executor ended within the first.
+        If a draw has no peak at a preload of a grid, or the executor ended within the first grid.
     KeyboardInterrupt
         If the first grid was interrupted.
     """
@@ -281,7 +293,7 @@ def robust_optimum(
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     ends = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in ends)
-    found: RobustOptimum | None = None
+    optimum: RobustOptimum | None = None
     rounds = 0
     while True:
         curve = optimal_curve_uncertainty(
@@ -289,9 +301,9 @@ def robust_optimum(
         )
         left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]
         if left:
-            if found is None:
+            if optimum is None:
                 raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
-            return replace(found, status=f"{INTERRUPTED}{left[0]}")
+            return replace(optimum, status=f"{INTERRUPTED}{left[0]}")
         height = np.percentile(curve.amplitude, percentile, axis=0)
         if not np.isfinite(height).all():
             bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
@@ -303,21 +315,21 @@ def robust_optimum(
         kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
         warned = sum(bool(w) for w in curve.warnings)
         status = COMPLETE if width <= tolerance else because(INCOMPLETE, "bracket not narrowed further")
-        found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
+        optimum = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
         if width <= tolerance or rounds >= 30:
-            return found
+            return optimum
         low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])
 
 
-# ---- The preload of the largest margin against fatigue ----
+# ---- Largest fatigue margin ----
 
 
-BESIDE = 1e-3
-"""Relative distance of the preloads at which the slope of a margin is read: peaks to 1e-8 leave 1e-5 of it."""
+PRELOAD_STEP = 1e-3
+"""Relative distance of the preloads for the derivative of a margin; peaks accurate to 1e-8 give an error of 1e-5."""
 AGREES = 0.02
-"""Share by which the least margin of a whole response curve may lie below that of the highest peak."""
-WHERE = {"end": "at the end of the preloads with a value", "unknown": "next to preloads where none is known"}
-"""Of the largest margin, by the kind of place, if it was not refined."""
+"""Relative difference by which the least margin of a response curve may be below the margin of the highest peak."""
+WHERE = {"end": "at the end of the preloads with a value", "unknown": "next to preloads without a value"}
+"""Status of the largest margin if it was not refined."""
 
 
 @one_thread
@@ -328,36 +340,40 @@ def best_margin(
     material: Material,
     **judged: Any,
 ) -> MarginCurve:
-    """Margins along an optimal curve, and the preload of the largest, refined between those of the curve.
+    """Compute margins along an optimal curve, and refine the preload with the largest margin.
 
     Parameters
     ----------
     problem : Problem
     curve : OptimalCurve
-        Of this problem.  Where it has the amplitude in time, ``in_time`` has the margin at that amplitude.
+        Curve of this problem. If it contains amplitudes from time integration, ``in_time`` contains their margins.
     material : Material
     **judged
-        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, as :class:`bdamper.fatigue.margin.LeastMargin` has them.
+        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, see :class:`bdamper.fatigue.margin.LeastMargin`.
 
     Returns
     -------
     MarginCurve
-        ``best_value`` is the preload, ``best_status`` tells how far it is known.  After Ctrl-C the best at a
-        preload of the curve.
+        ``best_value`` is the preload, ``best_status`` its accuracy. After Ctrl-C the best preload of the curve.
+
+    Raises
+    ------
+    SettingError
+        If the model has no stress sets, or a setting does not fit.
     """
     validation.instance("curve", curve, OptimalCurve)
     judge = LeastMargin(material, **judged)
-    found = judge.along(problem, curve)
+    result = judge.along(problem, curve)
     low, high = curve.settings["frequency"]
 
     def place(peak: Peak, p: float) -> Place:
-        """Of ln(preload) and less ln(margin), which is no number where the margin is none."""
-        system, beside = problem.system, (p * (1.0 - BESIDE), p * (1.0 + BESIDE))
+        """Return ln(preload), -ln(margin) and its derivative, which is NaN if a neighbouring peak was not found."""
+        system, neighbours = problem.system, (p * (1.0 - PRELOAD_STEP), p * (1.0 + PRELOAD_STEP))
         along: dict[str, Any] = {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
-        near = [find_peak(system(q), peak.y, parameter=q, **along) for q in beside]
+        near = [find_peak(system(q), peak.y, parameter=q, **along) for q in neighbours]
         here = _height(judge, problem, peak, p)
         ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
-        return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(beside[1] / beside[0])))
+        return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(neighbours[1] / neighbours[0])))
 
     def ask(places: Sequence[float]) -> list[Place]:
         followed = curves.follow([float(np.exp(x)) for x in places])
@@ -367,19 +383,19 @@ def best_margin(
         rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
         places = [place(_peak(problem, curve, k), p) if is_known else Place(np.log(p), np.inf) for k, p, is_known in rows]
         places, best = least(places, ask, lambda a, b, x: x)
-        kept = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
-        peaks = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
-        tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, kept[p].balance, rtol=1e-3, atol=0.0)]
+        responses = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
+        peaks = [(p, peak.top.peak) for p in responses for peak in curves.follow([p]) if peak.known and peak.top]
+        tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, responses[p].balance, rtol=1e-3, atol=0.0)]
     if curves.interrupted:
-        i = found.greatest
-        return replace(found, best_value=found.values[i], best_margin=found.margin[i], best_status=INTERRUPTED)
+        i = result.greatest
+        return replace(result, best_value=result.values[i], best_margin=result.margin[i], best_status=INTERRUPTED)
     at = places[best.index]
     preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
     where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, preload, value)
     status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
-    in_time = tuple(judge.margins(problem, y, p, kept[p]) for p, y in tops)
-    return replace(found, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
+    in_time = tuple(judge.margins(problem, y, p, responses[p]) for p, y in tops)
+    return replace(result, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
 
 
 def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:
@@ -388,14 +404,15 @@ def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) ->
 
 
 def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:
-    """The highest point of an optimal curve again, with its tangent where it has one."""
+    """Return a point of an optimal curve as a peak, with its tangent if it has one."""
     p = float(curve.preload[i])
     y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
     return find_peak(problem.system(p), y, parameter=p)
 
 
 def _doubt(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float) -> str:
-    """What the whole response curve at a preload says against the margin there, empty where it agrees."""
+    """Return the contradiction between the complete response curve at a preload and the margin there; empty if they agree.
+    """
     low, high = curve.settings["frequency"]
     whole = tracking.frequency_response(problem, preload, (low, high))
     if not whole.complete:

@@ -1,12 +1,11 @@
-"""Sweeps: one question asked of many variants of a problem, on any executor, with results that survive a crash.
+"""Sweeps over settings of a problem, and comparisons of several studies.
 
-Every point is computed from the problem and its own settings alone, so results do not depend on order, workers or
-interruptions.  Finished points can be kept in a file (:mod:`bdamper.util.storage`).
+:func:`sweep` evaluates one function for many variants of a problem, on any executor. Every point depends on the problem and
+its own settings only, so results do not depend on order, workers or interruptions. A results file
+(:mod:`bdamper.util.storage`) can store finished points.
 
-One question asked of several studies, and one table of what comes of it: designs, friction laws, any settings.
-
-In come studies by name and a question that returns a response curve or an optimal curve; out comes a
-:class:`Comparison` with all of them, in which the first is what the others are compared with.
+:func:`compare` evaluates one function for several studies. The function returns a response curve or an optimal curve, and
+the :class:`Comparison` relates all of them to the first.
 """
 
 from __future__ import annotations
@@ -39,29 +38,26 @@ from bdamper.util.progress import Cost, each, one_thread
 from bdamper.util.storage import HERE, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, joined
 
-# ---- Sweeps ----
-
-
 Values = Mapping[str, Any]
 Task = Callable[[Any, float | None], Values]
-"""The question: a function of a study (of a problem where that is swept) and a preload (None if the sweep has none) that
-returns named numbers, texts or lists of numbers.
+"""Function of a study (or problem) and a preload (None if the sweep has none) that returns named numbers, texts or lists
+of numbers.
 
-An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts those that are not.  An answer
-named ``"cost"`` that is a :class:`bdamper.util.progress.Cost` is kept as the cost of the point.
+"warning" is a text, empty if there is none; the result collects the others. "cost" may be a
+:class:`bdamper.util.progress.Cost`, the cost of the point.
 """
 
 
 @dataclass(frozen=True)
 class PeakTask(validation.Checked):
-    """The highest resonance peak.
+    """Evaluation of the highest resonance peak.
 
     Parameters
     ----------
     preload : float, N, optional
-        Where the sweep itself does not vary it.
+        Preload if the sweep does not vary it.
     frequency : (low, high), Hz, optional
-        Around the free and the stuck resonance of ``mode`` by default.
+        Search interval; by default around the free and the stuck resonance of ``mode``.
     mode : int
     """
 
@@ -83,14 +79,14 @@ class PeakTask(validation.Checked):
 
 @dataclass(frozen=True)
 class OptimalTask(validation.Checked):
-    """Optimal curve and optimum.
+    """Evaluation of optimal curve and optimum.
 
     Parameters
     ----------
     preload : tuple of float, N
-        Two ends, or all values.
+        Lower and upper limit, or all values.
     n : int
-        Values between two ends.
+        Number of values between two limits.
     frequency : (low, high), Hz, optional
     mode : int
     """
@@ -120,30 +116,29 @@ class OptimalTask(validation.Checked):
 @brief
 @dataclass(frozen=True)
 class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
-    """Answers at all points of a sweep.
+    """Results at all points of a sweep.
 
-    ``plot`` draws one answer over the last setting (:func:`bdamper.plot.plot_sweep`).
+    ``plot`` draws one quantity over the last setting (:func:`bdamper.plot.plot_sweep`).
 
     Parameters
     ----------
     names : tuple of str
-        Of the settings.
+        Names of the settings.
     points : tuple of mapping
         Settings of each point.
     values : tuple of mapping
-        Answers at each point, empty where there is none.
+        Results of each point; empty if there is none.
     status : tuple of str
-        "complete", "failed: " with the reason, or "not run" where the sweep was interrupted before, with the reason where
-        that was the end of its executor.
+        "complete", "failed: " with the reason, or "not run" after an interruption, with the reason if the executor ended.
     seconds : (n,) float
-        Spent on each point.
+        Elapsed time of each point.
     shape : tuple of int
-        Of the grid of settings, the last name fastest; one number if points were given in a list.
+        Shape of the grid of settings, the last name fastest; one number for a list of points.
     settings : mapping
-        Of the problem that was varied.
+        Settings of the varied problem.
     model_hash : str
     cost : tuple of Cost
-        Of each point: as measured by the question, otherwise the time alone.
+        Cost of each point: that of the evaluation, otherwise the time only.
     """
 
     names: tuple[str, ...]
@@ -158,33 +153,33 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         return len(self.points)
 
     def check_rows(self) -> None:
-        """Raise ValueError unless there are settings, answers, status and time of each point of the grid."""
+        """Raise ValueError unless every point of the grid has settings, values, status and time."""
         counts = [int(np.prod(self.shape)), *map(len, (self.points, self.values, self.status, self.seconds))]
         if len(set(counts)) > 1:
             raise ValueError(f"grid, points, values, status and seconds of {counts} points")
 
     @property
     def complete(self) -> bool:
-        """Whether there is an answer at every point; what it leaves open stands in ``warnings``."""
+        """Whether every point has a result; ``warnings`` contains doubts about them."""
         return all_complete(self.status)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the result at each point, empty where there is none."""
+        """Warning of each point, empty if there is none."""
         return tuple(str(value.get("warning", "")) for value in self.values)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Names of the answers."""
+        """Names of the computed quantities."""
         return tuple(dict.fromkeys(name for value in self.values for name in value))
 
     def array(self, quantity: str) -> NDArray:
-        """Answers as an array on the grid of settings, NaN where there is none.
+        """Return a quantity as an array on the grid of settings; NaN at points without a value.
 
         Raises
         ------
         SettingError
-            If there is no such answer.
+            If there is no such quantity.
         """
         validation.choice("quantity", quantity, self.quantities)
         known = next(np.asarray(value[quantity]) for value in self.values if quantity in value)
@@ -207,7 +202,9 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         return grid
 
     def columns(self) -> dict[str, Column]:
-        """A row for each point: its settings, its answers, status and time; answers that are lists for xarray."""
+        """Return one row for each point with settings, quantities, status and time; lists have a second dimension in
+        xarray.
+        """
         settings = {name: np.array([str(p[name]) if isinstance(p[name], dict) else p[name] for p in self.points])
                     for name in self.names}  # fmt: skip
         out = {name: Column(values, UNITS.get(name, "")) for name, values in settings.items()}
@@ -235,13 +232,13 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
 
 def as_words(point: Mapping[str, Any]) -> str:
-    """Settings of a point with their values and units."""
+    """Return the settings of a point as text with units."""
     texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short(v) for n, v in point.items()}
     return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
 
 
 def _named(task: Any) -> str:
-    """Stable identifier of a callable."""
+    """Return a stable identifier of a callable."""
     if is_dataclass(task) and not isinstance(task, type):
         return repr(task)
     return f"{getattr(task, '__module__', '')}.{getattr(task, '__qualname__', type(task).__qualname__)}"
@@ -249,7 +246,7 @@ def _named(task: Any) -> str:
 
 @dataclass(frozen=True)
 class _Job:
-    """What all points have in common."""
+    """Study and function of all points."""
 
     study: Asking | Problem
     evaluate: Task
@@ -258,12 +255,14 @@ class _Job:
         return recorded(lambda: self._answers(settings))
 
     def _answers(self, settings: Mapping[str, Any]) -> Values:
-        own = {name: value for name, value in settings.items() if name != "preload"}
+        varied = {name: value for name, value in settings.items() if name != "preload"}
         preload = settings.get("preload")
-        return self.evaluate(vary(self.study, own) if own else self.study, None if preload is None else float(preload))
+        study = vary(self.study, varied) if varied else self.study
+        return self.evaluate(study, None if preload is None else float(preload))
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
+    """Return names, settings of each point, and shape of the grid."""
     validation.that(isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over)
     names = tuple(over)
     columns: list[list[Any]] = []
@@ -282,7 +281,7 @@ def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, An
 
 
 def _check_names(problem: Problem, over: Mapping[str, Any]) -> None:
-    """Whether the settings of a sweep can be varied."""
+    """Raise SettingError if a setting of a sweep cannot be varied."""
     for value in over.get("preload", ()):
         validation.number("over 'preload'", value, unit="N")
     for name in over:
@@ -293,9 +292,9 @@ def _check_names(problem: Problem, over: Mapping[str, Any]) -> None:
 def _question(
     evaluate: Any, names: Sequence[str], preload: float | None, frequency: tuple[float, float] | None, mode: int
 ) -> Task:
-    """The question that is asked: the one given, or that for the highest peak."""
+    """Return the function to evaluate: the given one, or the search for the highest peak."""
     if evaluate is not None and (preload is not None or frequency is not None or mode != 1):
-        raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
+        raise SettingError("preload, frequency, mode: omit them if evaluate is given")
     task: Task = PeakTask(preload, frequency, mode) if evaluate is None else evaluate
     good = callable(task) and not isinstance(task, type)
     validation.that(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
@@ -305,7 +304,7 @@ def _question(
 
 
 def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) -> None:
-    """Warn once, of the whole sweep, unless it varies what the warning is about."""
+    """Warn once about implausible values, unless the sweep varies them."""
     varied = any(name.startswith("excitation") for name in over)
     if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
         preload = validation.numbers("preload", np.atleast_1d(over.get("preload", evaluate.preload)), unit="N")
@@ -315,7 +314,7 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) 
 
 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
-    """What identifies a sweep in its results file."""
+    """Return the identification of a sweep in its results file."""
     return {
         "format": "bdamper-sweep-results", "version": 4, **HERE.attributes(),
         "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate), "combine": combine,
@@ -338,7 +337,7 @@ def sweep(
     resume: str | Path | None = None,
     progress: bool = False,
 ) -> SweepResult:
-    """Ask one question of many variants of a problem.
+    """Evaluate a function for many variants of a problem.
 
     Parameters
     ----------
@@ -346,27 +345,28 @@ def sweep(
     over : mapping of name to sequence of values
         "preload" and the settings of :mod:`bdamper.harmonic_balance.parameters`.
     evaluate : callable, optional
-        ``evaluate(study, preload)`` returns named answers: numbers, texts, lists of numbers; the highest peak by default.
-        Processes need a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
+        ``evaluate(study, preload)`` returns named numbers, texts or lists of numbers; by default the highest peak. Process
+        pools need a module-level function, a :class:`PeakTask` or an :class:`OptimalTask`.
     combine : {"product", "zip"}
-        All combinations of the values, or the first with the first and so on.
+        All combinations of the values, or element-wise combinations.
     preload, frequency, mode
-        Of the default question.
+        See :class:`PeakTask`.
     executor : concurrent.futures.Executor, optional
-        Threads, processes, ``dask.distributed.Client(...).get_executor()``, ``mpi4py.futures.MPIPoolExecutor``; left open.
+        Threads, processes, ``dask.distributed.Client(...).get_executor()`` or ``mpi4py.futures.MPIPoolExecutor``.
     resume : path, optional
-        File to which finished points are appended, and from which an interrupted sweep goes on.
+        Results file: finished points are appended to it, and an interrupted sweep continues from it.
     progress : bool
+        Whether to show a progress bar.
 
     Returns
     -------
     SweepResult
-        After Ctrl-C, or the death of a worker, with the points that were finished by then; the others are "not run".
+        After Ctrl-C or the end of the executor, unfinished points have the status "not run".
 
     Raises
     ------
-    SettingError
-        For a name or value that cannot be varied; BdamperError if the results file is of another sweep.
+    BdamperError
+        If a name or value cannot be varied (SettingError), or the results file belongs to another sweep.
     """
     names, points, shape = _points(over, combine)
     problem = problem_of(study)
@@ -377,9 +377,9 @@ def sweep(
     _check_plausible(problem, evaluate, over)
     job = _Job(study, evaluate)
     if executor is not None:
-        _ = problem.stiffness  # which variants share is made before the job is sent out
-    kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
-    with kept as store:
+        _ = problem.stiffness  # computed once, before the job is sent to the workers
+    opened = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
+    with opened as store:
         ordered = run_stored(job, points, range(len(points)), executor, store, progress, "sweep", "point")
     values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
     return SweepResult(
@@ -387,24 +387,24 @@ def sweep(
     )  # fmt: skip
 
 
-# ---- One question asked of several studies, and one table of what comes of it ----
+# ---- Comparison of studies ----
 
 
 @brief
 @dataclass(frozen=True)
 class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
-    """Response curves or optimal curves of several problems.
+    """Response curves or optimal curves of several studies.
 
-    ``plot`` draws all of them on the same axes (:func:`bdamper.plot.plot_comparison`).
+    ``plot`` draws all of them in the same axes (:func:`bdamper.plot.plot_comparison`).
 
     Parameters
     ----------
     names : tuple of str
-        Of the problems; changes are those from the first.
+        Names of the studies; the first is the reference of all changes.
     curves : tuple of ResponseCurve
-        One for each problem, or none.
+        One for each study, or empty.
     optimal : tuple of OptimalCurve
-        One for each problem, or none.
+        One for each study, or empty.
     """
 
     names: tuple[str, ...]
@@ -416,7 +416,7 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
 
     @property
     def results(self) -> dict[str, ResponseCurve] | dict[str, OptimalCurve]:
-        """Results by the name of their problem."""
+        """Results by the name of the study."""
         return dict(zip(self.names, self.curves)) if self.curves else dict(zip(self.names, self.optimal))
 
     @property
@@ -426,12 +426,12 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
         return {name: first.compare(other) for name, other in zip(self.names[1:], others)}
 
     def columns(self) -> dict[str, Column]:
-        """The points of all curves one below the other, each with the name of its problem."""
+        """Return the points of all curves with the name of their study."""
         results: tuple[ResponseCurve, ...] | tuple[OptimalCurve, ...] = self.curves or self.optimal
         return {"name": Column(np.repeat(np.array(self.names), [len(r) for r in results])), **joined(results)}
 
     def change(self, name: str) -> float:
-        """Amplitude relative to that of the first problem, minus one; NaN if one of both is not known."""
+        """Return the relative change of the amplitude from the first study; NaN if an amplitude is unknown."""
         of, first = (_outcome(self.results[key])[0] for key in (name, self.names[0]))
         return of / first - 1.0
 
@@ -439,9 +439,9 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
         rows: list[tuple[str, ...]] = [("", "amplitude", "frequency", "preload", "change", "time", "")]
         for name, result in self.results.items():
             a, f, p, status = _outcome(result)
-            told = percent(self.change(name), True) if name != self.names[0] and np.isfinite(self.change(name)) else ""
+            change = percent(self.change(name), True) if name != self.names[0] and np.isfinite(self.change(name)) else ""
             numbers = amount(a, "m"), amount(f, "Hz", 6), amount(p, "N")
-            rows.append((name, *numbers, told, amount(result.cost.seconds, "s"), status))
+            rows.append((name, *numbers, change, amount(result.cost.seconds, "s"), status))
         return rows
 
     def _headline(self) -> str:
@@ -450,11 +450,11 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
             return f"No peak of '{self.names[0]}' to compare with: {why}."
         known = [(name, change) for name in self.names[1:] if np.isfinite(change := self.change(name))]
         parts = ", ".join(f"'{name}' {percent(change, True)}" for name, change in known) or "none is known"
-        return f"Beside '{self.names[0]}' with {height(a, f)}, preload {amount(p, 'N')}: {parts}."
+        return f"Changes from '{self.names[0]}' with {height(a, f)}, preload {amount(p, 'N')}: {parts}."
 
 
 def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float, str]:
-    """Amplitude (m), frequency (Hz), preload (N) of a result, and how far they are to be trusted."""
+    """Return amplitude (m), frequency (Hz), preload (N) and status of a result."""
     if isinstance(result, OptimalCurve):
         o = result.optimum
         return o.amplitude, o.frequency, o.preload, f"{o.kind}, {o.status}"
@@ -474,46 +474,46 @@ def compare(
     *,
     progress: bool = False,
 ) -> Comparison:
-    """The same question asked of several studies.
+    """Evaluate one function for several studies.
 
     Parameters
     ----------
     studies : mapping of name to study or settings
-        The first is a study, with which the others are compared.  Settings are those in which a study differs from it, by
-        the names that a sweep takes (:func:`bdamper.sweep`): ``{"now": study, "smooth": {"friction_coefficient": 0.2}}``.
+        The first is a study, the reference. Others may be mappings of settings that differ from it, with the names of
+        :func:`bdamper.sweep`: ``{"now": study, "smooth": {"friction_coefficient": 0.2}}``.
     question : callable
-        Returns the response curve or the optimal curve of a study, ``lambda study: study.frequency_response(500.0, (280.0,
-        380.0))``.
+        Returns the response curve or optimal curve of a study, for example ``lambda study: study.frequency_response(500.0,
+        (280.0, 380.0))``.
     progress : bool
-        Show a progress bar.
+        Whether to show a progress bar.
 
     Returns
     -------
     Comparison
-        After Ctrl-C the studies up to the one that was interrupted.
+        After Ctrl-C it contains the studies up to the interrupted one.
 
     Raises
     ------
     SettingError
-        Before any work, if a study or a setting does not fit.
+        If a study or a setting does not fit; raised before any computation.
     """
     words = "a mapping of one or more names to studies or settings"
     named = isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
     validation.that(bool(named), "studies", words, studies)
     first = next(iter(studies.values()))
-    problem, asked = problem_of(first), []  # type: ignore[arg-type]
-    for name, given in studies.items():
-        own: Any = validation.instance(f"study '{name}'", getattr(given, "problem", given), (Problem, Mapping), words)
-        asked.append(given if isinstance(own, Problem) else like(first, vary(problem, own)))  # type: ignore[type-var]
-    found: list[ResponseCurve | OptimalCurve] = []
-    for study in each(asked, progress, "studies", "study"):
+    problem, variants = problem_of(first), []  # type: ignore[arg-type]
+    for name, entry in studies.items():
+        settings: Any = validation.instance(f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), words)
+        variants.append(entry if isinstance(settings, Problem) else like(first, vary(problem, settings)))  # type: ignore[type-var]
+    results: list[ResponseCurve | OptimalCurve] = []
+    for study in each(variants, progress, "studies", "study"):
         answer = validation.instance(
             "answer", question(study), (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
         )
-        kind = type(found[0]) if found else type(answer)
-        found.append(validation.instance("answer", answer, kind, "the same kind of result from every study"))
+        kind = type(results[0]) if results else type(answer)
+        results.append(validation.instance("answer", answer, kind, "the same kind of result from every study"))
         if answer.interrupted:
             break
-    curves = tuple(result for result in found if isinstance(result, ResponseCurve))
-    optimal = tuple(result for result in found if isinstance(result, OptimalCurve))
-    return Comparison(tuple(studies)[: len(found)], curves, optimal)
+    curves = tuple(result for result in results if isinstance(result, ResponseCurve))
+    optimal = tuple(result for result in results if isinstance(result, OptimalCurve))
+    return Comparison(tuple(studies)[: len(results)], curves, optimal)

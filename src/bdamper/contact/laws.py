@@ -11,7 +11,7 @@ one instant earlier and the state there:
 
 .. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
 
-Its signature is ``bd_user_law`` of ``csrc/bd_law.h``.  The C core calls it in harmonic balance (``csrc/contact/user_law_aft.c``), in the
+Its signature is ``bd_user_law`` of ``csrc/contact/user_law.h``.  The C core calls it in harmonic balance (``csrc/contact/user_law_aft.c``), in the
 static analysis and in time integration.  :func:`check` tests it before an analysis uses it.
 
 **A new contact law** is such a function, written by the user or added to ``csrc/contact/shipped_laws.c`` with an entry in
@@ -146,7 +146,7 @@ SHIPPED = {"jenkins": _core.jenkins, "iwan": _core.jenkins, "bouc_wen": _core.bo
 class ContactLaw:
     """Contact law as a compiled function, for ``friction_law`` of a study.
 
-    The function has the signature ``bd_user_law`` of ``csrc/bd_law.h``: eleven pointers, no return value.  It must not call
+    The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers, no return value.  It must not call
     Python.  Several threads call it at the same time, so its results must depend on its arguments alone.
 
     Parameters

@@ -1,9 +1,8 @@
-"""Stress over a cycle and margins against fatigue.
+"""Stress over a vibration cycle and safety factors against high-cycle fatigue.
 
-In: a solution of a problem whose model carries stress rows (:class:`bdamper.model.structure.StressSet`) and a
-`Material`. Out: the stress at every point of these sets over the cycle, with all harmonics and the mean, its amplitude and
-mean by one of several definitions, and the factor by which it could grow before the limit of the material: infinite life,
-not a number of cycles.
+Input is a solution of a problem whose model has stress sets (:class:`bdamper.model.structure.StressSet`) and a `Material`.
+The package computes the stress at every point of these sets with all harmonics and the mean. It derives stress amplitude
+and mean stress, and the safety factor for infinite life. It does not compute a number of cycles.
 """
 
 from bdamper.fatigue.criteria import AISI_1050, CRITERIA, LINES, Material

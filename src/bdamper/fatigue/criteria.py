@@ -1,35 +1,33 @@
-r"""Amplitude and mean of a stress tensor over a cycle, by four definitions.
+r"""Stress amplitude, mean stress and safety factors of multiaxial stress cycles.
 
-A cycle is ``sigma(theta) = c_0 + sum_l Re[c_l exp(i l theta)]``, six components in the order xx, yy, zz, xy, yz, xz.
+A cycle is ``sigma(theta) = c_0 + sum_l Re[c_l exp(i l theta)]`` with six components in the order xx, yy, zz, xy, yz, xz.
 
-* *von Mises*: half the largest von Mises value of ``sigma(theta_1) - sigma(theta_2)`` over all pairs of instants; mean: the
-  trace of the mean tensor (its stress under tension, nothing under shear).  Invariant, continuous, and the classical value
-  where the stress is proportional.  Of one harmonic, ``sqrt((z^H D z + |z^T D z|)/2)`` with D the form of von Mises.
-* *signed von Mises*: half the range, and the middle, of the von Mises value of the whole stress with the sign of its trace.
-  It hides torsion on a mean tension, and jumps where the sign changes.
-* *principal*: amplitude and middle of the normal stress on the one fixed plane on which its amplitude is largest.  The
-  largest eigenvalue of an instant would halve a field that turns.
-* *critical plane* (:func:`findley`): ``tau_a + k sigma_max`` on the plane where it is largest, ``tau_a`` the radius of the
-  smallest circle around the path of the shear stress (W. N. Findley, J. Eng. Ind. 81, 301-306, 1959).
+* *von Mises*: the amplitude is half the largest von Mises value of ``sigma(theta_1) - sigma(theta_2)`` over all pairs of
+  instants. The mean is the trace of the mean tensor, which is the mean stress in uniaxial tension and zero in pure shear.
+  The amplitude is invariant, continuous and equal to the classical value in proportional loading. For one harmonic it is
+  ``sqrt((z^H D z + |z^T D z|)/2)`` with the quadratic form D of the von Mises value.
+* *Findley* (:func:`findley`): ``tau_a + k sigma_max`` on the critical plane, the plane of its maximum. ``tau_a`` is the
+  radius of the smallest circle around the path of the shear stress [1]_.
 
-Instants are sampled, and the best ones refined by Newton's method, so that the result does not depend on where samples lie.
-
-Limits of a material under vibration, and the factor between a cycle and these limits.
+The cycle is sampled, and the best samples are refined by Newton's method. The result therefore does not depend on the
+position of the samples.
 
 With amplitude a, mean m, :math:`m_+ = \max(m, 0)`, endurance limit :math:`S_e`, ultimate strength :math:`S_u` and yield
-strength :math:`S_y`:
+strength :math:`S_y`, the safety factor n is:
 
 ==========  =====================================================  ====================================
-line        factor n on amplitude and mean together                factor on the amplitude alone
+line        factor on amplitude and mean                           factor on the amplitude alone
 ==========  =====================================================  ====================================
 Goodman     :math:`1/n = a/S_e + m_+/S_u`                          :math:`S_e (1 - m_+/S_u)/a`
 Soderberg   :math:`1/n = a/S_e + m_+/S_y`                          :math:`S_e (1 - m_+/S_y)/a`
 Gerber      :math:`n a/S_e + (n m_+/S_u)^2 = 1`                    :math:`S_e (1 - (m_+/S_u)^2)/a`
 ==========  =====================================================  ====================================
 
-Compression neither helps nor hurts.  On the amplitude alone is what counts for a blade: the speed of rotation fixes the
-mean, the excitation may grow.  There a mean beyond its limit leaves nothing, a factor 0.  On both together the factor goes
-through 1 where the mean alone meets its limit and stays positive: both may be divided by it.
+A compressive mean stress has no effect. For a blade the factor on the amplitude alone is relevant: rotation fixes the mean
+stress, and only the excitation can grow. This factor is 0 if the mean stress exceeds its limit. The factor on both is 1 if
+the mean stress alone is at its limit, and always positive.
+
+.. [1] W. N. Findley, J. Eng. Ind. 81, 301-306, 1959.
 """
 
 from __future__ import annotations
@@ -44,13 +42,10 @@ from numpy.typing import NDArray
 
 from bdamper.util import validation
 
-# ---- Amplitude and mean of a stress tensor over a cycle, by four definitions ----
-
-
-CRITERIA = ("von_mises", "signed_von_mises", "principal", "findley")
+CRITERIA = ("von_mises", "findley")
 
 _INDEX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
-# Coordinates in which the von Mises value of a tensor is its length: deviators by two normal differences and three shears.
+# Maps stress components to five deviatoric coordinates whose Euclidean norm is the von Mises value.
 _DEVIATOR = np.zeros((5, 6))
 _DEVIATOR[0, :2] = [np.sqrt(3.0) / 2.0, -np.sqrt(3.0) / 2.0]
 _DEVIATOR[1, :3] = [-0.5, -0.5, 1.0]
@@ -58,55 +53,65 @@ _DEVIATOR[2:, 3:] = np.sqrt(3.0) * np.eye(3)
 
 
 class Cycle(NamedTuple):
-    """Amplitude and mean (n,) of cycles, in the unit of the stress."""
+    """Stress amplitude and mean stress (n,) of cycles, in the unit of the stress."""
 
     amplitude: NDArray
     mean: NDArray
 
 
 def tensors(stress: NDArray) -> NDArray:
-    """(..., 3, 3) tensors of components (..., 6)."""
+    """Return stress components (..., 6) as tensors (..., 3, 3)."""
     return np.asarray(stress)[..., _INDEX]
 
 
 def von_mises(stress: NDArray) -> NDArray:
-    """(...) von Mises value of stress (..., 6)."""
+    """Return the von Mises value (...) of stress components (..., 6)."""
     return np.linalg.norm(np.asarray(stress) @ _DEVIATOR.T, axis=-1)
 
 
 def angles(n_harmonics: int) -> NDArray:
-    """(n,) rad: instants at which a cycle is sampled, 128 up to seven harmonics and 256 beyond."""
+    """Return the sampling angles (n,) of a cycle in rad: 128 for up to seven harmonics, otherwise 256."""
     n = 128 if n_harmonics <= 7 else 256
     return 2.0 * np.pi * np.arange(n) / n
 
 
 def over_cycle(coefficients: NDArray, theta: NDArray) -> NDArray:
-    """(..., n_theta) values of cycles (..., H + 1), the mean first."""
+    """Evaluate Fourier coefficients (..., H + 1), mean first, at angles (n_theta,) in rad."""
     l = np.arange(coefficients.shape[-1])
     return (np.asarray(coefficients) @ np.exp(1j * l[:, None] * theta)).real
 
 
 def _at(coefficients: NDArray, theta: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Values, first and second derivatives (n, m) of cycles (n, m, H + 1), each at an instant (n,) of its own."""
+    """Evaluate cycles (n, m, H + 1) at one angle (n,) each; return values, first and second derivatives (n, m)."""
     l = np.arange(coefficients.shape[-1])
     wave = coefficients * np.exp(1j * l * theta[:, None])[:, None]
     return wave.sum(-1).real, (1j * l * wave).sum(-1).real, (-(l**2) * wave).sum(-1).real
 
 
-def amplitude_and_mean(coefficients: NDArray, criterion: str = "von_mises") -> Cycle:
-    """Amplitude and mean of cycles (n, 6, H + 1) by "von_mises", "signed_von_mises" or "principal"."""
-    by = {"von_mises": _by_von_mises, "signed_von_mises": _by_signed_von_mises, "principal": _by_principal}
+def amplitude_and_mean(coefficients: NDArray) -> Cycle:
+    """Return von Mises amplitude and mean of stress cycles.
+
+    Parameters
+    ----------
+    coefficients : (n, 6, H + 1) complex, Pa
+        Mean and harmonics of the stress components.
+
+    Returns
+    -------
+    Cycle
+    """
     coefficients = np.asarray(coefficients, complex)
     if not len(coefficients):
         return Cycle(np.zeros(0), np.zeros(0))
-    blocks = np.array_split(coefficients, -(-len(coefficients) // 256))  # whose pairs of instants are held at once
-    parts = [by[criterion](block) for block in blocks]
+    # blocks limit the memory of the matrix of all pairs of instants
+    blocks = np.array_split(coefficients, -(-len(coefficients) // 256))
+    parts = [_by_von_mises(block) for block in blocks]
     return Cycle(*(np.concatenate(part) for part in zip(*parts)))
 
 
 def _by_von_mises(c: NDArray) -> Cycle:
     y = np.einsum("ij,njl->nil", _DEVIATOR, c)
-    y[..., 0] = 0.0  # differences do not see the mean
+    y[..., 0] = 0.0  # the mean has no effect on differences
     theta = angles(c.shape[-1] - 1)
     path = over_cycle(y, theta)
     square = (path**2).sum(axis=1)
@@ -118,7 +123,7 @@ def _by_von_mises(c: NDArray) -> Cycle:
 
 
 def largest_von_mises(coefficients: NDArray) -> NDArray:
-    """(n,) largest von Mises value of the whole stress over cycles (n, 6, H + 1)."""
+    """Return the largest von Mises value (n,) of the total stress over cycles (n, 6, H + 1)."""
     c = np.asarray(coefficients, complex)
     y, theta = np.einsum("ij,njl->nil", _DEVIATOR, c), angles(c.shape[-1] - 1)
     at = theta[(over_cycle(y, theta) ** 2).sum(axis=1).argmax(axis=1)]
@@ -132,7 +137,17 @@ def largest_von_mises(coefficients: NDArray) -> NDArray:
 
 
 def _climbed(rates: Callable[[NDArray], tuple[NDArray, NDArray]], at: NDArray, most: float) -> NDArray:
-    """Instants (n,) of maxima near given ones, by Newton's method with both derivatives, in steps up to ``most``."""
+    """Refine maxima of cycles by Newton's method.
+
+    Parameters
+    ----------
+    rates : callable
+        Returns first and second derivatives (n,) at angles (n,).
+    at : (n,) float, rad
+        Initial angles.
+    most : float, rad
+        Largest step.
+    """
     for _ in range(4):
         slope, curve = rates(at)
         falls = curve < 0.0
@@ -141,7 +156,7 @@ def _climbed(rates: Callable[[NDArray], tuple[NDArray, NDArray]], at: NDArray, m
 
 
 def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
-    """Largest ``|y(theta_1) - y(theta_2)|^2`` (n,) near given pairs of instants, by Newton's method."""
+    """Maximise ``|y(theta_1) - y(theta_2)|^2`` from pairs (n, 2) of angles by Newton's method; return the maxima (n,)."""
 
     def parts(at: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         (y1, d1, s1), (y2, d2, s2) = _at(y, at[:, 0]), _at(y, at[:, 1])
@@ -171,61 +186,24 @@ def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
     return value
 
 
-def _extremes(c: NDArray) -> tuple[NDArray, NDArray]:
-    """Instants (n,) of the largest and least value of scalar cycles (n, H + 1), by samples and Newton's method."""
-    theta = angles(c.shape[-1] - 1)
-    values = over_cycle(c, theta)
-
-    def climbed(sense: float) -> NDArray:
-        def rates(at: NDArray) -> tuple[NDArray, NDArray]:
-            _, slope, curve = _at(c[:, None], at)
-            return sense * slope[:, 0], sense * curve[:, 0]
-
-        return _climbed(rates, theta[(sense * values).argmax(axis=1)], theta[1])
-
-    return climbed(1.0), climbed(-1.0)
-
-
-def _by_signed_von_mises(c: NDArray) -> Cycle:
-    stress = over_cycle(c, 2.0 * np.pi * np.arange(1024) / 1024).transpose(0, 2, 1)
-    signed = np.where(stress[..., :3].sum(-1) < 0.0, -1.0, 1.0) * von_mises(stress)
-    high, low = signed.max(axis=1), signed.min(axis=1)
-    return Cycle(0.5 * (high - low), 0.5 * (high + low))
-
-
-def _by_principal(c: NDArray) -> Cycle:
-    coarse = 2.0 * np.pi * np.arange(64) / 64
-    i, j = np.triu_indices(len(coarse), 1)
-    path = over_cycle(c, coarse)
-    apart = (path[:, :, i] - path[:, :, j]).transpose(0, 2, 1)
-    best = np.abs(np.linalg.eigvalsh(tensors(apart))).max(axis=-1).argmax(axis=1)
-    first, second = coarse[i[best]], coarse[j[best]]
-    for _ in range(30):
-        difference = tensors(_at(c, first)[0] - _at(c, second)[0])
-        value, axes = np.linalg.eigh(difference)
-        top = np.abs(value[:, 2]) >= np.abs(value[:, 0])
-        plane = np.where(top[:, None], axes[..., 2], axes[..., 0])
-        normal = np.einsum("ni,nijl,nj->nl", plane, c[:, _INDEX], plane)
-        first, second = _extremes(normal)
-    high, low = (_at(normal[:, None], at)[0][:, 0] for at in (first, second))
-    return Cycle(0.5 * (high - low), 0.5 * (high + low))
-
-
-# -----------------------------------------------------------------------------------------------------------
-# Critical plane
-
-
 def findley(coefficients: NDArray, k: float, limit: float | None = None) -> NDArray:
-    """(n,) largest ``tau_a + k sigma_max`` over all planes.
+    """Return the largest ``tau_a + k sigma_max`` over all planes.
 
     Parameters
     ----------
-    coefficients : (n, 6, H + 1) complex
+    coefficients : (n, 6, H + 1) complex, Pa
+        Mean and harmonics of the stress components.
     k : float
         Weight of the normal stress.
     limit : float, optional
-        If given, the largest ``(tau_a + k sigma_a)/(limit - k sigma_m)`` instead: the reciprocal factor on the vibration
-        alone, sigma_m and sigma_a mean and amplitude above it of the normal stress; infinite where the mean uses it up.
+        Limit of the criterion, Pa. If given, the result is the largest ``(tau_a + k sigma_a)/(limit - k sigma_m)``, the
+        reciprocal safety factor on the vibration alone. ``sigma_m`` is the mean of the normal stress, ``sigma_a`` its
+        largest excess over the mean. The value is infinite if the mean stress exceeds the limit.
+
+    Returns
+    -------
+    (n,) float
+        In Pa, or dimensionless if ``limit`` is given.
     """
     c = np.asarray(coefficients, complex)
     planes, values = _half_sphere(), np.zeros(len(c))
@@ -236,7 +214,7 @@ def findley(coefficients: NDArray, k: float, limit: float | None = None) -> NDAr
 
 
 def _half_sphere(n_rings: int = 12) -> NDArray:
-    """(n, 3) unit normals, about equally far apart: some 220 of a half sphere."""
+    """Return unit normals (n, 3) of about equal distance on a half sphere; 12 rings have some 220 normals."""
     out = []
     for polar in (np.arange(n_rings) + 0.5) * 0.5 * np.pi / n_rings:
         n = max(round(4 * n_rings * np.sin(polar) * 0.6), 3)
@@ -246,7 +224,7 @@ def _half_sphere(n_rings: int = 12) -> NDArray:
 
 
 def _frames(normals: NDArray) -> tuple[NDArray, NDArray]:
-    """Two unit vectors (n, 3) in each plane."""
+    """Return two orthogonal unit vectors (n, 3) in each plane."""
     helper = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     a = np.cross(normals, helper)
     a /= np.linalg.norm(a, axis=1)[:, None]
@@ -254,7 +232,7 @@ def _frames(normals: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def _plane_values(c: NDArray, normals: NDArray, k: float, limit: float | None, samples: int) -> NDArray:
-    """(n,) value on each plane of one cycle (6, H + 1)."""
+    """Return the criterion (n,) of one cycle (6, H + 1) on planes with the given normals (n, 3)."""
     traction = np.einsum("ijl,nj->nil", c[_INDEX], normals)
     a, b = _frames(normals)
     theta = 2.0 * np.pi * np.arange(samples) / samples
@@ -271,7 +249,7 @@ def _plane_values(c: NDArray, normals: NDArray, k: float, limit: float | None, s
 
 
 def _parabola(values: NDArray) -> NDArray:
-    """Largest values (n,) of periodic samples (n, m), by the parabola through the largest and its neighbours."""
+    """Return the maxima (n,) of periodic samples (n, m), by a parabola through the largest sample and its neighbours."""
     i = values.argmax(axis=1)
     n, rows = values.shape[1], np.arange(len(values))
     before, top, after = values[rows, i - 1], values[rows, i], values[rows, (i + 1) % n]
@@ -280,7 +258,7 @@ def _parabola(values: NDArray) -> NDArray:
 
 
 def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) -> float:
-    """Largest value on planes near a given one: steps along the sphere that are halved until they are 1e-4 rad."""
+    """Maximise the criterion over planes by a pattern search on the sphere, from step 0.1 rad down to 1e-4 rad."""
     turn = np.arange(8) * np.pi / 4.0
     value = float(_plane_values(c, normal[None], k, limit, 1024)[0])
     step = 0.1
@@ -288,9 +266,9 @@ def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) ->
         a, b = _frames(normal[None])
         around = normal + step * (np.cos(turn)[:, None] * a + np.sin(turn)[:, None] * b)
         around /= np.linalg.norm(around, axis=1)[:, None]
-        found = _plane_values(c, around, k, limit, 1024)
-        if found.max() > value * (1.0 + 1e-12):
-            value, normal = float(found.max()), around[found.argmax()]
+        candidates = _plane_values(c, around, k, limit, 1024)
+        if candidates.max() > value * (1.0 + 1e-12):
+            value, normal = float(candidates.max()), around[candidates.argmax()]
         else:
             step *= 0.5
     return value
@@ -318,9 +296,12 @@ def smallest_circle(path: NDArray) -> NDArray:
 
 
 def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Smallest circle (n) around four points (n, 4, 2), of which the last lies on it: its support, centre and radius."""
+    """Return support points, centres and radii of the smallest circles around four points (n, 4, 2) each.
+
+    The last point lies on the circle; one or two of the first three points complete the support.
+    """
     centres, radii = [], []
-    others = list(combinations_with_replacement(range(3), 2))  # one of the first three points beside the last, or two
+    others = list(combinations_with_replacement(range(3), 2))  # equal indices: one support point besides the last
     for i, j in others:
         a, b, c = points[:, i], points[:, j], points[:, 3]
         if i == j:
@@ -345,9 +326,6 @@ def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return points[rows[:, None], support], centre[rows, best], radius[rows, best]
 
 
-# ---- Limits of a material under vibration, and the factor between a cycle and these limits ----
-
-
 LINES = ("goodman", "gerber", "soderberg")
 ON = ("amplitude", "both")
 
@@ -355,24 +333,25 @@ ON = ("amplitude", "both")
 @validation.spelt
 @dataclass(frozen=True)
 class Material(validation.Checked):
-    """Strength of a material, as the user knows it for this part.
+    """Strength data of a material.
 
     Parameters
     ----------
     endurance_limit : float, Pa
-        Amplitude of fully reversed stress that is endured without end, at the survival, surface, size and temperature that
-        the part is judged by.
+        Endurable amplitude of fully reversed stress for infinite life, at the relevant survival probability, surface, size
+        and temperature.
     ultimate_strength, yield_strength : float, Pa
-        At the same temperature.
+        Strengths at the same temperature.
     findley_k : float
-        Weight of the normal stress in Findley's criterion, typically 0.2 to 0.3 for ductile metals; from two endurance
-        limits where they are known.
+        Weight of the normal stress in Findley's criterion, typically 0.2 to 0.3 for ductile metals. Determine it from two
+        endurance limits if they are known.
     name, source : str
+        Description and origin of the data.
 
     Raises
     ------
     SettingError
-        If a number is not positive, the yield strength exceeds the ultimate one, or the endurance limit that too.
+        If a number is not positive, or if yield strength or endurance limit exceed the ultimate strength.
     """
 
     endurance_limit: validation.Positive
@@ -389,11 +368,11 @@ class Material(validation.Checked):
             validation.require(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")
 
     def limit(self, line: str) -> float:
-        """Mean stress (Pa) that leaves no amplitude."""
+        """Return the mean stress (Pa) at which no amplitude is endurable."""
         return float(self.yield_strength if line == "soderberg" else self.ultimate_strength)
 
     def allowed(self, mean: NDArray | float, line: str = "goodman") -> NDArray:
-        """(...) amplitude (Pa) that is endured at a mean stress (Pa)."""
+        """Return the endurable stress amplitude (...) in Pa at a mean stress (...) in Pa."""
         share = np.maximum(np.asarray(mean, float), 0.0) / self.limit(line)
         left = 1.0 - (share**2 if line == "gerber" else share)
         return np.asarray(self.endurance_limit * np.maximum(left, 0.0))
@@ -401,13 +380,20 @@ class Material(validation.Checked):
     def factor(
         self, amplitude: NDArray | float, mean: NDArray | float, line: str = "goodman", on: str = "amplitude"
     ) -> NDArray:
-        """(...) factor on the amplitude, or on amplitude and mean together, before the line is met.
+        """Return the safety factor of stress cycles.
 
         Parameters
         ----------
         amplitude, mean : (...) float, Pa
+            Stress amplitude and mean stress.
         line : {"goodman", "gerber", "soderberg"}
+            Failure line in the Haigh diagram.
         on : {"amplitude", "both"}
+            Quantity that the factor multiplies: the amplitude, or amplitude and mean.
+
+        Returns
+        -------
+        (...) float
         """
         validation.choice("line", line, LINES)
         validation.choice("on", on, ON)
@@ -417,13 +403,13 @@ class Material(validation.Checked):
                 allowed = self.allowed(mean, line)
                 return np.where(amplitude > 0.0, allowed / amplitude, np.where(allowed > 0.0, np.inf, 0.0))
             b, share = amplitude / self.endurance_limit, np.maximum(mean, 0.0) / self.limit(line)
-            if line == "gerber":  # the positive root, without the difference of nearly equal numbers
+            if line == "gerber":  # positive root, in the form without cancellation
                 return np.asarray(2.0 / (b + np.sqrt(b**2 + 4.0 * share**2)))
             return np.asarray(1.0 / (b + share))
 
     @property
     def findley_limit(self) -> float:
-        """Findley's ``tau_a + k sigma_max`` at the endurance limit (Pa), by its closed form for uniaxial stress."""
+        """Limit of Findley's ``tau_a + k sigma_max`` (Pa): its value in uniaxial stress at the endurance limit."""
         return 0.5 * self.endurance_limit * (self.findley_k + np.sqrt(1.0 + self.findley_k**2))
 
 
@@ -435,4 +421,4 @@ AISI_1050 = Material(
     source="Shigley's Mechanical Engineering Design: Table A-20 (690 and 580 MPa); endurance limit 0.5 Su times "
     "4.51 Su^-0.265 (machined surface, Su in MPa) times 0.814 (99 % survival)",
 )
-"""An example of how a material is stated; not one for blades."""
+"""Example of a material; not a blade material."""

@@ -1,7 +1,7 @@
-"""Margins against fatigue of solutions: the factor between the vibration and the limit of the material.
+"""Safety factors against fatigue of solutions and curves.
 
-A result of many solutions, a curve over frequency or over preload, gets a margin at each of them: the least of all counted
-points.
+The margin of a solution is the least safety factor of all counted points of the stress sets. A curve over frequency,
+preload or speed has a margin at every point.
 """
 
 from __future__ import annotations
@@ -27,20 +27,19 @@ from bdamper.util.formatting import UNITS, amount, brief
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
-HIDES = "signed von Mises hides vibration across the mean stress, such as torsion under tension, and jumps with its sign"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rule(validation.Checked):
-    """Criterion for a stress cycle.
+    """Failure criterion of a stress cycle.
 
     Parameters
     ----------
-    criterion : {"von_mises", "signed_von_mises", "principal", "findley"}
+    criterion : {"von_mises", "findley"}
+        Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
     line : {"goodman", "gerber", "soderberg"}
-        Not used by "findley", which weighs the mean by itself.
+        Failure line in the Haigh diagram. "findley" ignores it, since it includes the mean stress.
     on : {"amplitude", "both"}
-        What grows: the vibration alone, or mean and vibration together.
+        Quantity that the factor multiplies: the vibration, or mean and vibration.
     """
 
     criterion: Annotated[str, partial(validation.choice, choices=criteria.CRITERIA)] = "von_mises"
@@ -53,18 +52,29 @@ class Rule(validation.Checked):
         return f"{self.criterion.replace('_', ' ')}{line}, factor on {what}"
 
     def judge(self, coefficients: NDArray, material: Material) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Amplitude, mean (Pa), factor, and factor of the largest von Mises stress to yield, each (n,), of (n, 6, H + 1).
+        """Evaluate stress cycles.
 
-        With "findley" amplitude and mean are those by von Mises, to be shown.
+        Parameters
+        ----------
+        coefficients : (n, 6, H + 1) complex, Pa
+        material : Material
+
+        Returns
+        -------
+        amplitude, mean : (n,) float, Pa
+            Von Mises values for every criterion.
+        factor : (n,) float
+            Safety factor against fatigue.
+        yield_factor : (n,) float
+            Yield strength over the largest von Mises stress.
         """
-        by = "von_mises" if self.criterion == "findley" else self.criterion
-        amplitude, mean = criteria.amplitude_and_mean(coefficients, by)
+        amplitude, mean = criteria.amplitude_and_mean(coefficients)
         if self.criterion != "findley":
             factor = material.factor(amplitude, mean, self.line, self.on)
         else:
             limit = material.findley_limit
-            found = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
-            factor = (limit if self.on == "both" else 1.0) / np.maximum(found, 1e-300)
+            value = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
+            factor = (limit if self.on == "both" else 1.0) / np.maximum(value, 1e-300)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
 
@@ -88,16 +98,17 @@ class SteadyAmplitude(Protocol):
 @brief
 @dataclass(frozen=True)
 class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
-    """Margins of one solution at every point of the stress sets.
+    """Safety factors of one solution at every point of the stress sets.
 
-    ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical
-    location on the body (:func:`bdamper.plot.plot_critical`).
+    ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical point
+    on the body (:func:`bdamper.plot.plot_critical`).
 
     Parameters
     ----------
     amplitude, mean : (n,) float, Pa
+        Stress amplitude and mean stress.
     factor : (n,) float
-        On the vibration, or on vibration and mean, before the material's limit is met; below 1 it is exceeded.
+        Safety factor on the vibration, or on vibration and mean; below 1 the limit is exceeded.
     yield_factor : (n,) float
         Yield strength over the largest von Mises stress of the cycle; below 1 the first cycle yields.
     material : Material
@@ -116,17 +127,17 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
 
     @property
     def critical(self) -> int:
-        """The counted point of least factor."""
+        """Index of the counted point with the least factor."""
         return int(np.where(self.counted, self.factor, np.inf).argmin())
 
     @property
     def least(self) -> float:
-        """The margin: the least factor of the counted points."""
+        """Margin of the solution: the least factor of the counted points."""
         return float(self.factor[self.critical])
 
     @property
     def yields(self) -> bool:
-        """Whether some counted point yields in the first cycle."""
+        """Whether a counted point yields in the first cycle."""
         return bool((self.yield_factor < 1.0)[self.counted].any())
 
     @property
@@ -137,8 +148,7 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         if self.yields:
             worst = int(np.where(self.counted, self.yield_factor, np.inf).argmin())
             out.append(f"{self.names[worst]} yields in the first cycle: factor {self.yield_factor[worst]:.3g}")
-        # difference between elements, over the mean, from which on the stress at a point is told to be uncertain
-        large_spread = 0.2
+        large_spread = 0.2  # relative difference between elements above which the stress counts as uncertain
         if self.spread[i] > large_spread:
             apart = f"{100.0 * self.spread[i]:.3g} %"
             out.append(f"elements at {self.names[i]} differ by {apart}: its stress may not have converged with the mesh")
@@ -161,34 +171,35 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
 @brief
 @dataclass(frozen=True)
 class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margin-curve"):
-    """The margin over frequency, preload, speed or the mass of the damper.
+    """Margin over frequency, preload, rotor speed or damper mass.
 
-    ``plot`` draws it with the amplitude of the response (:func:`bdamper.plot.plot_margin`).
+    ``plot`` draws it with the response amplitude (:func:`bdamper.plot.plot_margin`).
 
     Parameters
     ----------
     over, unit : str
-        What it is a curve over: "frequency", "preload", "speed", "damper mass" ...
+        Name and unit of the abscissa: "frequency", "preload", "speed", "damper mass" ...
     values : (n,) float
+        Abscissa.
     margin : (n,) float
-        Least factor of the counted points; NaN where there is no solution.
+        Least factor of the counted points; NaN without a solution.
     response : (n,) float, m
-        Amplitude of the response.
+        Response amplitude.
     names : tuple of str
-        Of the points of the stress sets.
+        Names of the points of the stress sets.
     critical : (n,) int
-        Which of them is the critical one, -1 without a solution.
+        Index of the critical point in ``names``; -1 without a solution.
     amplitude, mean, factor : (n, n_points) float
-        Pa, Pa, 1; at all points.
+        Stress amplitude (Pa), mean stress (Pa) and safety factor at all points.
     frequency, preload, speed : (n,) float, Hz, N, rad/s
     material : Material
     rule : Rule
     best_value, best_margin : float
-        Of the largest margin: as refined between the values, or the best of them; NaN where it means nothing.
+        Abscissa and value of the largest margin, refined between the values if possible; NaN if not computed.
     best_status : str
-        How far the best is known.
+        Accuracy of the largest margin.
     in_time : tuple of Margins
-        Those of the largest period of the highest blade in time, at the preloads where that is known.
+        Margins at the largest blade amplitude in time integration, at the preloads with a time integration.
     notes : tuple of str
     settings : mapping
     model_hash : str
@@ -221,18 +232,18 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
     @property
     def least(self) -> int:
-        """Place of the least margin.
+        """Index of the least margin.
 
         Raises
         ------
         BdamperError
-            If no value has one.
+            If there is no margin at any value.
         """
         return self._place(np.nanargmin)
 
     @property
     def greatest(self) -> int:
-        """Place of the largest margin; an error as for ``least``."""
+        """Index of the largest margin; raises BdamperError as ``least`` does."""
         return self._place(np.nanargmax)
 
     def _place(self, of: Callable[[NDArray], Any]) -> int:
@@ -242,14 +253,14 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
     @property
     def critical_name(self) -> Annotated[list[str], Quantity(name="critical")]:
-        """Name of the critical point at each value, empty without a solution."""
+        """Name of the critical point at each value; empty without a solution."""
         return [self.names[k] if k >= 0 else "" for k in self.critical]
 
     def _dimension(self) -> str:
         return self.over.replace(" ", "_")
 
     def columns(self) -> dict[str, Column]:
-        """A row for each value; stresses and factors at all points with the dimension "location"."""
+        """Return one row for each value; stresses and factors at all points have the dimension "location"."""
         return {self._dimension(): Column(self.values, self.unit), **super().columns()}
 
     def _headline(self) -> str:
@@ -261,8 +272,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
         limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
         why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
-        marched = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))
-        return " ".join([f"{head}, least {worst}.", *marched, *limit])
+        in_time = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))
+        return " ".join([f"{head}, least {worst}.", *in_time, *limit])
 
 
 def margin(
@@ -275,70 +286,75 @@ def margin(
     time_response: SteadyAmplitude | None = None,
     **judged: Any,
 ) -> Margins | MarginCurve:
-    """Margins against fatigue, of infinite life.
+    """Compute safety factors against fatigue for infinite life.
 
     Parameters
     ----------
     problem : Problem
     result : Peak, ResponseCurve, OptimalCurve or StressCycle
-        Of this problem.
+        Result of this problem.
     material : Material
     index : int, optional
-        One point of a curve; by default all of them.
+        Index of a point of a curve; all points by default.
     time_response : TimeResponse, optional
-        March in time at the preload of the one solution (:meth:`bdamper.Study.time_response`): the vibration is scaled by
-        its highest period over the amplitude of the balance, and ``notes`` say so.
+        Time integration at the preload of the solution (:meth:`bdamper.Study.time_response`). The vibration is multiplied
+        by the ratio of the largest amplitude in time to the amplitude of the harmonic balance; ``notes`` contain this
+        ratio.
     **judged
-        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, as :class:`LeastMargin` has them.
+        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, see :class:`LeastMargin`.
 
     Returns
     -------
     Margins or MarginCurve
-        Of one solution, or of every point of a curve.
+        Margins of one solution, or the margin at every point of a curve.
+
+    Raises
+    ------
+    SettingError
+        If the model has no stress sets, or if a setting or the result does not fit.
     """
     judge = LeastMargin(material, **judged)
     if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or time_response is not None):
         result = over_cycle.stress(problem, result, index, sets=judge.sets, speed=judge.speed)
-    return (
-        judge.of_cycle(_as_kept(result, time_response)) if isinstance(result, StressCycle) else judge.along(problem, result)
-    )
+    if isinstance(result, StressCycle):
+        return judge.of_cycle(_scaled_to_time(result, time_response))
+    return judge.along(problem, result)
 
 
-def _as_kept(found: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
-    """The stress of the largest period of the highest blade in time."""
+def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
+    """Scale the vibration to the largest amplitude in time integration."""
     if time_response is None:
-        return found
+        return cycle
     validation.instance("time_response", time_response, SteadyAmplitude)
-    if not np.isfinite(time_response.factor) or abs(time_response.preload - found.preload) > 1e-6 * found.preload:
-        raise validation.unfit(
-            "time_response", f"a march at {found.preload:g} N", f"{time_response.text} at {time_response.preload:g} N"
-        )
-    coefficients = found.coefficients.copy()
+    if not np.isfinite(time_response.factor) or abs(time_response.preload - cycle.preload) > 1e-6 * cycle.preload:
+        expected = f"a time integration at {cycle.preload:g} N"
+        raise validation.unfit("time_response", expected, f"{time_response.text} at {time_response.preload:g} N")
+    coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.highest, "m")
     note = f"vibration scaled by {time_response.factor:.3g}: the highest blade reaches {highest} in time"
     doubt = () if word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
-    return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
+    return replace(cycle, coefficients=coefficients, notes=(*cycle.notes, note, *doubt))
 
 
 @validation.spelt
 @dataclass(frozen=True)
 class LeastMargin(Rule):
-    """How a margin is judged, and the question for the least one, as :meth:`bdamper.Study.crossings` takes it.
+    """Failure criterion with material, stress sets and speed; a quantity for :meth:`bdamper.Study.crossings`.
 
-    A call takes a problem, the unknowns of a solution, its frequency (rad/s) and its preload (N).
+    A call with problem, unknowns of a solution, angular frequency (rad/s) and preload (N) returns the margin.
 
     Parameters
     ----------
     material : Material
-    criterion : {"von_mises", "signed_von_mises", "principal", "findley"}
-        What amplitude and mean are (:mod:`bdamper.fatigue.criteria`).
+    criterion : {"von_mises", "findley"}
+        Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
     line : {"goodman", "gerber", "soderberg"}
-        Not used by "findley".
+        Failure line in the Haigh diagram; ignored by "findley".
     on : {"amplitude", "both"}
-        The factor is on the vibration alone, at the mean stress that the speed gives, or on vibration and mean together.
+        Quantity that the factor multiplies: the vibration at constant mean stress, or vibration and mean.
     sets, speed
-        As for :func:`bdamper.fatigue.stress_cycle.stress`.
+        See :func:`bdamper.fatigue.stress_cycle.stress`.
     """
 
     material: Annotated[Material, partial(validation.instance, kind=Material)]
@@ -347,7 +363,7 @@ class LeastMargin(Rule):
 
     @property
     def rule(self) -> Rule:
-        """Criterion, line, and what the factor is on."""
+        """Criterion, failure line and scaled quantity."""
         return Rule(criterion=self.criterion, line=self.line, on=self.on)
 
     def __call__(self, problem: Problem, unknowns: NDArray, omega: float, preload: float) -> float:
@@ -356,30 +372,45 @@ class LeastMargin(Rule):
     def margins(
         self, problem: Problem, y: NDArray, preload: float, time_response: SteadyAmplitude | None = None
     ) -> Margins:
-        """At every point of a solution with its frequency (rad/s), of the motion in time where that is given."""
-        found = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
-        cycle = over_cycle.of_solution(problem, found, over_cycle.chosen_sets(problem, self.sets), self.speed)
-        return self.of_cycle(_as_kept(cycle, time_response))
+        """Return the margins of a solution.
 
-    def of_cycle(self, found: StressCycle) -> Margins:
-        """The margins of one cycle of stress."""
-        amplitude, mean, factor, to_yield = self.judge(found.coefficients, self.material)
-        own = {f.name: getattr(found, f.name) for f in fields(AtPoints)} | self._of(found)
-        return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **own)
+        Parameters
+        ----------
+        problem : Problem
+        y : (n_unknowns + 1,) float
+            Unknowns and angular frequency (rad/s).
+        preload : float, N
+        time_response : TimeResponse, optional
+            Time integration to whose largest amplitude the vibration is scaled.
+        """
+        solution = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
+        cycle = over_cycle.of_solution(problem, solution, over_cycle.chosen_sets(problem, self.sets), self.speed)
+        return self.of_cycle(_scaled_to_time(cycle, time_response))
 
-    def _of(self, found: StressCycle) -> dict[str, Any]:
-        """What margins take over from a cycle of stress, which needs points that count."""
-        validation.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
-        notes = (*found.notes, *([HIDES] if self.criterion == "signed_von_mises" else []))
-        own = {"settings": found.settings, "model_hash": found.model_hash}
-        return {"material": self.material, "rule": self.rule, "notes": notes, **own}
+    def of_cycle(self, cycle: StressCycle) -> Margins:
+        """Return the margins of a stress cycle."""
+        amplitude, mean, factor, to_yield = self.judge(cycle.coefficients, self.material)
+        copied = {f.name: getattr(cycle, f.name) for f in fields(AtPoints)} | self._of(cycle)
+        return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **copied)
+
+    def _of(self, cycle: StressCycle) -> dict[str, Any]:
+        """Return the fields that margins copy from a stress cycle.
+
+        Raises
+        ------
+        SettingError
+            If the stress cycle has no counted point.
+        """
+        validation.require(cycle.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
+        origin = {"settings": cycle.settings, "model_hash": cycle.model_hash}
+        return {"material": self.material, "rule": self.rule, "notes": cycle.notes, **origin}
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
-        """The margin at every point of a curve."""
-        chosen, found = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
-        known = np.isfinite(found.unknowns).all(axis=1)
+        """Return the margin at every point of a curve."""
+        chosen, solutions = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
+        known = np.isfinite(solutions.unknowns).all(axis=1)
         validation.require(known.any(), "margin", "a curve with solutions", "none")
-        solved = Solutions(*(column[known] for column in found))
+        solved = Solutions(*(column[known] for column in solutions))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
@@ -394,6 +425,6 @@ class LeastMargin(Rule):
             over=over, unit=UNITS[over], values=np.asarray(getattr(curve, over), float),
             margin=np.where(known, counted.min(axis=1), np.nan), response=np.asarray(curve.amplitude, float),
             names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor,
-            frequency=np.asarray(found.frequency), preload=np.asarray(found.preload),
-            speed=over_cycle.speeds(problem, found.frequency, self.speed), **shared,
+            frequency=np.asarray(solutions.frequency), preload=np.asarray(solutions.preload),
+            speed=over_cycle.speeds(problem, solutions.frequency, self.speed), **shared,
         )  # fmt: skip

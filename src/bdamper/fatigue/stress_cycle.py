@@ -1,11 +1,11 @@
-r"""Stress over the cycle of a solution, at the points of the model's stress sets.
+r"""Stress over the vibration cycle of a solution at the points of stress sets.
 
 .. math:: \sigma(\theta) = \Omega^2 \sigma_1 + S_0 q_0 + A_0 F_0
-          + \sum_{l \ge 1} \mathrm{Re}[(S_l q_l + A_l F_l)\,e^{i l \theta}],
+          + \sum_{l \ge 1} \mathrm{Re}[(S_l q_l + A_l F_l)\,e^{i l \theta}]
 
-with all modes that the model has: coordinates of the modes that the study retains come from the solution, those of the
-others from the contact forces and the excitation on them, as they answer at ``l omega``.  The centrifugal stress is that of
-the rotor without dampers, whose share comes with ``q_0`` and ``F_0``.
+All modes of the model contribute. The solution contains the coordinates of the retained modes. The other modes respond to
+contact forces and excitation at ``l omega``. The centrifugal stress belongs to the rotor without dampers; the effect of the
+dampers is contained in ``q_0`` and ``F_0``.
 """
 
 from __future__ import annotations
@@ -36,17 +36,18 @@ from bdamper.util.tables import Numbers, Pascals, PerRow, Quantity, Tabular
 
 @dataclass(frozen=True, kw_only=True)
 class AtPoints:
-    """What is known of the points of stress sets, and of the solution whose stress it is.
+    """Points of stress sets and the solution to which the stress belongs.
 
     Parameters
     ----------
     points : (n, 3) float, m
     names : tuple of str
-        Name of each point: its set and its number in it, from 1.
+        Name of the stress set and number of the point in it, from 1.
     counted : (n,) bool
-        Points away from contact faces, which margins count.
+        Points away from contact faces; margins ignore the others.
     spread : (n,) float
-        Difference between elements over the mean, a sign of the error of the mesh; NaN where the set does not know it.
+        Difference of the stress between adjacent elements over its mean, an indicator of the mesh error; NaN if not
+        available.
     frequency, preload, speed : float, Hz, N, rad/s
     notes : tuple of str
     """
@@ -67,14 +68,14 @@ class AtPoints:
 @brief
 @dataclass(frozen=True)
 class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
-    """Stress over the cycle of one solution.
+    """Stress of one solution over the vibration cycle.
 
     ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
 
     Parameters
     ----------
     coefficients : (n, 6, H + 1) complex, Pa
-        Mean, centrifugal stress included, and amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
+        Mean with centrifugal stress, and complex amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
     settings : mapping
     model_hash : str
     """
@@ -82,27 +83,26 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
     coefficients: PerRow
 
     def over_cycle(self, theta: NDArray) -> NDArray:
-        """(n, 6, n_theta) stress (Pa) at angles of the excitation (rad)."""
+        """Return the stress (n, 6, n_theta) in Pa at phase angles of the excitation (rad)."""
         return criteria.over_cycle(self.coefficients, np.asarray(theta, float))
 
-    def amplitude_and_mean(self, criterion: str = "von_mises") -> criteria.Cycle:
-        """Amplitude and mean (n,), Pa, by one of "von_mises", "signed_von_mises", "principal"."""
-        validation.choice("criterion", criterion, criteria.CRITERIA[:3])
-        return criteria.amplitude_and_mean(self.coefficients, criterion)
+    def amplitude_and_mean(self) -> criteria.Cycle:
+        """Return von Mises amplitude and mean (n,), Pa."""
+        return criteria.amplitude_and_mean(self.coefficients)
 
     @property
     def amplitude(self) -> Pascals:
-        """(n,) float, Pa: amplitude by von Mises."""
+        """Von Mises stress amplitude (n,), Pa."""
         return self.amplitude_and_mean().amplitude
 
     @property
     def mean(self) -> Pascals:
-        """(n,) float, Pa: the mean beside it."""
+        """Mean stress (n,), Pa: trace of the mean tensor."""
         return self.amplitude_and_mean().mean
 
     @property
     def critical(self) -> int:
-        """The counted point of largest amplitude by von Mises."""
+        """Index of the counted point with the largest von Mises amplitude."""
         return int(np.where(self.counted, self.amplitude, -1.0).argmax())
 
     def _headline(self) -> str:
@@ -121,31 +121,35 @@ def stress(
     sets: str | Sequence[str] | None = None,
     speed: float | None = None,
 ) -> StressCycle:
-    """Stress over the cycle of a solution.
+    """Compute the stress of a solution over the vibration cycle.
 
     Parameters
     ----------
     problem : Problem
     result : Peak, ResponseCurve or OptimalCurve
-        Of this problem.
+        Result of this problem.
     index : int, optional
-        Point of a curve; by default the highest of a curve, and the least of an optimal curve.
+        Index of a point of a curve. By default the highest point of a response curve and the lowest of an optimal curve.
     sets : str or sequence of str, optional
         Stress sets of the model; all by default.
     speed : float, rad/s, optional
-        Speed of rotation; that of the study if it has one, otherwise the speed at which the engine order excites at the
-        frequency of the solution, and none for a structure that does not rotate.
+        Rotor speed. By default the speed of the study, or the speed at which the engine order excites at the frequency of
+        the solution; 0 for a structure that does not rotate.
+
+    Returns
+    -------
+    StressCycle
 
     Raises
     ------
     SettingError
-        If the model has no stress, or the result is not one of this problem.
+        If the model has no stress sets, or the result belongs to another problem.
     """
-    chosen, found = chosen_sets(problem, sets), solutions_of(problem, result)
-    n = len(found.unknowns)
+    chosen, solutions = chosen_sets(problem, sets), solutions_of(problem, result)
+    n = len(solutions.unknowns)
     if n > 1:
-        index = _highest(result, found) if index is None else validation.whole("index", index, least=0, most=n - 1)
-    return of_solution(problem, Solutions(*(column[[index or 0]] for column in found)), chosen, speed)
+        index = _highest(result, solutions) if index is None else validation.whole("index", index, least=0, most=n - 1)
+    return of_solution(problem, Solutions(*(column[[index or 0]] for column in solutions)), chosen, speed)
 
 
 @validation.spelt
@@ -156,39 +160,40 @@ def gauge_stress(
     direction: Direction,
     elastic: Sequence[float] | None = None,
 ) -> NDArray:
-    """Normal stress along a direction, or the strain that a gauge measures there, at every point of a result.
+    """Return normal stress or strain at a gauge for every point of a result.
 
     Parameters
     ----------
     problem : Problem
     result : Peak, ResponseCurve or OptimalCurve
-        Of this problem.
+        Result of this problem.
     gauge : str or (3,) float, m
-        Name of a point of a stress set ("root 12", as :class:`StressCycle` names them), or a place whose nearest point is
-        no farther away than a twentieth of the largest coordinate of the points.
+        Name of a point of a stress set ("root 12", as in :class:`StressCycle`), or coordinates. The nearest point is used;
+        its distance is limited to a twentieth of the largest coordinate.
     direction : {"tangential", "radial", "axial"} or three floats
+        Direction of the gauge.
     elastic : (Young's modulus in Pa, Poisson's ratio), optional
-        Return strain, of a linear elastic isotropic material.
+        Constants of a linear elastic isotropic material; if given, the result is strain.
 
     Returns
     -------
     (n, n_harmonics + 1) complex, Pa or 1
-        Mean, centrifugal part included, and amplitude of each harmonic; n is 1 for a peak, NaN where a curve has no value.
+        Mean with centrifugal part, and complex amplitude of each harmonic. n is 1 for a peak; rows without a solution are
+        NaN.
 
     Raises
     ------
     SettingError
-        If there is no such point or none near the place, or the result is not one of this problem.
+        If there is no such point, no point near the coordinates, or the result belongs to another problem.
     """
     named = {f"{s.name} {k + 1}": (s, k) for s in chosen_sets(problem) for k in range(len(s))}
     if not isinstance(gauge, str):
-        place, points = validation.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
-        away, near = np.linalg.norm(points - place, axis=1), 0.05 * np.abs(points).max()
+        position, points = validation.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
+        away, near = np.linalg.norm(points - position, axis=1), 0.05 * np.abs(points).max()
         gauge, least = list(named)[int(away.argmin())], float(away.min())
-        told = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
-        validation.require(
-            least <= near, "gauge", f"a place within {amount(near, 'm')} of a point of the stress sets", told
-        )
+        nearest = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
+        expected = f"coordinates within {amount(near, 'm')} of a point of the stress sets"
+        validation.require(least <= near, "gauge", expected, nearest)
     whole, k = named[validation.choice("gauge", gauge, named)]
     tensor = coefficients_of(problem, solutions_of(problem, result), (whole,))[:, k]
     x, y, z = direction_vector(direction, "direction")
@@ -201,57 +206,70 @@ def gauge_stress(
     return np.asarray(np.einsum("c,mcl->ml", along, tensor))
 
 
-def _highest(result: Any, found: Solutions) -> int:
-    height = -np.asarray(result.amplitude) if np.ndim(result.preload) else np.asarray(result.amplitude)  # the least is best
-    return int(np.where(np.isfinite(height) & np.isfinite(found.unknowns).all(axis=1), height, -np.inf).argmax())
+def _highest(result: Any, solutions: Solutions) -> int:
+    sign = -1.0 if np.ndim(result.preload) else 1.0  # an optimal curve is best at its minimum
+    height = sign * np.asarray(result.amplitude)
+    return int(np.where(np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1), height, -np.inf).argmax())
 
 
 def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> NDArray:
-    """(m,) speed of rotation, rad/s: the one given, that of the study, or that at which the engine order excites."""
+    """Return the rotor speed (m,) in rad/s.
+
+    Parameters
+    ----------
+    problem : Problem
+    frequency : (m,) float, Hz
+    speed : float, rad/s, optional
+        By default the speed of the study, or the speed at which the engine order excites at ``frequency``.
+    """
     turning = speed if speed is not None else problem.settings.speed
     if turning is not None:
         return np.full(len(frequency), validation.number("speed", turning, least=0.0, unit="rad/s"))
-    own = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
-    return own * frequency
+    per_frequency = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
+    return per_frequency * frequency
 
 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
-    """The stress sets asked for, as the study's contact points have them."""
+    """Return stress sets by name, at the contact points of the study."""
     known = problem.coupling.model.stress
-    validation.require(known, "stress", "a model with stress sets", "none (docs/fatigue.md tells how to make them)")
+    validation.require(known, "stress", "a model with stress sets", "none (docs/fatigue.md explains how to add them)")
     names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
     return tuple(known[validation.choice("stress set", name, list(known))] for name in names)
 
 
-def of_solution(problem: Problem, found: Solutions, chosen: Sequence[StressSet], speed: float | None = None) -> StressCycle:
-    """Stress over the cycle of one solution."""
+def of_solution(
+    problem: Problem, solution: Solutions, chosen: Sequence[StressSet], speed: float | None = None
+) -> StressCycle:
+    """Return the stress of one solution over the cycle."""
     bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
-    notes = [f"set '{s.name}' has no rows for contact forces: it lacks their share" for s in bare]
-    notes += [f"set '{s.name}' has no centrifugal stress: the mean lacks it" for s in chosen if s.static is None]
+    notes = [f"set '{s.name}' has no rows for contact forces: their stress is neglected" for s in bare]
+    notes += [f"set '{s.name}' has no centrifugal stress: the mean stress neglects it" for s in chosen if s.static is None]
     return StressCycle(
         points=np.concatenate([s.points for s in chosen]),
         names=tuple(f"{s.name} {k + 1}" for s in chosen for k in range(len(s))),
-        coefficients=coefficients_of(problem, found, chosen, speed)[0],
+        coefficients=coefficients_of(problem, solution, chosen, speed)[0],
         counted=np.concatenate([s.counted for s in chosen]),
         spread=np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
-        frequency=float(found.frequency[0]),
-        preload=float(found.preload[0]),
-        speed=float(speeds(problem, found.frequency, speed)[0]),
+        frequency=float(solution.frequency[0]),
+        preload=float(solution.preload[0]),
+        speed=float(speeds(problem, solution.frequency, speed)[0]),
         notes=tuple(notes),
         **problem.recorded(),
     )
 
 
-def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet], speed: float | None = None) -> NDArray:
-    """Mean and harmonics (m, n, 6, H + 1) of the stress, Pa."""
+def coefficients_of(
+    problem: Problem, solutions: Solutions, sets: Sequence[StressSet], speed: float | None = None
+) -> NDArray:
+    """Return mean and harmonics (m, n, 6, H + 1) of the stress of m solutions, Pa."""
     n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
-    out = np.full((len(found.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
+    out = np.full((len(solutions.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
     centrifugal = np.concatenate([np.zeros((len(s), 6)) if s.static is None else s.static for s in sets])
     present = sorted({0, *problem.settings.active_harmonics})
     parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
-    turning = speeds(problem, found.frequency, speed)
+    turning = speeds(problem, solutions.frequency, speed)
     systems: dict[float, tuple[Equations[Sector], NDArray]] = {}
-    for i, (u, frequency, preload) in enumerate(zip(*found)):
+    for i, (u, frequency, preload) in enumerate(zip(*solutions)):
         if not np.isfinite(u).all():
             continue
         if preload not in systems:
@@ -277,7 +295,7 @@ def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet
 
 
 def _contact_axes(problem: Problem, preload: float) -> NDArray:
-    """(n_system, 3, 3 n_points) from forces at the points of the equations to those along the axes of the model."""
+    """Return the transformation (n_system, 3, 3 n_points) of contact forces from the equations to the axes of the model."""
     n = problem.coupling.n_points
     basis = replace(problem.bases[1], G=np.eye(3 * n).reshape(n, 3, 3 * n))
     points = PointArrays(
@@ -294,7 +312,7 @@ def _contact_axes(problem: Problem, preload: float) -> NDArray:
 
 @dataclass(frozen=True)
 class _Rows:
-    """What gives the stress of one set at one harmonic."""
+    """Matrices for the stress of one set in one harmonic."""
 
     problem: Problem
     body: Body
@@ -322,7 +340,7 @@ class _Rows:
         return cls(problem, body, basis, S, A, harmonic)
 
     def port_forces(self, force: NDArray) -> NDArray:
-        """(3 n,) contact forces on the body at its ports, from those (3 n_points,) of the contacts."""
+        """Return the contact forces (3 n,) on the ports of the body from the forces (3 n_points,) of the contacts."""
         coupling = self.problem.coupling
         model, out = coupling.model, np.zeros((len(self.basis.contact_modes), 3), complex)
         force = force.reshape(-1, 3) * np.array([1.0, 1.0, -1.0])
@@ -335,15 +353,24 @@ class _Rows:
         return out.ravel()
 
     def stress(self, known: dict[int, complex], force: NDArray, omega: float) -> NDArray:
-        """(n, 6) complex amplitude: retained modes by their coordinates, the others by the forces on them."""
+        """Return the complex stress amplitude (n, 6).
+
+        Parameters
+        ----------
+        known : mapping of mode index to complex
+            Coordinates of the retained modes; the other modes respond to the forces.
+        force : (3 n_points,) complex, N
+        omega : float, rad/s
+            Angular frequency of the fundamental harmonic.
+        """
         problem, basis, l = self.problem, self.basis, self.harmonic
         at_ports = self.port_forces(force)
         q = basis.contact_modes.reshape(len(at_ports), -1).conj().T @ at_ports
         for at, along, excitation in problem.settings.excited.get(l, []):
             if at in basis.locations:
                 q = q + (along @ basis.locations[at]).conj() * excitation
-        given = problem.settings.damping_ratio
-        ratio = basis.damping_ratio if given is None else np.full(basis.n_modes, given)
+        ratio_of_study = problem.settings.damping_ratio
+        ratio = basis.damping_ratio if ratio_of_study is None else np.full(basis.n_modes, ratio_of_study)
         w = l * omega
         dynamic = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
         q = np.divide(q, dynamic, out=np.zeros_like(q), where=dynamic != 0.0)

@@ -26,7 +26,6 @@ from bdamper.harmonic_balance.plausibility import check_interval
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
 from bdamper.harmonic_balance.sector import NEAREST, around
 from bdamper.response.branches import NO_SOLUTION, LeftOut
-from bdamper.response.verification import ErrorEstimates
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, Plottable
 from bdamper.util.errors import INTERRUPTED, BdamperError
@@ -131,8 +130,6 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     in_time : (n,) float or None
         Mean amplitude of the motion in time that starts at a point over that of the point, NaN where it is not known
         (:mod:`bdamper.time_domain.floquet`); where it was asked for.
-    error_estimates : ErrorEstimates or None
-        Of the highest peak, by source, where they were asked for.
     closed : tuple of int
         Branches that close on themselves: no sweep of frequency leads to them, and their points are no ``peak``.
     speed : (n,) float, rad/s, or None
@@ -161,13 +158,12 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
     stable: Numbers | None = None
     stability_note: str = ""
     in_time: Numbers | None = None
-    error_estimates: ErrorEstimates | None = None
     closed: tuple[int, ...] = ()
     speed: RadiansPerSecond | None = None
     blades: Annotated[NDArray, Quantity("m", dims=(ROW, "blade", "harmonic"))] | None = None
     _summary_fields = (
         "preload", "kind", "status", "peak.kind", "peak.amplitude", "peak.frequency", "at_peak", "unstable",
-        "stability_note", "folds", "missing_ranges", "detached", "separate", "error",
+        "stability_note", "folds", "missing_ranges", "detached", "separate",
     )  # fmt: skip
 
     @property
@@ -297,11 +293,6 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
         """Shares of the cycle that contacts stick, slip and are open at the peak, in per cent."""
         shares = zip(("stick", "slip", "open"), np.round(100.0 * self.shares[self.peak.index], 1).tolist())
         return {f"{name} (%)": share for name, share in shares if np.isfinite(share)}
-
-    @property
-    def error(self) -> str:
-        """Estimated error in one line."""
-        return "error not estimated" if self.error_estimates is None else self.error_estimates.line
 
     def _facts(self) -> tuple[Fact, ...]:
         """Highest point of the curve and how it was found; empty for a curve without points."""
