@@ -101,7 +101,7 @@ def test_the_audit_finds_what_the_search_has_missed(study, quick):
     assert np.isclose(found.share.value, 1 / 7)
     assert 0.0036 < found.share.low < 0.0037 and 0.57 < found.share.high < 0.58
     assert "14.3 % of the disks" in str(found).replace("\n", " ") and found.covered.sum() == 42
-    assert "0 beyond their error" in found._headline() and "search: 48" in str(found)
+    assert "0 of them by more than the error estimate" in found._headline() and "search: 48" in str(found)
     assert found._headline().endswith(" %): 3.")
     rows = {name: column.values for name, column in found.columns().items()}
     assert rows["missed"].sum() == 6 and rows["run"][rows["wheel"] == 5][0].startswith("failed: not found")

@@ -1,7 +1,4 @@
-"""Contact faces: what their points do over a period and what they carry.
-
-Cycles of the contacts: loops of force over displacement, histories, and the energy that is lost.
-"""
+"""Plots of contacts: states over a period, maps of contact faces, hysteresis loops, histories and dissipated energy."""
 
 from __future__ import annotations
 
@@ -33,20 +30,20 @@ from bdamper.util.tables import label as label_of
 
 
 STATUS_COLOURS = ("#262626", "#e6862a", "#cfe3ee")
-"""Dark, middle and light: told apart in grey as well."""
+"""Colours of stick, slip and separation: dark, medium and light, distinct in grey print."""
 EDGE: dict[str, Any] = {"edgecolor": "0.2", "linewidth": 0.4}
 
 
 def plot_status_bars(
     status: ContactStatus, points: Sequence[int], ax: Axes | None = None, *, direction: int = 0, title: str = ""
 ) -> Axes:
-    """Space-time bars: the state of chosen contact points over one period, as in Fig. 16 of the paper.
+    """Plot the state of contact points over one period as bars, as in Fig. 16 of the paper.
 
     Parameters
     ----------
     status : ContactStatus
     points : sequence of int
-        Indices of contact points, drawn from top to bottom.
+        Indices of contact points, from top to bottom.
     ax : matplotlib axes, optional
     direction : {0, 1}
         Tangential direction t1 or t2.
@@ -75,7 +72,8 @@ def _status_legend(ax: Axes) -> None:
 
 
 def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray, float, float]:
-    """Places (n,) of contact points outward along t1 and along Z, from the centre of their face (mm), and the spacing."""
+    """Return the coordinates of contact points along t1 (outward) and Z from the face centre in mm, and the point
+    spacings."""
     centred = points - points.mean(axis=0)
     outward = 1.0 if frame[0] @ (points.mean(axis=0) * [1.0, 1.0, 0.0]) >= 0.0 else -1.0
     x, y = 1e3 * outward * centred @ frame[0], 1e3 * np.sign(frame[1, 2] or 1.0) * centred @ frame[1]
@@ -88,14 +86,17 @@ def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray,
 
 
 def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
-    """Limits and labels of the map of a face."""
+    """Set the limits and labels of the map of a face."""
     ax.set(xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy), ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx))
     ax.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
     ax.grid(False)
 
 
 def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
-    """Ends along both axes and states of patches at contact points, each divided by its shares (n, 3)."""
+    """Return the edges and states of the tiles of a status map.
+
+    Each point has a rectangle, divided by its shares (n, 3) of stick, slip and separation.
+    """
     left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
     low = np.repeat(x - 0.45 * dx, 3)
     return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))
@@ -103,7 +104,7 @@ def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple
 
 @picture(size=(5.2, 2.4), legend=None)
 def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, direction: int = 0) -> None:
-    """Map of a contact face: each point is divided by the shares of the period that it sticks, slips and is open.
+    """Plot a map of a contact face, each point divided by its shares of stick, slip and separation.
 
     Parameters
     ----------
@@ -126,7 +127,7 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
 def plot_faces(
     places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
 ) -> NDArray:
-    """Values over several faces as coloured patches, one row for each title, one column for each face."""
+    """Plot values on several faces as coloured patches, a row for each title and a column for each face."""
     n = len(places)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(len(titles), n, figsize=(3.4 * n, 1.7 * len(titles) + 0.3), squeeze=False)
@@ -152,7 +153,7 @@ def plot_faces(
 
 @picture(Peak, size=(5.6, 1.5), legend=None)
 def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
-    """Shares of the cycle that contacts stick, slip and are open at the peak."""
+    """Plot the shares of stick, slip and separation over the cycle of a peak."""
     shares = 100.0 * peak.shares
     ax.barh(["contacts"] * 3, shares, left=np.cumsum(shares) - shares, color=STATUS_COLOURS, **EDGE)
     ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0), title=peak._headline())
@@ -161,12 +162,12 @@ def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
 
 @draws(PreloadState)
 def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
-    """Pressure, gap or use of the friction limit over the friction faces at rest; open points stay white.
+    """Plot pressure, gap or utilisation of the friction limit on the friction faces at rest; open points are white.
 
     Parameters
     ----------
     state : PreloadState
-        From a study; files of version 0.6 and before do not have the faces.
+        A result of a study; files of version 0.6 and before do not contain the faces.
     quantity : {"pressure", "gap", "friction"}
     """
     pressure, points, frame, friction = state.pressure, state.points, state.frame, state.friction
@@ -194,11 +195,11 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
 
 NAMES = {"t1": "in the face along t1", "t2": "in the face along t2", "n": "normal to the face"}
 OF_WHOLE = {"xlabel": "Motion of the response (m)", "ylabel": "All contact forces as one force there (N)"}
-"""Labels of the loop of all contacts."""
+"""Axis labels of the loop of all contacts."""
 
 
 def _name(result: Hysteresis, where: int | str) -> str:
-    """A contact point as a face and the number within it, a face by its name."""
+    """Return the name of a contact point (face and number within it) or of a face."""
     if isinstance(where, str):
         return f"{where} face" if where != WHOLE else "all contacts"
     face = result.interface[where]
@@ -209,16 +210,16 @@ def _name(result: Hysteresis, where: int | str) -> str:
 def plot_loops(
     result: Hysteresis, where: int | str | Sequence[int | str] = WHOLE, ax: Axes = NEW, *, direction: str = "t1"
 ) -> None:
-    """Loops of force over displacement.
+    """Plot hysteresis loops of force over displacement.
 
     Parameters
     ----------
     result : Hysteresis
     where : int, str or sequence of these
-        Contact points by index, faces by name, or "whole": the force at the response location that does the work of all
-        contacts, over the response.
+        Indices of contact points, names of faces, or "whole".  "whole" is the loop of all contacts: the force at the
+        response location that does the same work, over the response.
     direction : {"t1", "t2", "n"}
-        Of points and faces.
+        Direction of points and faces.
     """
     places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
     if not places or (WHOLE in places and len(places) > 1):
@@ -239,7 +240,7 @@ def plot_loops(
 
 @picture(Hysteresis, "history", size=(5.6, 4.4), rows=2)
 def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
-    """Forces, vibration and gap of one contact point over a cycle, in two axes.
+    """Plot the forces, vibration and gap of one contact point over a cycle, in two axes.
 
     Parameters
     ----------
@@ -263,7 +264,7 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
 
 @draws(Hysteresis, "energy")
 def plot_energy(result: Hysteresis) -> NDArray:
-    """Energy that is lost in a cycle for each area, over the faces that lose any."""
+    """Plot the energy dissipated per cycle and area on the faces with dissipation."""
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
     names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
@@ -275,12 +276,12 @@ def plot_energy(result: Hysteresis) -> NDArray:
 
 @picture(Hysteresis, "dissipation", size=(5.6, 7.8), rows=3)
 def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "amplitude") -> None:
-    """Equivalent stiffness and damping ratio of the contacts, and below them where the work of the excitation goes.
+    """Plot the equivalent stiffness and damping ratio of the contacts, and below them the energy balance of the cycle.
 
     Parameters
     ----------
     result : Hysteresis
-        Of several solutions.
+        Hysteresis of several solutions.
     ax : three matplotlib axes, optional
     over : {"amplitude", "frequency", "preload"}
     """
@@ -302,5 +303,5 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
 
 @draws(Hysteresis)
 def plot_hysteresis(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
-    """Loops of a single solution (:func:`plot_loops`), stiffness and damping of several (:func:`plot_dissipation`)."""
+    """Plot the loops of one solution (:func:`plot_loops`), or the dissipation of several (:func:`plot_dissipation`)."""
     return (plot_loops if result.single else plot_dissipation)(result, *arguments, **options)

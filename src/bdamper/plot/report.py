@@ -1,8 +1,7 @@
-"""An optimal curve for a design review: one HTML file with pictures inside, from the template beside this module.
+"""Report of an optimal curve for a design review: one HTML file with plots, from the template ``report.html``.
 
-Each check has a light and the rule behind it: green where it holds, amber where the result is rough, red where it must not
-be used as it is, white where nothing was computed.  There is no date in the file and no link, so that the same results give
-the same bytes, and printing it gives the same pages anywhere.
+Each check has a colour and a rule: green if passed, amber if uncertain, red if failed, white if not computed.  The file
+contains no date and no link, so equal results give identical files.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ from bdamper.util.formatting import amount, cut, percent, spaced
 from bdamper.util.storage import FilePath, check_folder, writing
 
 GOOD, FAIR = 0.05, 0.2
-"""Relative differences up to which a light is green, and amber."""
+"""Largest relative differences of a green and of an amber check."""
 NOISE = 1.5, 3.0
-"""The same of the misfit of a fit, in units of its noise."""
+"""Largest misfits of a fit for green and for amber, in units of its noise."""
 SAFE = 1.5
-"""Margin against fatigue from which on its light is green."""
+"""Smallest fatigue margin of a green check."""
 BELONG = "harmonics", "blade_modes", "contact_points", "friction_coefficient", "contact_stiffness_factor"
-"""Settings that a curve and the fit beside it have in common."""
+"""Settings that must agree between a curve and a fit."""
 NOT_MODELLED = (
     "Blades and dampers are all alike (a wheel of unequal ones: BladedDisk); the disk is cyclic.",
     "One temperature; friction does not heat.",
@@ -48,7 +47,7 @@ NOT_MODELLED = (
 
 
 class Light(NamedTuple):
-    """One check: its colour, what it is of, what was found, and the rule."""
+    """A check: its colour, subject, result, and rule."""
 
     colour: str
     name: str
@@ -102,7 +101,7 @@ def write_report(
 
 
 def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
-    """Whether settings have a value, on the part that the name ends with or on every interface with friction."""
+    """Return whether settings have a value, for the part in ``name``, or else for every interface with friction."""
     own, _, part = name.partition(".")
     found = settings.get(own, value)
     if not isinstance(found, Mapping):
@@ -113,7 +112,7 @@ def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
 
 
 def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
-    """The checks of an optimal curve, with the rules that decide their colours."""
+    """Return the checks of an optimal curve, with the rules of their colours."""
     best = curve.optimum
     time_rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red beyond, white if not run"
     inside = best.kind not in ENDS
@@ -162,7 +161,7 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
 
 
 def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:
-    """Pictures of the response at the optimum, and rows of its sensitivities."""
+    """Return the plots of the response at the optimum, and the rows of its sensitivities."""
     best, mode = curve.optimum, max(0.25 * abs(curve.stuck.frequency - curve.free.frequency), 0.03 * curve.free.frequency)
     ends = [f for f in (curve.free.frequency, best.frequency, curve.stuck.frequency) if np.isfinite(f)]
     band = (min(ends) - mode, max(ends) + mode)
@@ -185,12 +184,12 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
 
 
 def _short(value: Any) -> str:
-    """A setting as one line."""
+    """Format a setting as one line."""
     text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
     return cut(text, 120)
 
 
 def _picture(shown: Plottable) -> str:
-    """The picture of a result inside the page."""
+    """Return the plot of a result as an HTML image."""
     svg = draw(shown, "image", format="svg", metadata={"Date": None, "Creator": None})
     return f'<img alt="figure" src="data:image/svg+xml;base64,{base64.b64encode(svg).decode()}">'

@@ -1,8 +1,6 @@
-"""Pictures over rotor speed: Campbell and interference diagrams, crossings, run-up.
+"""Plots over rotor speed (Campbell and interference diagrams, crossings) and of fatigue (stress, Haigh diagram, margins).
 
-Speeds are in revolutions per minute here, as machines show them.
-
-Stress over a cycle, Haigh diagram, margins over a quantity, and the critical location on the body.
+Speeds are in revolutions per minute.
 """
 
 from __future__ import annotations
@@ -36,10 +34,10 @@ SPEED = "Rotor speed (rpm)"
 
 @picture(Campbell, size=(5.6, 4.2))
 def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
-    """Campbell diagram: free and stuck frequencies over speed, lines of engine orders, damped crossings.
+    """Plot a Campbell diagram: free and stuck frequencies over speed, engine order lines, and crossings.
 
-    Free modes are thin and solid, stuck ones dash-dotted; damped crossings are filled, those of free modes open circles and
-    of stuck ones crosses.
+    Free modes are solid, stuck ones dash-dotted.  Crossings with damping are filled, with free modes open circles, with
+    stuck modes crosses.
     """
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
@@ -67,7 +65,7 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
 
 
 def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
-    """Lines of engine orders, each with its number where it leaves the picture."""
+    """Draw engine order lines, each with its number at its end."""
     for order in orders:
         end = min(float(speed[-1]), 2.0 * np.pi * top / order)
         ax.plot(np.array([0.0, end]) * RPM, [0.0, order * end / (2.0 * np.pi)], color="0.6", linewidth=0.7, zorder=1)
@@ -77,16 +75,16 @@ def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
 
 @picture(Campbell, "plot_safe")
 def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) -> None:
-    """Interference (SAFE) diagram: modes over nodal diameter at one speed, with the line of the excitation.
+    """Plot an interference (SAFE) diagram: modes over nodal diameter at one speed, with the line of the excitation.
 
-    The excitation has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that an order EO meets: a line that is folded
-    back at half the number of blades.  A resonance is where a mode lies on it.
+    An engine order EO has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that it excites: a line folded back at
+    half the number of blades.  Resonances are modes on this line.
 
     Parameters
     ----------
     campbell : Campbell
     speed : float, rad/s, optional
-        The nearest of those that the diagram has; the highest by default.
+        The nearest speed of the diagram is used; the highest by default.
     """
     i = len(campbell.speed) - 1 if speed is None else int(np.argmin(np.abs(campbell.speed - speed)))
     omega, half, d = float(campbell.speed[i]), campbell.n_blades // 2, campbell.nodal_diameter
@@ -110,14 +108,12 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
 
 @picture(SweepResult, "crossings")
 def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
-    """Amplitude or margin at the crossings over speed, a colour and marker for each mass of the damper.
-
-    Each crossing has its engine order.
+    """Plot the amplitude or margin at crossings over speed, with a colour and marker for each damper mass.
 
     Parameters
     ----------
     found : SweepResult
-        As :meth:`bdamper.Study.crossings` returns it.
+        Result of :meth:`bdamper.Study.crossings`.
     quantity : {"amplitude", "margin"}
     """
     validation.choice("quantity", quantity, ("amplitude", "margin"))
@@ -144,19 +140,19 @@ MEGA = 1e-6
 
 
 def _star(ax: Axes, x: float, y: float, name: str) -> None:
-    """Where the margin is decided."""
+    """Mark the point that determines the margin."""
     ax.plot(x, y, "*", color=OPTIMUM, markeredgecolor="black", markersize=12.0, label=once(ax, name))
 
 
 @picture(StressCycle)
 def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) -> None:
-    """The components of the stress and its von Mises value over the cycle.
+    """Plot the stress components and the von Mises stress over a cycle.
 
     Parameters
     ----------
     cycle : StressCycle
     point : int, optional
-        The critical one by default.
+        The critical point by default.
     """
     i = cycle.critical if point is None else validation.whole("point", point, least=0, most=len(cycle) - 1)
     theta = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -173,9 +169,9 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
 
 @picture(Margins)
 def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
-    """Haigh diagram: amplitude over mean of every point, with the lines of the material.
+    """Plot a Haigh diagram: stress amplitude over mean stress of every point, with the lines of the material.
 
-    The line of the margin is drawn in full, the others broken; points that margins leave out are hollow.
+    The line that defines the margin is thick, the others are broken.  Points excluded from the margin are hollow.
     """
     material, i, seen = margins.material, margins.critical, margins.counted
     right, low = material.ultimate_strength, min(0.0, 1.1 * float(margins.mean.min()))
@@ -199,13 +195,13 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
 
 @picture(MarginCurve)
 def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") -> None:
-    """The margin over frequency, preload, speed or another quantity, 1 is the limit; the amplitude on an axis at the right.
+    """Plot the margin over frequency, preload or speed, with the limit 1, and the response amplitude on a second axis.
 
     Parameters
     ----------
     curve : MarginCurve
     ax : matplotlib axes, optional
-        Several curves in the same axes differ by lightness, line and marker, and have no amplitudes but those of the first.
+        Several curves in the same axes differ by lightness, line and marker; only the first has its amplitude.
     label : str
         Name of the curve in the legend.
     """
@@ -230,13 +226,14 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
 
 @draws(Margins, "plot_critical")
 def plot_critical(margins: Margins, model: Model) -> Axes:
-    """The points on the surface of their body: lighter where the factor is larger, a star at the critical one.
+    """Plot the stress points on the surface of their body: the lighter, the larger the safety factor; a star at the
+    critical one.
 
     Parameters
     ----------
     margins : Margins
     model : Model
-        With the surface of the body.
+        Model with the surface of the body.
     """
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})

@@ -1,10 +1,7 @@
-"""Design studies, and what settings change: sweeps, samples, advice, accuracy over time.
+"""Plots of sweeps, uncertainty, effects, convergence, fits, nonlinear modes and flutter.
 
-Columns of a result over another column, with labels and units by their annotated types (:mod:`bdamper.util.tables`).
-
-Fits of measured responses and loops.
-
-Nonlinear modes and limit cycles: frequency and damping over amplitude.
+:func:`draw_table` plots one column of a result over another one, with labels and units from their annotated types
+(:mod:`bdamper.util.tables`).
 """
 
 from __future__ import annotations
@@ -35,20 +32,20 @@ from bdamper.util.tables import FEW_ROWS, Tabular, label, quantities
 
 
 MAIN = ("amplitude", "optimum_amplitude")
-"""Answers of a sweep that are drawn unless others are asked for."""
+"""Quantities of a sweep that are plotted by default."""
 _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
           "slip": "share of slip", "open": "share of separation"}  # fmt: skip
 
 
 def _with_unit(name: str) -> str:
-    """Label of an axis for a setting or an answer of a sweep."""
+    """Return the axis label of a setting or a quantity of a sweep."""
     words = _WORDS.get(name, spaced(name))
     return words[:1].upper() + words[1:] + (f" ({UNITS[name]})" if name in UNITS else "")
 
 
 @picture(SweepResult)
 def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW) -> None:
-    """One answer of a sweep over its last setting, a line for each combination of the others.
+    """Plot a quantity of a sweep over its last setting, with a line for each combination of the other settings.
 
     Points without a value are crosses at the lower edge, in the colour of their line.
 
@@ -56,7 +53,7 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     ----------
     result : SweepResult
     quantity : str, optional
-        By default the amplitude, that of the optimum, or else the first answer.
+        By default the amplitude, the amplitude of the optimum, or the first quantity of the sweep.
     """
     quantity = quantity or next((q for q in (*MAIN, *result.quantities) if q in result.quantities), MAIN[0])
     values = result.array(quantity)
@@ -77,7 +74,7 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
 
 @picture(OptimalCurveUncertainty)
 def plot_optimal_curve_uncertainty(result: OptimalCurveUncertainty, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
-    """Percentile bands of optimal curves over the preload.
+    """Plot percentile bands of optimal curves over the preload.
 
     Parameters
     ----------
@@ -94,11 +91,11 @@ def plot_optimal_curve_uncertainty(result: OptimalCurveUncertainty, ax: Axes = N
 
 @picture(EffectSignificance, legend=None)
 def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None:
-    """Bars of the changes that leaving out single effects makes to a peak.
+    """Plot the change of a peak without each effect as bars.
 
-    Changes of amplitude and frequency in per cent, on a scale that is linear within the tolerance and logarithmic beyond;
-    names of effects that may be left out together are grey, the tolerance is a grey band, thin lines show what an estimate
-    may miss, and a change that is not known is no bar.
+    Changes of amplitude and frequency are in per cent, on a scale that is linear within the tolerance and logarithmic
+    beyond.  The tolerance is a grey band.  Names of effects that may be left out together are grey.  Thin lines show the
+    uncertainty of estimates; an unknown change has no bar.
     """
     effects = advice.effects[::-1]
     place, tolerance = np.arange(len(effects)), 100.0 * advice.tolerance
@@ -130,10 +127,10 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
 
 @picture(Convergence)
 def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
-    """Amplitude of a peak over the number of harmonics.
+    """Plot the amplitude of a peak over the number of harmonics.
 
-    The answer is a filled point, the range of the settled peaks a grey band.  Ticks at the upper edge mark harmonics that
-    are near a mode of the structure with stuck contacts.
+    The filled point is the result, the grey band the range of the settled peaks.  Ticks at the upper edge mark harmonics
+    near a mode of the structure with stuck contacts.
     """
     harmonics, amplitude = np.array([(p.harmonics, p.amplitude) for p in convergence.peaks]).T
     low, high = convergence.range
@@ -151,17 +148,17 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
 
 @picture(AccuracyCost, size=(5.2, 4.2), legend=None)
 def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> None:
-    """Error over time of settings, one at a time below the richest and combined.
+    """Plot the error over processor time for different settings.
 
-    A point for each run, with its value where it is poorer than the reference, the richest, in one setting alone.  The
-    time of the reference is a vertical line, since its error is not known; what is not known is a cross at the upper edge,
-    what is equal to the reference a triangle at the lower edge.
+    Each run is a point.  Runs that differ from the reference (the most detailed settings) in one setting are labelled with
+    its value.  The error of the reference is unknown, so a vertical line shows its time.  Crosses at the upper edge are
+    runs of unknown error, triangles at the lower edge runs without a difference from the reference.
 
     Parameters
     ----------
     result : AccuracyCost
     of : str
-        What the error is of.
+        Quantity whose error is plotted.
     """
     best, names, richest = result.recommended, result.varied, result.richest
     points = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
@@ -199,14 +196,14 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
 
 
 LOGARITHMIC = ("N", "m", "J")
-"""Units of which axes are logarithmic where the values are positive and the largest is more than five times the least."""
+"""Units with a logarithmic axis, if values are positive and the ratio of the largest to the smallest exceeds five."""
 
 
 def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(None), **style: Any) -> None:
-    """Draw a field or property of a result over another one.
+    """Plot a field or property of a result over another one.
 
-    Axes that have labels keep them.  No line leads from one branch to another, and a value between two that are not known
-    is a point.  A ratio is shown in per cent.
+    Existing axis labels are not changed.  Lines do not connect branches.  A known value between two unknown ones is a
+    point.  Ratios are in per cent.
 
     Parameters
     ----------
@@ -214,9 +211,9 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
     table : Tabular
     x, y : str
     rows : index
-        Of those that are drawn.
+        Rows to plot.
     style
-        Of the line, as matplotlib's ``plot`` takes it.
+        Line options of matplotlib's ``plot``.
     """
     values = {name: (100.0 if name.endswith("ratio") else 1.0) * np.array(getattr(table, name), float) for name in (x, y)}
     branch = np.broadcast_to(getattr(table, "branch", 0), values[x].shape)[rows]
@@ -244,9 +241,9 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
 
 @picture(Fitted, size=(6.0, 5.2), rows=2)
 def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
-    """Measured amplitudes with those of the model, and below them the residuals in units of the noise.
+    """Plot measured and computed amplitudes, and below them the residuals in units of the noise.
 
-    Grey between -2 and 2 in the lower picture: where 95 % of the points lie if the model is right.
+    If the model is right, 95 % of the residuals lie in the grey band from -2 to 2.
 
     Parameters
     ----------
@@ -269,7 +266,7 @@ def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
 
 @picture(Fitted, "information", size=(5.6, 3.2))
 def plot_information(result: Fitted, ax: Axes = NEW) -> None:
-    """Shares of the tests in the information about each parameter.
+    """Plot the share of each test in the information about each parameter.
 
     Parameters
     ----------
@@ -288,7 +285,7 @@ def plot_information(result: Fitted, ax: Axes = NEW) -> None:
 
 @picture(FittedLoop, size=(4.4, 3.6))
 def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
-    """Measured force over displacement with the loop of the sliders that was found.
+    """Plot a measured loop of force over displacement with the fitted loop of the sliders.
 
     Parameters
     ----------
@@ -304,15 +301,15 @@ def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
 
 @picture(NonlinearMode, size=(5.6, 4.8), rows=2)
 def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) -> None:
-    """Frequency and damping of a nonlinear mode over the amplitude of the response, in two axes.
+    """Plot frequency and damping ratio of a nonlinear mode over the amplitude of the response, in two axes.
 
-    Circles are folds, where the amplitude turns; lines are dashed where the motion is no longer that of the mode.
+    Circles are folds of the amplitude.  Lines are dashed where the motion no longer resembles the mode.
 
     Parameters
     ----------
     mode : NonlinearMode
     style
-        Of the lines, as matplotlib's ``plot`` takes it.
+        Line options of matplotlib's ``plot``.
     """
     folds: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "k", "markersize": 3.0, "markerfacecolor": "w"}
     for axes, name in zip(ax, ("frequency", "damping_ratio")):
@@ -325,9 +322,9 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) ->
 
 @picture(Flutter)
 def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
-    """Limit cycles over the preload: filled where they are stable, open where starts beyond them grow.
+    """Plot limit cycles over the preload: filled if stable, open if unstable.
 
-    Crosses at the lower edge: rest is unstable there.
+    Crosses at the lower edge mark preloads where the state at rest is unstable.
     """
     diameters, cycle, stable = np.unique(flutter.nodal_diameter), flutter.amplitude > 0.0, flutter.stable
     for d, look in zip(diameters, looks(len(diameters))):

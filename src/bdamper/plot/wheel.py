@@ -1,4 +1,4 @@
-"""Whole wheels: deviations and amplitudes of the blades, envelopes, statistics of many wheels."""
+"""Plots of mistuned bladed disks: deviations and amplitudes of the blades, and statistics of samples."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FACTOR = "Amplification of the worst blade"
 
 @picture(Mistuning)
 def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
-    """Bars of the frequency deviation of every blade, side by side where its modes differ."""
+    """Plot the frequency deviation of every blade as bars, side by side for several modes."""
     values = 100.0 * mistuning.deviation.reshape(mistuning.n_blades, -1)
     n = values.shape[1]
     for k, (column, colour) in enumerate(zip(values.T, colours(n))):
@@ -42,14 +42,15 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 
 @picture()
 def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
-    """Amplitude of every blade over frequency as a map, light where it is high.
+    """Plot a map of the amplitude of every blade over frequency.
 
-    Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
+    If there are several solutions at a frequency, the one with the highest blade is shown.  A circle marks the highest
+    point.
 
     Parameters
     ----------
     curve : ResponseCurve
-        As ``BladedDisk.frequency_response`` returns it.
+        Result of ``BladedDisk.frequency_response``.
     """
     response = validation.instance("curve", curve, ResponseCurve).blades
     if response is None:
@@ -68,7 +69,7 @@ def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
 
 
 def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
-    """A bar for each blade, that of one of them dark."""
+    """Plot a bar for each blade, with one blade dark."""
     shade = np.where(np.arange(len(heights)) == blade, "0.15", "0.65")
     ax.bar(np.arange(len(heights)), heights, color=shade, edgecolor="k", linewidth=0.3, **look)
     ax.set(xlabel="Blade", ylabel="Amplitude (m)")
@@ -76,7 +77,8 @@ def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
 
 @picture(WheelPeak)
 def plot_wheel_peak(peak: WheelPeak, ax: Axes = NEW) -> None:
-    """Bars of the amplitudes of all blades at the highest peak, the tuned peak as a line, the highest blade dark."""
+    """Plot the amplitudes of all blades at the highest peak as bars, with the highest blade dark and the tuned peak as a
+    line."""
     if not peak.found:
         raise BdamperError(f"picture of a peak: expected a converged one, found {peak.status} ({peak.reason})")
     _bars(ax, peak.amplitudes, peak.blade)
@@ -88,10 +90,10 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes = NEW) -> None:
 
 @picture(TimeResponse)
 def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
-    """Bars of the mean amplitudes of all blades in time, with their ranges over the last periods; the highest is dark.
+    """Plot the mean amplitudes of all blades in time as bars with their ranges, with the highest blade dark.
 
-    The peak of the harmonic balance is a line.  One motion is drawn as the amplitude of each period, with mean and range of
-    the half that counts.
+    A line is the peak of the harmonic balance.  A result for one motion is plotted as the amplitude of each period, with
+    the mean and range of the second half.
     """
     if len(found.harmonics):
         _plot_periods(ax, found)
@@ -121,14 +123,14 @@ def _plot_periods(ax: Axes, found: TimeResponse) -> None:
 
 @picture(WheelPeak, "plot_wheel", size=(5.6, 4.4))
 def plot_wheel(peak: WheelPeak, model: Model, ax: Axes = NEW) -> None:
-    """The wheel from the front, blades coloured by their amplitude at the highest peak; the number of the highest is bold.
+    """Plot the bladed disk from the front, blades coloured by their amplitude at the highest peak; bold number: the
+    highest.
 
     Parameters
     ----------
     peak : WheelPeak
     model : Model
-        Of the wheel, with a surface of the blade that carries mode shapes, the first of which spreads the amplitude over
-        each blade.
+        Model with a blade surface with mode shapes; the first one distributes the amplitude over each blade.
     """
     if not peak.found or len(peak.amplitudes) != model.n_blades:
         found = f"{peak.status}, {len(peak.response)} blades"
@@ -156,7 +158,7 @@ def plot_wheel(peak: WheelPeak, model: Model, ax: Axes = NEW) -> None:
 
 
 def _of(sample: MistunedSample, i: int, n: int) -> str:
-    """What a picture of some wheels of one standard deviation is of."""
+    """Return a title with the number of disks and their standard deviation."""
     return f"{n} wheels, blade frequencies {100.0 * sample.standard_deviation[i]:g} % (standard deviation)"
 
 
@@ -165,20 +167,22 @@ def plot_sample(
     sample: MistunedSample, over: str | None = None, ax: Axes = NEW, *, quantity: str = "amplification",
     standard_deviation: float | None = None, percentiles: Sequence[float] = PERCENTILES,
 ) -> None:  # fmt: skip
-    """Percentiles of the worst blade over the standard deviation of mistuning, a colour for each preload, or over this.
+    """Plot percentiles of the highest blade over the standard deviation of mistuning, or over the preload.
 
-    Bands are intervals of 95 % with the errors of the peaks, of the last percentile where there are several colours; they
-    end where the sample does not bound them.  Over the preload stars mark the least value of each line among those asked.
+    Over the standard deviation each preload has a colour.
+
+    Bands are 95 % confidence intervals with the errors of the peaks, for the last percentile if there are several colours.
+    They end where the sample does not bound them.  Over the preload, stars mark the smallest value of each line.
 
     Parameters
     ----------
     sample : MistunedSample
     over : {"standard_deviation", "preload"}, optional
-        The preload by default where the sample has one standard deviation.
+        By default the preload if the sample has one standard deviation.
     quantity : {"amplification", "amplitude"}
-        Amplification factor, or resonance amplitude beside that of the tuned wheel.
+        Amplification factor, or resonance amplitude with that of the tuned disk.
     standard_deviation : float, optional
-        Of a picture over the preload; the last one by default.
+        For a plot over the preload; the last one by default.
     percentiles : sequence of float
         Up to six.
     """
@@ -220,18 +224,18 @@ def plot_sample_tail(
     sample: MistunedSample, standard_deviation: float | None = None, preload: float | None = None, ax: Axes = NEW,
     *, tail: float = 0.5,
 ) -> None:  # fmt: skip
-    """Histogram of the amplification factors of one cell, with the Weibull distribution fitted to its tail.
+    """Plot a histogram of the amplification factors of one cell, with the Weibull distribution fitted to its tail.
 
-    The 95th percentile has its confidence interval with the errors of the peaks, to the edge where the sample does not
+    The 95th percentile has its confidence interval with the errors of the peaks, drawn to the edge if the sample does not
     bound it.
 
     Parameters
     ----------
     sample : MistunedSample
     standard_deviation, preload : float, optional
-        Of the cell; the last ones by default.
+        The cell; the last ones by default.
     tail : float
-        Share of the wheels that the fit sees.
+        Fraction of the disks in the fit.
     """
     i, j = sample.cell(standard_deviation, preload)
     x = sample.amplification[:, i, j]
