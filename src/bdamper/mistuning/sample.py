@@ -5,9 +5,9 @@ standard deviation.  A disk is therefore the same at every preload and standard 
 harmonics.  More disks can be added to a sample in the same results file.
 
 **Audit.**  A coarse sweep with local searches (:mod:`bdamper.mistuning.peak_search`) can miss the highest peak.  Therefore
-a random part of the disks, drawn before any result is known, is searched again with half the spacing and three times as
-many local searches.  After the sample, the same fraction of the highest disks of each cell is also searched again, since
-results are quoted from the tail.  Both searches release their dampers, and the released peaks are compared.
+a random part of the disks, drawn before any result is known, is searched again with half the spacing and three times the
+number of local searches.  After the sample, the same fraction of the highest disks of each cell is also searched again,
+since results are quoted from the tail.  Both searches release their dampers, and the released peaks are compared.
 """
 
 from __future__ import annotations
@@ -515,7 +515,7 @@ def mistuned_sample(
 def _records(
     sample: _Sample, audit: float, audited: NDArray, run: Callable[..., list[Record]]
 ) -> tuple[list[Record], list[Record]]:
-    """Return the records of all peaks and of the thorough searches, empty where none was run."""
+    """Return the records of all peaks, and of the thorough searches (empty if not run)."""
     cells = list(itertools.product(*sample.over.values()))
     points, names = [dict(zip(sample.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
     peaks = run(points, names, what="wheels", unit="peak")

@@ -277,8 +277,9 @@ def tuned_problem(study: Problem) -> Problem:
 
     If the contact stiffness is computed by a method, the attachment modes contain the flexibility of the contacts.  The
     contact stiffness then represents the flexibility that the local basis leaves out, by unit tractions.  Given values are
-    used unchanged.  This flexibility is computed for nominal blades.  Division by ``(1 + eps)**2`` would be exact; it changes the
-    stuck frequencies of disks of five to eight blades with deviations of 5 % by at most 0.05 % (family 1: 0.01 %).
+    used unchanged.  This flexibility is computed for nominal blades.  Division by ``(1 + eps)**2`` would be exact; it
+    changes the stuck frequencies of disks of five to eight blades with deviations of 5 % by at most 0.05 % (family 1:
+    0.01 %).
     """
     required = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
     for name, value in required.items():

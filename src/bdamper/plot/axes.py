@@ -114,11 +114,11 @@ def picture(
     """
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:
-        own = inspect.signature(function)
+        signature = inspect.signature(function)
 
         @wraps(function)
         def drawn(*arguments: Any, title: str = "", **options: Any) -> Any:
-            bound = own.bind(*arguments, **options)
+            bound = signature.bind(*arguments, **options)
             with drawing(bound.arguments.get("ax"), size=size, title=title, legend=legend, rows=rows) as axes:
                 bound.arguments["ax"] = axes
                 function(*bound.args, **bound.kwargs)
@@ -140,15 +140,15 @@ def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> N
     handles : sequence of matplotlib artists
         By default all artists with a label.
     """
-    given = (handles, [h.get_label() for h in handles]) if handles else ax.get_legend_handles_labels()
-    if not given[0]:
+    entries = (handles, [h.get_label() for h in handles]) if handles else ax.get_legend_handles_labels()
+    if not entries[0]:
         return
-    longest = max(len(line) for name in given[1] for line in str(name).split("\n"))
-    wide = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
-    columns = max(1, min(len(given[0]), int(ax.bbox.width / wide)))
-    room = 0.45 if ax.get_xlabel() else 0.25  # inches for the numbers and the label of the axis
-    below = ax.transAxes + ScaledTranslation(0.0, -room, ax.figure.dpi_scale_trans)
-    ax.legend(*given, fontsize=size, ncols=columns, loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=below)
+    longest = max(len(line) for name in entries[1] for line in str(name).split("\n"))
+    width = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
+    columns = max(1, min(len(entries[0]), int(ax.bbox.width / width)))
+    margin = 0.45 if ax.get_xlabel() else 0.25  # inches for the numbers and the label of the axis
+    below = ax.transAxes + ScaledTranslation(0.0, -margin, ax.figure.dpi_scale_trans)
+    ax.legend(*entries, fontsize=size, ncols=columns, loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=below)
 
 
 def fit_units(ax: Axes) -> None:
@@ -156,7 +156,7 @@ def fit_units(ax: Axes) -> None:
     for axis in (ax.xaxis, ax.yaxis):
         shared = ax.get_shared_x_axes() if axis is ax.xaxis else ax.get_shared_y_axes()
         if not axis.get_label_text() and len(shared.get_siblings(ax)) > 1:
-            continue  # the axes that it shares its numbers with say the unit
+            continue  # the label is on other axes that share this axis
         log = axis.get_scale() == "log"
         low, high = sorted(np.abs(axis.get_view_interval()))
         name, _, unit = axis.get_label_text().rpartition(" (")
@@ -164,7 +164,7 @@ def fit_units(ax: Axes) -> None:
         if name and base in FITTING:
             prefix = fitting(float(np.sqrt(low * high)) if log else float(high), base)
             scale = PREFIXES[prefix]
-            axis.label.set_gid(base)  # the unit of what is drawn, for the next time
+            axis.label.set_gid(base)  # the unit of the data, for the next call
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
         if log:
             axis.set_major_locator(logarithmic(low, high))
@@ -236,12 +236,12 @@ def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[
     best, count = np.full((len(grid), y.shape[1]), np.nan), np.zeros(len(grid), int)
     for i in np.flatnonzero((np.diff(branch) == 0) & (np.diff(x) != 0.0)):
         low, high = sorted(x[i : i + 2])
-        on = (grid >= low) & (grid <= high)
-        share = (grid[on, None] - x[i]) / (x[i + 1] - x[i])
+        inside = (grid >= low) & (grid <= high)
+        share = (grid[inside, None] - x[i]) / (x[i + 1] - x[i])
         values = y[i] + share * (y[i + 1] - y[i])
-        higher = ~(values.max(axis=1) <= best[on].max(axis=1))  # also where nothing is known yet
-        best[on] = np.where(higher[:, None], values, best[on])
-        count += on & (grid < high)
+        higher = ~(values.max(axis=1) <= best[inside].max(axis=1))  # also true for NaN
+        best[inside] = np.where(higher[:, None], values, best[inside])
+        count += inside & (grid < high)
     return best, count
 
 
@@ -249,10 +249,10 @@ def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[fl
     """Draw a limit as a thin line with its name above the known point nearest to ``at``."""
     look = LIMITS.get(name, LIMITS["stuck"])
     ax.plot(x, y, **look)
-    away = np.where(np.isfinite(y), np.abs(np.asarray(x) - at), np.inf)
-    if np.isfinite(away).any():
-        k = int(np.argmin(away))
-        side = {0: "left", len(away) - 1: "right"}.get(k, "center")  # within the axes
+    distance = np.where(np.isfinite(y), np.abs(np.asarray(x) - at), np.inf)
+    if np.isfinite(distance).any():
+        k = int(np.argmin(distance))
+        side = {0: "left", len(distance) - 1: "right"}.get(k, "center")  # within the axes
         ax.annotate(name, (x[k], y[k]), xytext=(0, 2), textcoords="offset points", ha=side, fontsize=7.0,
                     color=look["color"])  # fmt: skip
 

@@ -28,19 +28,19 @@ from bdamper.util.display import draws
 from bdamper.util.errors import SettingError, needed
 from bdamper.util.storage import writing
 
-# ---- Export of mode shapes and responses to VTU files, for ParaView (through meshio, extra ``bd ----
+# ---- Export ----
 
-
-def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, what: str) -> tuple[str, int]:
+def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, purpose: str) -> tuple[str, int]:
     """Return the body and the nodal diameter of the shapes to show: the given ones, or the first with shapes."""
-    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
-    body = carriers[0] if body is None and carriers else body
-    validation.require(carriers, what, "a model with mode shapes on the mesh of a body", "none")
-    if body not in carriers:
-        raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
+    bodies = [name for name, mesh in model.meshes.items() if mesh.modes]
+    if not bodies:
+        raise SettingError(f"{purpose}: needs mode shapes on the mesh of a body, and the model has none")
+    body = bodies[0] if body is None else body
+    if body not in bodies:
+        raise SettingError(f"{purpose}: expected a body with mode shapes on its mesh out of {bodies}, found {body!r}")
     modes = model.meshes[body].modes
     d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
-    validation.require(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
+    validation.require(d in modes, purpose, f"a nodal diameter out of {sorted(modes)}", d)
     return body, d
 
 
@@ -108,7 +108,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
         If the model has no surface, or no mode shapes at the nodal diameter of the excitation.
     """
     if not problem.model.meshes:
-        raise SettingError("export of a response: expected a model with the surface of a body, found none")
+        raise SettingError("export of a response: needs the mesh of a body, and the model has none")
     meshio = needed("meshio", "export to VTU", "viz")
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
@@ -125,8 +125,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     return out
 
 
-# ---- Bodies, modes and contact points in space ----
-
+# ---- Plots ----
 
 Surface = tuple[NDArray, NDArray, Any]
 """Points (n, 3) in m, quadrilaterals (m, 4), and a colour (with or without opacity) or a value (n,) for each point."""
@@ -146,8 +145,8 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     """
     top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
     corners, shades = [], []
-    for place, quads, colour in surfaces:
-        corners.append(seen(place)[quads])
+    for points, quads, colour in surfaces:
+        corners.append(seen(points)[quads])
         values = colour[quads].mean(axis=1) / top if isinstance(colour, np.ndarray) else None
         shades.append(np.tile(to_rgba(colour), (len(quads), 1)) if values is None else plt.get_cmap("viridis")(values))
     corner, shade = np.concatenate(corners), np.concatenate(shades)
@@ -156,8 +155,8 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     with plt.rc_context(STYLE):
         ax = plt.subplots(figsize=(4.2, 4.6))[1] if ax is None else ax
         look = {"edgecolors": "0.35", "linewidths": 0.15}
-        ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type:
-        ignore[arg-type] if new:
+        ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]
+        if new:
             ax.autoscale_view()
             ax.set(aspect="equal", title=title)
             ax.set_axis_off()
@@ -182,8 +181,8 @@ def _scale(ax: Axes) -> None:
     for name, direction in zip("XYZ", VIEW[:2].T):
         end = start + 0.08 * size * direction
         ax.plot([start[0], end[0]], [start[1], end[1]], color="k", linewidth=0.9)
-        at = start + 0.11 * size * direction
-        ax.text(float(at[0]), float(at[1]), name, ha="center", va="center", fontsize=7.0)
+        x, y = (float(coordinate) for coordinate in start + 0.11 * size * direction)
+        ax.text(x, y, name, ha="center", va="center", fontsize=7.0)
 
 
 @draws(Model)
@@ -194,9 +193,9 @@ def plot_model(model: Model) -> Axes:
     """
     tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
     kinds: dict[bool, list[Surface]] = {False: [], True: []}
-    for name, _, turned in sectors_shown(model):
+    for name, _, rotation in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
-        kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
+        kinds[kind == "free"].append((mesh.points @ rotation.T, mesh.quads, tint[kind]))
     validation.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
     ax = plot_surfaces([*kinds[False], *kinds[True]])
     if kinds[False] and kinds[True]:
@@ -233,11 +232,11 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     shape = mesh.modes[d][..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
-    for name, sector, turned in sectors_shown(model):
+    for name, sector, rotation in sectors_shown(model):
         if name == body:
             wave = np.exp(2j * np.pi * d * sector / model.n_blades)
-            moved = mesh.points + scale * (shape * wave).real
-            surfaces.append((moved @ turned.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
+            deformed = mesh.points + scale * (shape * wave).real
+            surfaces.append((deformed @ rotation.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
     return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 

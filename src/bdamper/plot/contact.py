@@ -22,12 +22,11 @@ from bdamper.plot.studies import draw_table
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import draws
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.formatting import amount
 from bdamper.util.tables import label as label_of
 
 # ---- Contact faces ----
-
 
 STATUS_COLOURS = ("#262626", "#e6862a", "#cfe3ee")
 """Colours of stick, slip and separation: dark, medium and light, distinct in grey print."""
@@ -55,7 +54,7 @@ def plot_status_bars(
     with drawing(ax, size=(5.2, 0.9 + 0.32 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
             for start, end, state in status.parts[point][direction]:
-                left = np.array([start, start - period]) / period  # the last part may pass the end of the period
+                left = np.array([start, start - period]) / period  # a part may continue past the end of the period
                 ax.barh(row, (end - start) / period, left=left, height=0.62, color=STATUS_COLOURS[state], **EDGE)
         names = [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points]
         ax.set_yticks(range(len(points)), names)
@@ -78,11 +77,11 @@ def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray,
     outward = 1.0 if frame[0] @ (points.mean(axis=0) * [1.0, 1.0, 0.0]) >= 0.0 else -1.0
     x, y = 1e3 * outward * centred @ frame[0], 1e3 * np.sign(frame[1, 2] or 1.0) * centred @ frame[1]
 
-    def step(values: NDArray) -> float:
-        apart = np.diff(np.unique(np.round(values, 6)))
-        return float(np.ptp(values) / (apart > 0.5 * apart.max()).sum()) if len(apart) else 1.0  # of rows that waver
+    def spacing(values: NDArray) -> float:
+        steps = np.diff(np.unique(np.round(values, 6)))
+        return float(np.ptp(values) / (steps > 0.5 * steps.max()).sum()) if len(steps) else 1.0  # rows may be uneven
 
-    return x, y, step(x), step(y)
+    return x, y, spacing(x), spacing(y)
 
 
 def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
@@ -125,25 +124,25 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
 
 
 def plot_faces(
-    places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
+    faces: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
 ) -> NDArray:
     """Plot values on several faces as coloured patches, a row for each title and a column for each face."""
-    n = len(places)
+    n = len(faces)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(len(titles), n, figsize=(3.4 * n, 1.7 * len(titles) + 0.3), squeeze=False)
         for row, title in enumerate(titles):
             block = values[row * n : (row + 1) * n]
             low, high = (float(f(np.concatenate(block))) for f in (np.nanmin, np.nanmax))
-            high = high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)  # rounding is no difference
-            for ax, (name, points, frame), value in zip(axes[row], places, block):
+            high = high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)  # equal up to rounding
+            for ax, (name, points, frame), value in zip(axes[row], faces, block):
                 x, y, dx, dy = face_coordinates(points, frame[0])
                 corners = np.stack([y, x], axis=1)[:, None] + 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
-                shown = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
-                shown.set(array=np.ma.masked_invalid(value), clim=(low, high))
-                ax.add_collection(shown)
+                patches = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
+                patches.set(array=np.ma.masked_invalid(value), clim=(low, high))
+                ax.add_collection(patches)
                 _face_axes(ax, x, y, dx, dy)
                 ax.set_title(f"{name}, {title}" if title else name, fontsize=8.0)
-            figure.colorbar(shown, ax=axes[row].tolist(), label=label, shrink=0.9)
+            figure.colorbar(patches, ax=axes[row].tolist(), label=label, shrink=0.9)
         plt.setp(axes[:-1], xlabel="")
         plt.setp(axes[:, 1:], ylabel="")
         for each in figure.axes:
@@ -172,10 +171,10 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
     """
     pressure, points, frame, friction = state.pressure, state.points, state.frame, state.friction
     if pressure is None or points is None or frame is None or friction is None:
-        raise BdamperError("plot: expected a static state with its faces, as study.static gives it, found none")
+        raise BdamperError("plot: this static state has no contact faces; compute it with study.static")
     normal = state.force[:, 2]
-    closed, reach = normal > 0.0, (friction * normal)[:, None]
-    used = np.divide(np.abs(state.force[:, :2]), reach, out=np.zeros((len(normal), 2)), where=reach > 0.0).max(axis=1)
+    closed, limit = normal > 0.0, (friction * normal)[:, None]
+    used = np.divide(np.abs(state.force[:, :2]), limit, out=np.zeros((len(normal), 2)), where=limit > 0.0).max(axis=1)
     choices = {
         "pressure": (np.where(closed, pressure, np.nan), label_of(PreloadState, "pressure")),
         "gap": (np.maximum(-state.closing, 0.0), "Gap (m)"),
@@ -184,17 +183,15 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
     value, label = choices[validation.choice("quantity", quantity, choices)]
     value = value if np.isfinite(value).any() else np.zeros(len(value))
     names = np.array(state.interface)
-    faces = dict.fromkeys(names[friction > 0.0] if friction.any() else names)
-    own = [names == name for name in faces]
-    places = [(str(name), points[rows], frame[rows]) for name, rows in zip(faces, own)]
-    return plot_faces(places, [value[rows] for rows in own], label)
+    by_face = {str(name): names == name for name in (names[friction > 0.0] if friction.any() else names)}
+    faces = [(name, points[rows], frame[rows]) for name, rows in by_face.items()]
+    return plot_faces(faces, [value[rows] for rows in by_face.values()], label)
 
 
-# ---- Cycles of the contacts ----
-
+# ---- Cycles ----
 
 NAMES = {"t1": "in the face along t1", "t2": "in the face along t2", "n": "normal to the face"}
-OF_WHOLE = {"xlabel": "Motion of the response (m)", "ylabel": "All contact forces as one force there (N)"}
+OF_WHOLE = {"xlabel": "Response (m)", "ylabel": "Equivalent force of all contacts (N)"}
 """Axis labels of the loop of all contacts."""
 
 
@@ -225,16 +222,16 @@ def plot_loops(
     if not places or (WHOLE in places and len(places) > 1):
         raise validation.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
     whole = places == [WHOLE]
-    lost: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
+    energy: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
     for place, look in zip(places, looks(len(places))):
         name = _name(result, place)
         if direction != "n" or whole:
-            name += f",\nloses {amount(lost[place], 'J')} a cycle{'' if whole else ' in all directions'}"
+            name += f",\n{amount(energy[place], 'J')} per cycle{'' if whole else ' in all directions'}"
         ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": name})
     if len(places) > 1:
         legend_beside(ax)
-    of = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
-    ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {of} (m)", "ylabel": f"Force {of} (N)"})
+    where_text = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
+    ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {where_text} (m)", "ylabel": f"Force {where_text} (N)"})
     ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}")
 
 
@@ -268,10 +265,11 @@ def plot_energy(result: Hysteresis) -> NDArray:
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
     names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
-    validation.require(names, "energy", "contact points that lose some", "none: nothing slips")
+    if not names:
+        raise SettingError("energy: no contact point dissipates energy, since nothing slips")
     rows = [result.rows(name) for name in names]
-    places = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
-    return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
+    faces = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
+    return plot_faces(faces, [density[r] for r in rows], "Energy dissipated per cycle (J/m$^2$)")
 
 
 @picture(Hysteresis, "dissipation", size=(5.6, 7.8), rows=3)
@@ -286,19 +284,18 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
     over : {"amplitude", "frequency", "preload"}
     """
     validation.choice("over", over, ("amplitude", "frequency", "preload"))
-    for one, name in zip(ax, ("stiffness", "damping_ratio")):
-        draw_table(one, result, over, name)
-        one.set_xlabel("")
+    for axes, name in zip(ax, ("stiffness", "damping_ratio")):
+        draw_table(axes, result, over, name)
+        axes.set_xlabel("")
     energy = ax[2]
-    energy.set(ylabel="Energy in a cycle (J)", yscale="log")
+    energy.set(ylabel="Energy per cycle (J)", yscale="log")
     draw_table(energy, result, over, "excitation", color="0.7", marker="", label="work of the excitation")
     faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
     for (name, lost), look in zip(faces.items(), looks(len(faces))):
         look |= {"markevery": max(1, len(lost) // 12), "linestyle": "-", "label": f"friction of the {name} face"}
         draw_table(energy, replace(result, excitation=lost), over, "excitation", **look)
     draw_table(energy, result, over, "damping", color="0.35", linestyle="-.", marker="", label="damping of the modes")
-    smallest = 1e-4  # energy that is shown, relative to the largest
-    energy.set_ylim(smallest * result.excitation.max(), None)
+    energy.set_ylim(1e-4 * result.excitation.max(), None)
 
 
 @draws(Hysteresis)

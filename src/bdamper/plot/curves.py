@@ -48,8 +48,7 @@ from bdamper.util.display import draws
 from bdamper.util.formatting import amount, percent, spaced
 from bdamper.util.tables import label as label_of
 
-# ---- Curves over frequency, preload and time, in the style that  ----
-
+# ---- Response and optimal curves ----
 
 MARCHED: dict[str, Any] = {
     "fmt": "D", "color": IN_TIME, "markersize": 4.5, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
@@ -65,9 +64,9 @@ FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Hysteresis, name) for name in ("freque
 
 def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
     """Return the axis label of the amplitude, with the response location if all results have the same one."""
-    seen = [r.settings["response"]["location"] for r in results if "response" in r.settings]
-    known = len(seen) == len(results) > 0 and all(place == seen[0] for place in seen)
-    return f"{seen[0].replace('_', ' ').capitalize()} amplitude (m)" if known else AMPLITUDE
+    locations = {r.settings["response"]["location"] if "response" in r.settings else None for r in results}
+    location = locations.pop() if len(locations) == 1 else None
+    return AMPLITUDE if location is None else f"{location.replace('_', ' ').capitalize()} amplitude (m)"
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:
@@ -86,11 +85,11 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | Non
     for b in np.unique(curve.branch):
         where = np.flatnonzero(curve.branch == b)
         for first, last in runs(unstable[where]):
-            part = where[first : last + 2]  # joined to the next stretch
-            if unstable[part[0]]:  # a pale line below, so that a stretch shorter than a dash is no gap
+            part = where[first : last + 2]  # connected to the next stretch
+            if unstable[part[0]]:  # a pale line below, so that a stretch shorter than a dash remains visible
                 ax.plot(f[part], a[part], color=colour, alpha=0.3)
             ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
-    if len(curve):  # filled: a peak, open: only the highest point
+    if len(curve):  # filled at a peak, open at the end of a computed part
         face = "w" if _only_highest(curve) else colour
         ax.plot(f[curve.peak.index], curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
     ax.plot([], [], color=colour, label=label)
@@ -99,8 +98,8 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | Non
 def _only_highest(curve: ResponseCurve) -> bool:
     """Return whether the highest point lies at the end of a computed part, so that a higher one may exist."""
     f = curve.peak.frequency
-    at_edge = 1e-6  # relative distance in frequency within which a point lies at the edge of a part
-    return curve.peak_at_end or any(part.low - at_edge * f <= f <= part.high + at_edge * f for part in curve.missing_ranges)
+    edge = 1e-6 * f  # largest distance of a point at the edge of a part
+    return curve.peak_at_end or any(part.low - edge <= f <= part.high + edge for part in curve.missing_ranges)
 
 
 @picture()
@@ -122,22 +121,21 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
-    most_named = 5  # curves that a legend names; more have a colour bar
-    many = labels is None and len(tracking) > most_named
+    most_in_legend = 5  # more curves have a colour bar
+    many = labels is None and len(tracking) > most_in_legend
     for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
         preload = f"preload {amount(curve.preload, 'N')}"
-        own = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
-        named = labels[i] if labels is not None else own
-        _draw_tracking(ax, curve, colour, None if many else named)
+        default = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
+        _draw_tracking(ax, curve, colour, None if many else default if labels is None else labels[i])
         for part in curve.missing_ranges:
-            ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not followed"))
+            ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not computed"))
     labels_of = (label for c in tracking for label in c.labels[unstable_points(c)])
     dashed = {label.partition(" with")[0] or "unstable" for label in labels_of}
     if dashed:
         ax.plot([], [], color="k", linestyle=DASHED, label=" or ".join(sorted(dashed)))
     if any(len(c) and _only_highest(c) for c in tracking):
         ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
-                label="highest point that was followed")  # fmt: skip
+                label="highest computed point")  # fmt: skip
     over = FREQUENCY if all(curve.speed is None for curve in curves) else SPEED
     ax.set(xlabel=over, ylabel=amplitude_label(*curves), yscale="log")
     if many:
@@ -167,12 +165,13 @@ def plot_band(
         Standard deviations of independent parameters.
     """
     _, frequency, amplitude = band(curve, found, deviations)
-    several = "\n".join(spaced(name) for name in deviations)
+    names = "\n".join(spaced(name) for name in deviations)
     for b in np.unique(curve.branch):
         known = (curve.branch == b) & np.isfinite(frequency).all(axis=1)
         f, a = frequency[known], amplitude[known]
         edge = [np.concatenate([x[:, 0], x[::-1, 1]]) for x in (f, a)]
-        ax.fill(*edge, color="0.8", linewidth=0.0, label=f"two deviations of\n{several}" if b == curve.branch[0] else None)
+        label = f"two standard deviations of\n{names}" if b == curve.branch[0] else None
+        ax.fill(*edge, color="0.8", linewidth=0.0, label=label)
     plot_curves([curve], ax)
 
 
@@ -227,8 +226,8 @@ def plot_optimal(
     """
     if ax is None:
         both: NDArray = new_axes(5.6, 5.0, 2, height_ratios=(2.0, 1.0))
-        for one, name in zip(both, SHOWN):
-            plot_optimal(result, one, quantity=name)
+        for axes, name in zip(both, SHOWN):
+            plot_optimal(result, axes, quantity=name)
         both[0].set(xlabel="", title=title)
         return both
     preload, values, goes_on = with_optimum(result, validation.choice("quantity", quantity, SHOWN))
@@ -237,7 +236,7 @@ def plot_optimal(
         for first, last in runs(np.cumsum(~goes_on)):
             part = slice(first, last + 1)
             ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
-        for k in np.flatnonzero(~goes_on[1:]):  # where another resonance becomes the highest, or one was lost
+        for k in np.flatnonzero(~goes_on[1:]):  # another resonance becomes the highest, or one was not found
             ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
@@ -285,14 +284,14 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     if not np.isfinite(o.preload):
         ax.plot([], [], linestyle="none", label="flat: no optimum" if o.kind == "flat" else "no optimum")
         return
-    ends = {"end": "least at the end of the range", "edge": "least where steady responses end"}
-    what = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
-    what = what if o.verified else (what if o.kind in ends else "least value") + ", not verified"
+    ends = {"end": "least at the end of the range", "edge": "least at the limit of steady responses"}
+    name = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
+    name = name if o.verified else (name if o.kind in ends else "least value") + ", not verified"
     ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=10.0, markerfacecolor=OPTIMUM if o.verified else "w")
     low, high = result.preloads_within(NEAR_BEST * o.amplitude)
     ax.axvspan(low, high, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} more")
-    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter: no room to the left
-    text = f"{what} {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"
+    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter of the logarithmic axis
+    text = f"{name} {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"
     ax.annotate(text, (o.preload, o.amplitude), xytext=(0, -16), va="top", textcoords="offset points",
                 ha="left" if left else "center", fontsize=8.0, color=OPTIMUM)  # fmt: skip
     ax.margins(y=0.25)  # for the label
@@ -306,7 +305,7 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
     kind[missing & (result.preload <= result.lowest_steady_preload)] = 3
-    reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
+    reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve incomplete"),
                3: ("xxxx", f"{NO_STEADY} below {amount(result.lowest_steady_preload, 'N')}")}  # fmt: skip
     for first, last in runs(kind):
         if missing[first]:
@@ -326,12 +325,8 @@ def mark_time_response(time_response: TimeResponse, ax: Axes) -> None:
 
 def _mark_march(ax: Axes, x: float, time_response: TimeResponse) -> None:
     look = {**MARCHED, "label": once(ax, MARCHED["label"])}
-    ax.errorbar(
-        x,
-        time_response.mean,
-        [[time_response.mean - time_response.lowest], [time_response.highest - time_response.mean]],
-        **look,
-    )
+    mean = time_response.mean
+    ax.errorbar(x, mean, [[mean - time_response.lowest], [time_response.highest - mean]], **look)
 
 
 @picture(TimeSweep)
@@ -340,12 +335,11 @@ def plot_frequency_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", *
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
     line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9, "marker": "", **style}
-    label = label or f"sweep {'up' if sweep.up else 'down'}, marched in time"
+    label = label or f"sweep {'up' if sweep.up else 'down'} in time"
     draw_table(ax, sweep, "frequency", "amplitude", label=label, **line)
 
 
-# ---- The response over frequency and preload as a map, from the whole curves of an optimal curv ----
-
+# ---- Response map ----
 
 @picture(OptimalCurve, "map")
 def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
@@ -361,14 +355,13 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     curves = [curve for curve in result.curves if len(curve)]
     validation.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]
-    # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
-    columns = 400
+    columns = 400  # so that a column of the map is narrower than a pixel of a printed page
     frequency = np.linspace(low, high, columns)
-    read = [highest_on(frequency, curve.frequency, curve.amplitude[:, None], curve.branch) for curve in curves]
-    height, count = np.array([best[:, 0] for best, _ in read]), np.array([often for _, often in read])
+    values, counts = zip(*(highest_on(frequency, c.frequency, c.amplitude[:, None], c.branch) for c in curves))
+    height, count = np.array(values)[..., 0], np.array(counts)
     preload = np.array([curve.preload for curve in curves])
-    shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
-    ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
+    image = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
+    ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
     if (count > 1).any():
         ax.contourf(frequency, preload, (count > 1).astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
         ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
@@ -380,7 +373,6 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
 
 
 # ---- Several results on the same axes ----
-
 
 OF: dict[type, tuple[str, dict[str, str]]] = {
     ResponseCurve: ("frequency", {"amplitude": "amplitude"}),
@@ -415,9 +407,8 @@ def plot_together(
     )
     kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
     if kind is None:
-        found = [type(result).__name__ for result in results.values()]
         kinds = "response curves, optimal curves or hysteresis, all of one kind"
-        raise validation.unfit("results", kinds, found)
+        raise validation.unfit("results", kinds, [type(result).__name__ for result in results.values()])
     x, columns = OF[kind]
     quantity = validation.choice("quantity", quantity or next(iter(columns)), columns)
     if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
@@ -425,8 +416,8 @@ def plot_together(
     if kind is ResponseCurve:
         curves = cast(Mapping[str, ResponseCurve], results)
         plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
-        for one in measured:
-            plot_measurement(one, ax)
+        for measurement in measured:
+            plot_measurement(measurement, ax)
     result: Any
     for (name, result), look in zip(results.items(), looks(len(results))) if kind is not ResponseCurve else ():
         if isinstance(result, Hysteresis) and result.single:

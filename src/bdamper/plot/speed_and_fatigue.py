@@ -26,8 +26,7 @@ from bdamper.util.display import draws
 from bdamper.util.errors import SettingError
 from bdamper.util.tables import label as label_of
 
-# ---- Pictures over rotor speed ----
-
+# ---- Rotor speed ----
 
 SPEED = "Rotor speed (rpm)"
 
@@ -51,13 +50,13 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     _orders(ax, orders, campbell.speed, top)
     order, _, *both = campbell.met.T
     for speeds, marker in zip(both, "ox"):
-        place = speeds * RPM, order * speeds / (2.0 * np.pi)
-        ax.plot(*place, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
-    damped = [pair for found in campbell.damped for pair in zip(found.points, found.values)]
-    masses = sorted({at["damper_mass"] for at, _ in damped})
-    for at, value in damped:
-        if value and at["engine_order"] in orders:
-            look = looks(len(masses))[masses.index(at["damper_mass"])]
+        frequency = order * speeds / (2.0 * np.pi)
+        ax.plot(speeds * RPM, frequency, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
+    damped = [pair for result in campbell.damped for pair in zip(result.points, result.values)]
+    masses = sorted({point["damper_mass"] for point, _ in damped})
+    for point, value in damped:
+        if value and point["engine_order"] in orders:
+            look = looks(len(masses))[masses.index(point["damper_mass"])]
             look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
             look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
             ax.plot(value["speed"] * RPM, value["frequency"], **look)
@@ -69,8 +68,8 @@ def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
     for order in orders:
         end = min(float(speed[-1]), 2.0 * np.pi * top / order)
         ax.plot(np.array([0.0, end]) * RPM, [0.0, order * end / (2.0 * np.pi)], color="0.6", linewidth=0.7, zorder=1)
-        place = (0.985 * end * RPM, 0.985 * order * end / (2.0 * np.pi))
-        ax.annotate(f"EO {order}", place, fontsize=6.5, color="0.3", ha="right", va="bottom")
+        position = (0.985 * end * RPM, 0.985 * order * end / (2.0 * np.pi))
+        ax.annotate(f"EO {order}", position, fontsize=6.5, color="0.3", ha="right", va="bottom")
 
 
 @picture(Campbell, "plot_safe")
@@ -91,13 +90,13 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
     free, stuck = campbell.free[:, i], campbell.stuck[:, i]
     top = 1.1 * float(np.nanmax(stuck))
     orders = np.arange(max(int(2.0 * np.pi * top / omega), 1) + 1)
-    places = np.array([campbell.met_by(int(o)) for o in orders])
-    ax.plot(places, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
+    folded = np.array([campbell.met_by(int(o)) for o in orders])
+    ax.plot(folded, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
     for order in campbell.engine_order.tolist():
-        place = campbell.met_by(order), order * omega / (2.0 * np.pi)
-        if place[1] <= top:
-            ax.plot(*place, "s", color="0.6", markersize=3.0)
-            ax.annotate(f" {order}", place, fontsize=6.5, color="0.3", va="top")
+        position = campbell.met_by(order), order * omega / (2.0 * np.pi)
+        if position[1] <= top:
+            ax.plot(*position, "s", color="0.6", markersize=3.0)
+            ax.annotate(f" {order}", position, fontsize=6.5, color="0.3", va="top")
     for m, look in enumerate(looks(free.shape[1])):
         look |= {"markersize": 4.0, "linewidth": 0.6}
         ax.plot(d, free[:, m], **{**look, "linestyle": "-"}, label=f"mode {m + 1}, free")
@@ -119,13 +118,13 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
     validation.choice("quantity", quantity, ("amplitude", "margin"))
     value, speed, mass = (found.array(name) for name in (quantity, "speed", "mass"))
     if quantity == "margin" and not np.isfinite(value).any():
-        raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")
-    for omega, height, own, look in zip(speed, value, mass, looks(len(value))):
-        look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(own):.3g} g"}
+        raise SettingError("quantity: these crossings have no margin; compute them with margin=...")
+    for omega, height, masses, look in zip(speed, value, mass, looks(len(value))):
+        look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(masses):.3g} g"}
         ax.plot(omega * RPM, height, **look)
-    for at, omega, height in zip(found.points, speed[-1], value[-1]):
+    for point, omega, height in zip(found.points, speed[-1], value[-1]):
         if np.isfinite(omega):
-            ax.annotate(f"EO {at['engine_order']}", (omega * RPM, height), fontsize=6.5, color="0.3",
+            ax.annotate(f"EO {point['engine_order']}", (omega * RPM, height), fontsize=6.5, color="0.3",
                         textcoords="offset points", xytext=(4, 4))  # fmt: skip
     if quantity == "margin":
         ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
@@ -133,8 +132,7 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
     ax.set(xlabel=SPEED, ylabel=label, yscale="log")
 
 
-# ---- Stress over a cycle, Haigh diagram, margins over a quantity, and the critical location on  ----
-
+# ---- Fatigue ----
 
 MEGA = 1e-6
 
@@ -158,8 +156,8 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
     theta = np.linspace(0.0, 2.0 * np.pi, 721)
     stress = MEGA * cycle.over_cycle(theta)[i]
     large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
-    for name, values, look, shown in zip(COMPONENTS, stress, looks(6), large):
-        if shown:
+    for name, values, look, plotted in zip(COMPONENTS, stress, looks(6), large):
+        if plotted:
             ax.plot(np.degrees(theta), values, **look, markevery=90, label=rf"$\sigma_{{{name}}}$")
     ax.plot(np.degrees(theta), von_mises(stress.T), color="black", linewidth=2.2, label="von Mises")
     title = f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, {cycle.preload:g} N"
@@ -173,7 +171,7 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
 
     The line that defines the margin is thick, the others are broken.  Points excluded from the margin are hollow.
     """
-    material, i, seen = margins.material, margins.critical, margins.counted
+    material, i, counted = margins.material, margins.critical, margins.counted
     right, low = material.ultimate_strength, min(0.0, 1.1 * float(margins.mean.min()))
     mean = np.linspace(low, right, 400)
     for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), STYLES[1:]):
@@ -183,11 +181,11 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
         ax.plot(MEGA * mean, MEGA * material.allowed(mean, line), label=line.capitalize(), **style)
     yields = MEGA * np.array([0.0, material.yield_strength])
     ax.plot(yields, yields[::-1], color="0.75", linewidth=2.5, label="yield in the first cycle")
-    at = MEGA * np.array([margins.mean, margins.amplitude])
-    ax.plot(*at[:, seen], "o", color="0.3", markersize=4, label="points")
-    if not seen.all():
-        ax.plot(*at[:, ~seen], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
-    _star(ax, at[0, i], at[1, i], "critical")
+    points = MEGA * np.array([margins.mean, margins.amplitude])
+    ax.plot(*points[:, counted], "o", color="0.3", markersize=4, label="points")
+    if not counted.all():
+        ax.plot(*points[:, ~counted], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
+    _star(ax, points[0, i], points[1, i], "critical")
     top = MEGA * max(material.endurance_limit, float(margins.amplitude.max()))
     ax.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"), ylim=(0.0, 1.15 * top),
            xlim=(MEGA * low, 1.02 * MEGA * right), title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
@@ -215,13 +213,13 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
         _star(ax, curve.best_value, curve.best_margin, "best margin")
     if curve.in_time:
         preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
-        ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="of the highest blade in time")
+        ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="highest blade in time")
     if not drawn:
         ax.axhline(1.0, color="0.4", linewidth=1.0)
-        other = ax.twinx()
-        other.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
-        other.set(ylabel="Amplitude of the response, dash-dotted (m)", ylim=(0.0, None))
-        other.grid(False)
+        right = ax.twinx()
+        right.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
+        right.set(ylabel="Response amplitude, dash-dotted (m)", ylim=(0.0, None))
+        right.grid(False)
 
 
 @draws(Margins, "plot_critical")
@@ -238,15 +236,13 @@ def plot_critical(margins: Margins, model: Model) -> Axes:
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
     meshes = [model.meshes[body] for body in bodies if body in model.meshes]
-    validation.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
+    validation.require(meshes, "model", f"a mesh of {bodies or 'the body of the points'}", "none")
     i = margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"
     axes = plot_surfaces([(mesh.points, mesh.quads, "#e4e4e4") for mesh in meshes], title=title)
-    at = seen(margins.points)[:, :2]
+    x, y, _ = seen(margins.points).T
     counted = margins.counted & (np.arange(len(margins)) != i)
     factor = np.log10(np.maximum(margins.factor[counted], 1e-3))
-    axes.scatter(
-        at[counted, 0], at[counted, 1], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black"
-    )
-    axes.scatter(at[i, 0], at[i, 1], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
+    axes.scatter(x[counted], y[counted], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black")
+    axes.scatter(x[i], y[i], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
     return axes
