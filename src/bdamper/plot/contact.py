@@ -228,10 +228,10 @@ def plot_loops(
         if direction != "n" or whole:
             name += f",\n{amount(energy[place], 'J')} per cycle{'' if whole else ' in all directions'}"
         ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": name})
-    if len(places) > 1:
-        legend_beside(ax)
     where_text = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
     ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {where_text} (m)", "ylabel": f"Force {where_text} (N)"})
+    if len(places) > 1:  # below the label of the axis
+        legend_beside(ax)
     ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}")
 
 
