@@ -130,7 +130,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         ----------
         n_blades : int
         standard_deviation : float
-            Of the distribution.  The standard deviation of one drawn pattern scatters about it.
+            Standard deviation of the distribution; the standard deviation of one drawn pattern scatters about it.
         distribution : {"normal", "uniform"} or Mistuning
             A measured pattern is resampled with repetition, whole blades at a time.  Its mean is removed and its standard
             deviation over all modes is scaled to ``standard_deviation``.

@@ -344,7 +344,7 @@ were too low by a factor of four."""
 
 
 def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
-    """Return whether the reduced blades keep the frequency nearest ``omega`` (rad/s), with free and with stuck dampers."""
+    """Return whether reduced blades have the same frequency nearest ``omega`` (rad/s), with free and with stuck dampers."""
     d = int(structure.tuned.engine_order) % structure.n_blades
     for springs in (0.0 * structure.tuned.point_stiffness, structure.tuned.point_stiffness):
         full, reduced = (np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes)))

@@ -325,7 +325,7 @@ class WheelProblem:
         return self._states[preload]
 
     def system(self, preload: float) -> WheelSystem:
-        """Return the equations at a preload (N), with counters of their own."""
+        """Return new equations at a preload (N), with new counters."""
         return wheel_system(self.structure, self.state(preload), self.excitation, self.response_row)
 
     @one_thread

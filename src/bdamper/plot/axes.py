@@ -109,8 +109,8 @@ def picture(
 ) -> Callable[[Callable[..., None]], Callable[..., Any]]:  # fmt: skip
     """Return a decorator that registers a plot function for a type of result and provides its axes.
 
-    The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the axes.  The arguments are
-    those of :func:`bdamper.util.display.draws` and of :func:`drawing`.
+    The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the axes.  Arguments as in
+    :func:`bdamper.util.display.draws` and :func:`drawing`.
     """
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:

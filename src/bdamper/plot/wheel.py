@@ -180,7 +180,7 @@ def plot_sample(
     over : {"standard_deviation", "preload"}, optional
         By default the preload if the sample has one standard deviation.
     quantity : {"amplification", "amplitude"}
-        Amplification factor, or resonance amplitude with that of the tuned disk.
+        Amplification factor, or resonance amplitude together with the tuned amplitude.
     standard_deviation : float, optional
         For a plot over the preload; the last one by default.
     percentiles : sequence of float
