@@ -80,7 +80,7 @@ def test_what_cannot_be_marched_is_refused():
     with pytest.raises(bd.SettingError, match="peak of this bladed disk"):
         wheel.replace(mistuning=None).time_response(peak)
     lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))
-    with pytest.raises(bd.SettingError, match="a peak that was found, found 'not found'"):
+    with pytest.raises(bd.SettingError, match="a peak that was found, this one is 'not found'"):
         wheel.time_response(lost)
     many = BladedDisk(lumped_study(14, 1, n_c=2, r=2))
     with pytest.raises(bd.SettingError, match=r"at most 13 blades.*found 14"):
