@@ -187,7 +187,7 @@ def test_advice_prints_plots_and_saves(advice, tmp_path):
     ax = advice.plot()
     assert [t.get_text() for t in ax.get_yticklabels()] == [e.name for e in advice.effects[::-1]]
     unknown = [e.name for e in advice.effects if e.source == "unknown"]
-    assert unknown and [t.get_text() for t in ax.texts] == ["not known"] * len(unknown)
+    assert unknown and [t.get_text() for t in ax.texts] == ["unknown"] * len(unknown)
 
 
 def test_effects_that_cancel_by_chance_are_not_left_out_together():

@@ -58,11 +58,11 @@ def test_on_the_same_axes(study, found):
     losses = plot_together({name: study.dissipation(curve) for name, curve in list(found.results.items())[:1]})
     assert losses.get_ylabel() == "Equivalent damping ratio (%)"
     loops = plot_together({"a": study.hysteresis(found.curves[0]), "b": study.hysteresis(found.curves[0], 0)})
-    assert loops.get_ylabel() == "All contact forces as one force there (N)" and len(loops.get_lines()) == 2
-    assert loops.get_xlabel() == "Motion of the response (µm)"
+    assert loops.get_ylabel() == "Equivalent force of all contacts (N)" and len(loops.get_lines()) == 2
+    assert loops.get_xlabel() == "Response (µm)"
     mass = bd.lumped(1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0})
     far = plot_together({"a mass": mass.hysteresis(mass.peak(0.0, (0.1, 0.3)))})
-    assert far.get_xlabel() == "Motion of the response (m)" and np.abs(far.get_lines()[0].get_xdata()).max() < 10.0
+    assert far.get_xlabel() == "Response (m)" and np.abs(far.get_lines()[0].get_xdata()).max() < 10.0
     plt.close("all")
 
 

@@ -210,4 +210,4 @@ def test_energy_in_a_legend_is_that_of_all_directions(cycle):
         return cycle.plot("left", **options).get_lines()[0].get_label()
 
     lost = amount(cycle.by_interface["left"], "J")
-    assert named() == f"left face,\nloses {lost} a cycle in all directions" and named(direction="n") == "left face"
+    assert named() == f"left face,\n{lost} per cycle in all directions" and named(direction="n") == "left face"

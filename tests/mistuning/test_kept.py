@@ -60,7 +60,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
     fallen = wheel.time_response(replace(peak, preload=1000.0), steps_per_period=32)
-    assert fallen.status.startswith(f"not found: blade {peak.blade} comes to ") and np.isnan(fallen.mean)
+    assert fallen.status.startswith(f"not found: blade {peak.blade} reaches ") and np.isnan(fallen.mean)
     system = wheel.system(1000.0)
     balance = np.abs(system.structure.responses(solution(system, 2.0 * np.pi * peak.frequency).y[:-1])[:, 1])
     assert balance[peak.blade] < 0.85 * peak.amplitude
@@ -77,10 +77,10 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
 def test_what_cannot_be_marched_is_refused():
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
-    with pytest.raises(bd.SettingError, match="peak of this wheel"):
+    with pytest.raises(bd.SettingError, match="peak of this bladed disk"):
         wheel.replace(mistuning=None).time_response(peak)
     lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))
-    with pytest.raises(bd.SettingError, match="a peak that was found, found 'not found'"):
+    with pytest.raises(bd.SettingError, match="a peak that was found, this one is 'not found'"):
         wheel.time_response(lost)
     many = BladedDisk(lumped_study(14, 1, n_c=2, r=2))
     with pytest.raises(bd.SettingError, match=r"at most 13 blades.*found 14"):

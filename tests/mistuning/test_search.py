@@ -96,7 +96,7 @@ def test_a_wheel_lower_than_the_tuned_one_is_a_lower_bound():
     wheel = BladedDisk(study(engine_order=2))
     top = wheel.peak(100.0)
     assert top.amplification < 0.1 and top.status == "incomplete"
-    assert "the tuned wheel has 118 mm at 199.6" in top.reason
+    assert "the tuned disk has 118 mm at 199.6" in top.reason
     narrow = (210.0, 299.0)  # without the tuned peak
     assert wheel.peak(100.0, narrow).status != "incomplete"
 

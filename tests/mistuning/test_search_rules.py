@@ -100,14 +100,14 @@ def test_a_flat_maximum_is_one():
 def test_a_sweep_goes_on_from_the_last_solution_or_from_rest(monkeypatch, lost):
     """Where both fail there is a gap, and the next frequency is tried from before it."""
     rest, starts = np.zeros(1), []
-    search = Search(SimpleNamespace(structure=SimpleNamespace(at_rest=rest)), WIDTH, (0.0, 200.0))
-    monkeypatch.setattr(Search, "held", lambda self, springs: self.system)
 
-    def near(_, system, y, tolerance, loose=0.0):
+    def solve(y, *arguments, **options):
         starts.append(tuple(y))
         return SimpleNamespace(status="lost" if y[-1] in lost else OK, y=np.array([y[-1] + 10.0, y[-1]]))
 
-    monkeypatch.setattr(Search, "near", near)
+    structure = SimpleNamespace(at_rest=rest, units_about=lambda y, width: np.ones(2))
+    search = Search(SimpleNamespace(structure=structure, solve=solve), WIDTH, (0.0, 200.0))
+    monkeypatch.setattr(Search, "held", lambda self, springs: self.system)
     found = search.sweep(np.arange(4.0))
     assert [y is None for y in found] == [k in lost for k in range(4)]
     expected, last = [], 0.0

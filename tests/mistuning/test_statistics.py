@@ -100,7 +100,7 @@ def test_the_tail_of_a_weibull_distribution_is_found():
     # what lies below the tail does not bend it
     bent = np.where(values < np.median(values), values - 5.0, values)
     assert np.isclose(weibull_tail(bent).bound, found.bound)
-    with pytest.raises(bd.SettingError, match="one of the tail, above 50"):
+    with pytest.raises(bd.SettingError, match="percentile 40 lies below the fitted tail; give one of at least 50"):
         found.percentile(40.0)
     with pytest.raises(bd.SettingError, match="at least 10 different values in the tail, found 5 of 10"):
         weibull_tail(np.arange(10.0))
@@ -109,6 +109,6 @@ def test_the_tail_of_a_weibull_distribution_is_found():
 def test_every_number_of_a_best_preload_has_its_unit():
     best = BestPreload(90.0, 0.03, 1230.0, Interval(7.1e-4, 7.5e-4, np.inf), 987.6, 1543.0, "interior", 950.0, 6.9e-4, 40)
     assert str(best).endswith(
-        "1.23 kN (987.6 N to 1.543 kN), interior of the preloads asked, 750 µm (710 µm to not bounded by the sample); "
+        "1.23 kN (987.6 N to 1.543 kN) (interior of the preload range), 750 µm (710 µm to not bounded by the sample); "
         "tuned 950 N, 690 µm"
     )

@@ -734,7 +734,7 @@ def test_every_control_at_both_sizes(browser, explorer, size):
     window.move("order", "10")
     window.wait("return get('motion_text').text.includes('mode shapes of nodal diameter 10')")
     window.move("order", "5")
-    window.wait("return get('motion_text').text.includes('times as large')")
+    window.wait("return get('motion_text').text.includes('magnified')")
     assert window.shown().curve.peak.amplitude == first
     before = window.data("loop")
     window.move("loop", "whole")

@@ -76,7 +76,7 @@ def test_missing_rigid_modes_do_not_move(solved):
 
 def test_unknown_body_is_named(solved):
     study, curve = solved
-    with pytest.raises(bd.SettingError, match=r"expected one of the free bodies \['damper'\], found 'blade'"):
+    with pytest.raises(bd.SettingError, match=r"must be one of the free bodies \['damper'\], found 'blade'"):
         rigid_motion(study, curve.unknowns[0], "blade")
 
 
@@ -165,10 +165,10 @@ def test_surfaces_without_mode_shapes_are_refused_or_named(solved, tmp_path):
     mesh = study.model.meshes["blade"]
     bare = study.replace(model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
     for call in (lambda: surface_motion(bare, u), lambda: export_response(bare, u, tmp_path)):
-        with pytest.raises(bd.SettingError, match="mode shapes of nodal diameter 5 on the mesh of 'blade', found none"):
+        with pytest.raises(bd.SettingError, match="the mesh of 'blade' needs mode shapes of nodal diameter 5; it has none"):
             call()
     for call in (lambda: bare.model.plot_mode(1), lambda: export_modes(bare.model, tmp_path / "x.vtu")):
-        with pytest.raises(bd.SettingError, match="expected a model with mode shapes on the mesh of a body"):
+        with pytest.raises(bd.SettingError, match="needs mode shapes on the mesh of a body, and the model has none"):
             call()
     few = bare.replace(model=replace(study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}))
     with pytest.warns(bd.PlausibilityWarning, match="at most 1 % of the motion in modes without shapes on the mesh, found"):
@@ -205,5 +205,5 @@ def test_a_line_drawing_paints_the_farthest_face_first(solved):
     assert (np.diff(depth[drawing.quads].mean(axis=1)) >= -1e-12).all()
     assert pytest.approx(np.eye(3), abs=2e-3) == VIEW @ VIEW.T
     assert len(drawing.body) == len(drawing.quads) and drawing.quads.max() < len(drawing.points)
-    with pytest.raises(bd.SettingError, match="the surface of a body"):
+    with pytest.raises(bd.SettingError, match="the mesh of a body"):
         line_drawing(study.replace(model=replace(model, meshes={})), curve.unknowns[0])

@@ -90,13 +90,13 @@ def test_bad_requests_are_named():
 class TestCurves:
     def test_highest_at_the_end_has_an_open_marker_and_a_legend(self, study):
         ax = study.frequency_response(2000.0, (360.0, 380.0)).plot()
-        assert "highest point that was followed" in legend_texts(ax)
+        assert "highest computed point" in legend_texts(ax)
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert top.get_markerfacecolor() == "w"
 
     def test_a_peak_has_a_filled_one(self, study):
         ax = study.frequency_response(2000.0, (330.0, 365.0)).plot()
-        assert "highest point that was followed" not in legend_texts(ax)
+        assert "highest computed point" not in legend_texts(ax)
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert not isinstance(top.get_markerfacecolor(), str)
 
@@ -134,7 +134,7 @@ def test_advice_legend_shows_what_is_drawn():
     sets = Effects(harmonics=5), Effects(harmonics=5)
     ax = EffectSignificance(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
-    said = ["black names: needed", "grey: all together\nmay be left out"]
+    said = ["black names: needed", "grey: may be left\nout together"]
     assert list(patches) == ["amplitude", "frequency", "tolerance, 1 %", *said]
     bars = [bar for container in ax.containers for bar in container]
     assert [name.get_color() for name in ax.get_yticklabels()] == ["0.55", "k"]  # from the bottom

@@ -71,5 +71,5 @@ def test_the_critical_location_is_drawn_on_its_body(margins):
     model = replace(model, meshes=meshes, stress={"root": StressSet("root", "blade", points, rows)})
     axes = margins.plot_critical(model)
     assert len(axes.collections) == 3  # surface, points, the critical one
-    with pytest.raises(SettingError, match="expected the surface of"):
+    with pytest.raises(SettingError, match="expected a mesh of"):
         margins.plot_critical(replace(model, meshes={}))

@@ -53,7 +53,7 @@ def test_one_file_without_links(study, curve, tmp_path):
     assert page.open == [] and len(page.sources) == 4
     assert all(source.startswith("data:image/") for source in page.sources) and "http" not in page.said
     assert curve._headline() in page.said and curve.model_hash in page.said and str(curve.made_with) in page.said
-    for text in ("friction coefficient", "What is not modelled", "bd.load_study", "harmonics"):
+    for text in ("friction coefficient", "Not modelled", "bd.load_study", "harmonics"):
         assert text in page.said
 
 

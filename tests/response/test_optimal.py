@@ -510,7 +510,7 @@ def test_a_picture_marks_what_is_not_known(result):
     for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="incomplete: lost")), "w")):
         ax = shown.plot()[0]
         labels = ax.get_legend_handles_labels()[1]
-        assert {"no value: no peak found", "no value: curve not followed to its ends", "lower bound"} <= set(labels)
+        assert {"no value: no peak found", "no value: curve incomplete", "lower bound"} <= set(labels)
         assert sum(patch.get_hatch() is not None for patch in ax.patches) == 2
         star = next(line for line in ax.lines if line.get_marker() == "*")
         assert (star.get_markerfacecolor() == "w") == (mark == "w")

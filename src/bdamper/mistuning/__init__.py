@@ -1,7 +1,7 @@
-"""Bladed disks whose blades and dampers differ: harmonic balance of all sectors, samples and their statistics.
+"""Mistuned bladed disks: harmonic balance of all sectors, random samples and their statistics.
 
-A `BladedDisk` solves a problem whose model has a sector-local basis, for one `Mistuning` and `DamperVariation`;
-`mistuned_sample` solves many random ones and fits the distribution of the highest blade amplitude.
+`BladedDisk` solves a problem whose model has a sector-local basis, for one `Mistuning` and one `DamperVariation`.
+`mistuned_sample` solves many random bladed disks and fits the distribution of the highest blade amplitude.
 """
 
 from bdamper.mistuning.mistuning import DamperVariation as DamperVariation

@@ -1,9 +1,8 @@
-"""How the blades and the dampers of a wheel differ: deviations of blade frequencies, variations of dampers.
+"""Mistuning of the blades and variation of the dampers of a bladed disk.
 
-A *frequency deviation* ``eps`` of a blade is that of its natural frequencies clamped at the root, where the disk has no
-part in them: they are ``(1 + eps)`` times those of the nominal blade, its stiffness ``(1 + eps)**2``.  (The first-order
-``1 + 2 eps`` would miss the frequency by 0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n`` of the wheel, counted
-toward +X.
+The *frequency deviation* ``eps`` of a blade refers to its natural frequencies clamped at the root, without the disk.  These
+are ``(1 + eps)`` times the nominal ones, so the stiffness is ``(1 + eps)**2`` times the nominal one.  (The first-order
+``1 + 2 eps`` misses the frequency by 0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n``, counted toward +X.
 """
 
 from __future__ import annotations
@@ -26,31 +25,31 @@ from bdamper.util.tables import Column, Tabular
 
 DISTRIBUTIONS = ("normal", "uniform")
 _BLADES, _DAMPERS = 1, 2
-"""Last number of the seeds of blades and of dampers, whose draws are independent."""
+"""Last number of the seeds of blades and of dampers, which makes their draws independent."""
 
 
 @validation.spelt
 @brief
 @dataclass(frozen=True)
 class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="blade"):
-    """Frequency deviations of the blades of a wheel.
+    """Frequency deviations of the blades of a bladed disk.
 
     ``plot`` draws them as bars over the blades (:func:`bdamper.plot.plot_mistuning`).
 
     Parameters
     ----------
     deviation : (n_blades,) or (n_blades, n_modes) float
-        Relative deviation of the clamped frequencies of each blade, of all its modes together or of each of the first
-        cantilever modes; modes beyond have the mean of those given.
+        Relative deviation of the clamped frequencies of each blade, for all its modes or for each of the first cantilever
+        modes.  Higher modes have the mean of the given ones.
     source : str
-        Where the deviations come from: "given", a distribution, a file.
+        Origin of the deviations: "given", a distribution or a file.
     seed : tuple of int
-        With which they were drawn; empty where they were not.
+        Seed of a random pattern; empty otherwise.
 
     Raises
     ------
     SettingError
-        If a deviation is no finite number above -1.
+        If a deviation is not finite or not above -1.
     """
 
     deviation: NDArray
@@ -62,28 +61,27 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         object.__setattr__(self, "deviation", values)
         object.__setattr__(self, "seed", tuple(self.seed))
 
-    # ---- where deviations come from ----
 
     @classmethod
-    def of(cls, n_blades: int, given: Mistuning | ArrayLike | None) -> Mistuning:
-        """Deviations as a wheel takes them: an object, an array of them, or none."""
-        out = given if isinstance(given, Mistuning) else cls(np.zeros(n_blades) if given is None else np.asarray(given))
-        if out.n_blades != n_blades:
-            raise SettingError(f"mistuning: expected deviations of {n_blades} blades, found {out.n_blades}")
-        return out
+    def of(cls, n_blades: int, mistuning: Mistuning | ArrayLike | None) -> Mistuning:
+        """Return the mistuning of ``n_blades`` blades from an object, an array of deviations, or None (tuned)."""
+        if not isinstance(mistuning, Mistuning):
+            mistuning = cls(np.zeros(n_blades) if mistuning is None else np.asarray(mistuning))
+        if mistuning.n_blades != n_blades:
+            raise SettingError(f"mistuning must have {n_blades} blades, as the model; found {mistuning.n_blades}")
+        return mistuning
 
     @classmethod
     def from_frequencies(
         cls, frequency: ArrayLike, reference: ArrayLike | None = None, source: str = "given frequencies"
     ) -> Self:
-        """Deviations of measured frequencies of the blades, each clamped at its root.
+        """Return the deviations of measured blade frequencies, each blade clamped at its root.
 
         Parameters
         ----------
         frequency : (n_blades,) or (n_blades, n_modes) float, Hz
         reference : float or (n_modes,) float, Hz, optional
-            Those of the nominal blade, which keeps the mean of the deviations; by default the mean over the blades, which
-            takes it out.
+            Frequencies of the nominal blade.  By default the mean over the blades, so that the deviations have zero mean.
         source : str
         """
         values = _by_blade("frequency", frequency, 0.0, "frequencies above 0 Hz")
@@ -95,13 +93,13 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     @classmethod
     def from_csv(cls, path: FilePath, reference: ArrayLike | None = None) -> Self:
-        """Deviations of measured blade frequencies in a file, each blade clamped at its root.
+        """Read measured blade frequencies from a file and return their deviations.
 
         Parameters
         ----------
         path : path-like
-            One row for each blade and one column for each measured mode, under a header with units such as
-            ``blade,first mode (Hz)``.  A column "blade" numbers the blades, from 0 or 1, in any order.  Lines that begin
+            One row for each blade, one column for each measured mode.  The header has units, such as
+            ``blade,first mode (Hz)``.  A column "blade" numbers the blades from 0 or 1, in any order.  Lines that begin
             with ``#`` are comments.
         reference : float or (n_modes,) float, Hz, optional
             As in :meth:`from_frequencies`.
@@ -110,7 +108,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         ------
         FileNotFoundError
         BdamperError
-            With the row and the column that do not fit.
+            If the file is invalid; the message names the row and the column.
         """
         return cls.from_frequencies(_read_frequencies(path), reference, f"file {Path(path).name}")
 
@@ -124,16 +122,18 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         *,
         seed: int | Sequence[int] = 0,
     ) -> Self:
-        """Deviations drawn for every blade independently; the same unit pattern at every standard deviation.
+        """Draw the deviation of every blade independently.
+
+        A seed gives the same pattern at every standard deviation.
 
         Parameters
         ----------
         n_blades : int
         standard_deviation : float
-            Of the distribution; that of one drawn pattern scatters about it.
+            Standard deviation of the distribution; the standard deviation of one drawn pattern scatters about it.
         distribution : {"normal", "uniform"} or Mistuning
-            A measured pattern is drawn from with repetition, its blades whole, after its mean is taken out and its
-            standard deviation (over all modes) brought to the one asked for.
+            A measured pattern is resampled with repetition, whole blades at a time.  Its mean is removed and its standard
+            deviation over all modes is scaled to ``standard_deviation``.
         seed : int or sequence of int
             Equal seeds give equal draws.
         """
@@ -144,7 +144,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         if isinstance(distribution, Mistuning):
             pattern = distribution.without_mean().deviation
             if pattern.std() == 0.0:
-                raise SettingError("distribution: expected a measured pattern of blades that differ, found equal ones")
+                raise SettingError("distribution: the measured pattern has equal blades; give one with different blades")
             unit = (pattern / pattern.std())[generator.integers(len(pattern), size=n_blades)]
             name = f"resampled from {distribution.source}"
         else:
@@ -153,36 +153,37 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             unit = generator.standard_normal(n_blades) if name == "normal" else generator.uniform(-half, half, n_blades)
         return cls(deviation * unit, f"{name}, standard deviation {deviation:g}", seed)
 
-    # ---- what it says ----
 
     @property
     def n_blades(self) -> int:
         return len(self.deviation)
 
     def by_mode(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Change of stiffness of each cantilever mode (n_blades, n_modes), and of the rest of each blade (n_blades,).
+        """Return the change of stiffness by cantilever mode, and of the remaining coordinates.
 
-        The rest, attachments and the shapes of the root, has the mean over the modes that are given.
+        Shapes are (n_blades, n_modes) and (n_blades,).
+
+        The remaining coordinates (attachment modes and root shapes) have the mean change of the given modes.
 
         Raises
         ------
         SettingError
-            If deviations are given for more modes than there are.
+            If deviations are given for more modes than the model has.
         """
         change = (self.deviation * (2.0 + self.deviation)).reshape(self.n_blades, -1)
         rest = change.mean(axis=1)
         if change.shape[1] > n_modes:
-            expected = f"deviations of at most the {n_modes} cantilever modes of the model"
-            raise SettingError(f"mistuning: expected {expected}, found {change.shape[1]}")
+            found = change.shape[1]
+            raise SettingError(f"mistuning: the model has {n_modes} cantilever modes, found deviations of {found} modes")
         beyond = np.repeat(rest[:, None], n_modes - change.shape[1], axis=1)
         return np.hstack([change, beyond]), rest
 
     def without_mean(self) -> Self:
-        """The same pattern with the mean over the blades, of each mode, taken out."""
+        """Return the same pattern with the mean over the blades removed from each mode."""
         return type(self)(self.deviation - self.deviation.mean(axis=0), self.source, self.seed)
 
     def columns(self) -> dict[str, Column]:
-        """A row for each blade."""
+        """Return the table with one row for each blade."""
         by_mode = self.deviation.reshape(self.n_blades, -1).T
         names = ["deviation"] if self.deviation.ndim == 1 else [f"deviation_{k}" for k in range(1, len(by_mode) + 1)]
         return {"blade": Column(np.arange(self.n_blades)), **{n: Column(v) for n, v in zip(names, by_mode)}}
@@ -201,23 +202,25 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 @brief
 @dataclass(frozen=True)
 class DamperVariation(Storable, kind="bdamper-damper-variation"):
-    """How the dampers of a wheel differ from the nominal one; damper ``n`` lies between the blades ``n`` and ``n + 1``.
+    """Differences of the dampers of a bladed disk from the nominal one.
+
+    Damper ``n`` lies between blades ``n`` and ``n + 1``.
 
     Parameters
     ----------
     mass : (n_blades,) float
-        Factors on the damper's mass at the same shape, above 0: of its inertia and of its centrifugal load.
+        Factors of the damper's mass at the same shape, above 0.  They scale its inertia and its centrifugal load.
     friction_coefficient, contact_stiffness : (n_blades,) float
-        Factors on those of all its contact points: at least 0, above 0.
+        Factors for all contact points of a damper: at least 0, and above 0.
     gap : (n_blades,) float, m
-        Added to the initial gaps of all its contact points, from 0.
+        Increase of the initial gaps of all contact points of a damper, at least 0.
     missing : (n_blades,) bool
-        Dampers that are not there.
+        True for missing dampers.
 
     Raises
     ------
     SettingError
-        If the arrays do not fit together, or a value is out of range.
+        If the arrays have different lengths, or a value is out of range.
     """
 
     mass: NDArray
@@ -238,39 +241,39 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
     @classmethod
     @validation.spelt
     def of(cls, n_blades: int, *, missing: Sequence[int] = (), **properties: Any) -> Self:
-        """Dampers of which some properties differ; one number stands for all dampers.
+        """Return dampers with some properties changed; one number applies to all dampers.
 
         Parameters
         ----------
         n_blades : int
         missing : sequence of int
-            Numbers of the dampers that are not there, from 0.
+            Numbers of the missing dampers, from 0.
         **properties : float or (n_blades,) float
-            mass, friction_coefficient, contact_stiffness and gap as above; those of the nominal damper by default.
+            mass, friction_coefficient, contact_stiffness and gap as in the class; nominal by default.
         """
         n = validation.whole("n_blades", n_blades, least=1)
         full: dict[str, Any] = dict.fromkeys(_LIMITS, np.ones(n)) | {"gap": np.zeros(n)}
         for name, value in properties.items():
             validation.choice("properties of dampers", name, tuple(_LIMITS))
             full[name] = [value] * n if np.ndim(value) == 0 else value
-        gone = np.zeros(n, bool)
-        gone[list(validation.wholes("missing", missing, most=n - 1))] = True
-        return cls(**full, missing=gone)
+        is_missing = np.zeros(n, bool)
+        is_missing[list(validation.wholes("missing", missing, most=n - 1))] = True
+        return cls(**full, missing=is_missing)
 
     @classmethod
     @validation.spelt
     def random(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
-        """Dampers drawn independently.
+        """Draw the dampers independently.
 
         Parameters
         ----------
         n_blades : int
         missing : sequence of int
         seed : int or sequence of int
-            Equal seeds give equal draws, whatever else varies.
+            Equal seeds give equal draws of a property, whether or not other properties vary.
         **spread : float
             mass, friction_coefficient and contact_stiffness: relative standard deviations of factors with lognormal
-            distributions of mean 1, which stay above 0.  gap: mean of gaps with an exponential distribution, m.
+            distributions of mean 1, which are positive.  gap: mean of exponentially distributed gaps, m.
         """
         n = validation.whole("n_blades", n_blades, least=1)
         generator = np.random.default_rng([*_seed(seed), _DAMPERS])
@@ -302,24 +305,24 @@ _LIMITS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def _by_blade(name: str, given: ArrayLike, above: float, what: str) -> NDArray:
-    """(n_blades,) or (n_blades, n_modes) finite numbers above a limit."""
+def _by_blade(name: str, value: ArrayLike, above: float, expected: str) -> NDArray:
+    """Return finite numbers above a limit with shape (n_blades,) or (n_blades, n_modes)."""
     try:
-        values = np.array(given, float)
+        values = np.array(value, float)
     except (TypeError, ValueError):
         values = np.array(np.nan)
     if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > above).all()):
-        raise validation.unfit(name, f"(n_blades,) or (n_blades, n_modes) {what}", given)
+        raise validation.unfit(name, f"(n_blades,) or (n_blades, n_modes) {expected}", value)
     return values
 
 
 def _seed(seed: Any) -> tuple[int, ...]:
-    given = seed if isinstance(seed, Sequence) and not isinstance(seed, str | bytes) else [seed]
-    return tuple(validation.whole("seed", s) for s in given)
+    seeds = seed if isinstance(seed, Sequence) and not isinstance(seed, str | bytes) else [seed]
+    return tuple(validation.whole("seed", s) for s in seeds)
 
 
 def _read_frequencies(path: FilePath) -> NDArray:
-    """(n_blades,) or (n_blades, n_modes) from a CSV file, in the order of the blades."""
+    """Read (n_blades,) or (n_blades, n_modes) frequencies from a CSV file, in the order of the blades."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig").splitlines()
         lines = [line for line in text if line.strip() and not line.lstrip().startswith("#")]
@@ -333,8 +336,8 @@ def _read_frequencies(path: FilePath) -> NDArray:
     except ValueError as error:
         raise mismatch(str(path), "one row of frequencies for each blade", error) from error
     modes = [k for k, name in enumerate(head) if name != "blade"]
-    split = [HEADER.fullmatch(head[k]) for k in modes]
-    factors = [check_unit(str(path), found[1] if found else "", (found and found[2]) or "", HERTZ) for found in split]
+    headers = [HEADER.fullmatch(head[k]) for k in modes]
+    factors = [check_unit(str(path), match[1] if match else "", (match and match[2]) or "", HERTZ) for match in headers]
     if len(head) != table.shape[1]:
         raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
     if "blade" in head:

@@ -1,17 +1,17 @@
-"""The highest peak of a wheel: a search on the reduced wheel, its best peaks corrected on the whole one.
+"""Highest peak of a mistuned bladed disk: a search on a reduced disk, and its highest peaks corrected on the full one.
 
-The worst blade's peak is not that of the tuned wheel followed into mistuning, which loses it too often.  The search
-(:mod:`bdamper.mistuning.peak_search`) sweeps the band of the tuned wheel's waves (:mod:`bdamper.mistuning.peak_search`)
-with dampers held by springs, climbs to the peaks of single blades from its highest maxima, and frees the dampers of all
-that may be the highest. Large blades are reduced to the shapes that matter there (:mod:`bdamper.mistuning.peak_search`);
-the peaks that may be the highest are then found anew on the whole wheel, and what that changes is part of the error.
+Continuation of the tuned peak into mistuning loses the highest blade's peak too often.  The search
+(:mod:`bdamper.mistuning.peak_search`) takes four steps.
 
-A peak need not be what a blade keeps: the curve of a lumped wheel of six blades (300 N,
-``tests/mistuning/test_in_time.py``) goes on from its first maximum of 2.2 mm through some ninety folds to others of 5.4 to
-12 mm; in time it keeps the first, and falls from those that were marched within a hundred periods
-(``BladedDisk.time_response``).
+1. Sweep the frequency band of the tuned disk's waves, with springs that hold the dampers.
+2. Climb from the highest maxima to the peaks of single blades.
+3. Weaken the springs to zero for all peaks that may be the highest.
+4. If large blades were reduced to a few shapes, correct the peaks that may be the highest on the full disk.  The change
+   is part of the error estimate.
 
-The highest peak of a wheel as a result.
+A peak of the harmonic balance need not be a steady state in time.  The curve of a lumped disk of six blades (300 N,
+``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm through some ninety folds to others of 5.4
+to 12 mm.  In time the first persists; the other tested ones decay within a hundred periods (``BladedDisk.time_response``).
 """
 
 from __future__ import annotations
@@ -37,13 +37,11 @@ from bdamper.util.formatting import amount, brief, height
 from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import Recorded, Storable
 
-# ---- The highest peak of a wheel as a result ----
-
 
 @brief
 @dataclass(frozen=True)
 class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
-    """The highest amplitude of any blade of a wheel at one preload.
+    """The highest amplitude of any blade of a bladed disk at one preload.
 
     ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).
 
@@ -52,35 +50,34 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     preload : float, N
     frequency : float, Hz
     amplitude : float, m
-        Of the first harmonic; NaN if no peak was found.
+        Amplitude of the first harmonic; NaN if no peak was found.
     blade : int
-        The highest one, -1 if no peak was found.
+        The highest blade; -1 if no peak was found.
     tuned_amplitude : float, m
-        Of the highest peak of the tuned wheel at the same preload and engine order.
+        Highest peak of the tuned disk at the same preload and engine order.
     response : (n_blades, n_harmonics + 1) complex, m
-        Of all blades there, the mean first.
+        Response of all blades at the peak, the mean first.
     climbs : (n, 5) float
-        Of every peak found by a local search: blade, frequency (Hz) and amplitude (m) with the mean of dampers held as in
-        the sweep; the weakest springs with which it was found, and its amplitude (m) then.
+        One row for each peak of a local search: blade, frequency (Hz) and amplitude (m) with the springs of the sweep, the
+        weakest springs with a solution, and the amplitude (m) with them.
     sweep_frequency : (n,) float, Hz
-        Of the coarse sweep's solutions.
+        Frequencies of the coarse sweep with a solution.
     status, reason : str
-        "complete"; "held" if the peak was found only with springs on the mean of dampers or on the reduced wheel;
-        "incomplete", a lower bound, if the sweep leaves out a part of its band or no blade is as high as those of the tuned
-        wheel, as the reason says; or "not found".
+        "complete"; "held" if the peak was found only with holding springs on the dampers or on the reduced disk;
+        "incomplete" for a lower bound, if the sweep has a gap or no blade is as high as on the tuned disk; "not found".
     residual : float
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float
-        On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
+        Holding springs on the mean of dampers, relative to their stuck stiffness; 0 if dampers are free.
     error : float
-        Estimate of how much higher the highest peak with free dampers may be, relative: from what weaker springs have
-        changed, what the reduced wheel of the search is off the whole one, and what local searches may have missed; 0 where
-        dampers are free and all maxima of the sweep were examined.
+        Relative estimate of how much higher the highest peak with free dampers may be.  It combines the changes by weaker
+        springs, the error of the reduced disk, and peaks missed by the local searches.  It is 0 if dampers are free and all
+        maxima of the sweep were examined.
     interval : (low, high), Hz
         Band of the sweep.
     cost : Cost
     settings : mapping
-        Of the tuned study, with the frequency deviations of the blades.
+        Settings of the tuned study, with the frequency deviations of the blades.
     model_hash : str
     """
 
@@ -104,67 +101,64 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 
     @property
     def converged(self) -> bool:
-        """With dampers free."""
+        """Whether the peak was found with free dampers."""
         return self.status == COMPLETE
 
     @property
     def found(self) -> bool:
-        """Complete or held."""
+        """Whether the status is "complete" or "held"."""
         return self.status in (COMPLETE, HELD)
 
     @property
     def amplification(self) -> float:
-        """Amplitude over that of the tuned wheel's peak."""
+        """Amplitude relative to the peak of the tuned disk."""
         return self.amplitude / self.tuned_amplitude
 
     @property
     def amplitudes(self) -> NDArray:
-        """(n_blades,) float, m: of all blades at the peak."""
+        """(n_blades,) float, m: amplitudes of all blades at the peak."""
         return np.abs(self.response[:, 1])
 
     @property
     def nodal_diameters(self) -> NDArray:
-        """(n_blades,) float, m: amplitudes of the waves of 0 to N - 1 nodal diameters in the first harmonic."""
+        """(n_blades,) float, m: amplitudes of the travelling waves of 0 to N - 1 nodal diameters, first harmonic."""
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
 
     def plot_wheel(self, model: Model, *arguments: Any, **options: Any) -> Any:
-        """Draw the wheel from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
+        """Draw the disk from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "plot_wheel", model, *arguments, **options)
 
     def _headline(self) -> str:
         if not np.isfinite(self.amplitude):
-            return f"No peak of the wheel at a preload of {amount(self.preload, 'N')}: {self.reason}."
+            return f"No peak of the bladed disk at a preload of {amount(self.preload, 'N')}: {self.reason}."
         top = height(self.amplitude, self.frequency)
-        tuned = f"{self.amplification:.3g} times the tuned wheel ({amount(self.tuned_amplitude, 'm')})"
-        open_ = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
+        tuned = f"{self.amplification:.3g} times the tuned disk ({amount(self.tuned_amplitude, 'm')})"
+        warning = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
-        return f"{head}: number {self.blade}, {top}, {tuned}.{open_}"
-
-
-# ---- The highest peak of a wheel ----
+        return f"{head}: number {self.blade}, {top}, {tuned}.{warning}"
 
 
 MISSED = 0.045
-"""How much higher a peak may be that no climb has reached, where the sweep has more maxima than were climbed: of 188
-searches with three times as many attempts those that found more than any other error covers found 2.0, 2.1, 3.4 and 4.3 %
-(docs/measured.md, "Peaks of mistuned wheels")."""
+"""Relative excess of a peak that may have been missed if the sweep has more maxima than local searches.  Of 188 searches
+with three times as many local searches, four exceed all other error terms: by 2.0, 2.1, 3.4 and 4.3 % (docs/measured.md,
+"Peaks of mistuned wheels")."""
 
 
 @validation.spelt
 @dataclass(frozen=True)
 class WheelPeakOptions(validation.Checked):
-    """Settings of the search for the highest peak.
+    """Options of the search for the highest peak.
 
     Parameters
     ----------
     spacing : float
-        Of the points of the sweep, relative to the width of the tuned peak at half its power.
+        Spacing of the sweep, relative to the half-power width of the tuned peak.
     climbs : int
-        Local searches, one for each peak.  Eight from 30 points take 15 % fewer evaluations than twelve from 60, and miss
-        peaks by more than 1 % that these find in 124 of 723 searches on 65 blades, and find more in 73 (docs/measured.md,
-        "Peaks of mistuned wheels").
+        Number of local searches, one for each peak.  With 8 searches from 30 points the cost is 15 % lower than with 12
+        from 60.  In 723 cases on 65 blades, 8 searches miss a peak by more than 1 % in 124 cases and find more in 73
+        (docs/measured.md, "Peaks of mistuned wheels").
     least, most : int
-        Points of the sweep.
+        Limits of the number of points of the sweep.
     """
 
     spacing: Annotated[float, validation.Limits(above=0.0, most=10.0)] = 0.5
@@ -175,16 +169,16 @@ class WheelPeakOptions(validation.Checked):
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations of the search, and how their points become those of the whole wheel.
+    """Equations of the search, and their relation to the full disk.
 
     Parameters
     ----------
     whole, system : WheelSystem
-        The same where nothing is reduced.
+        Equations of the full disk and of the search; the same object without reduction.
     shapes : (n, m) float or None
-        Of the reduced blades.
+        Shapes of the reduced blades.
     mean : (n_blades, n) float, m
-        Static state of the blades, from which they move in their shapes.
+        Static state of the blades, about which they move in their shapes.
     """
 
     whole: WheelSystem
@@ -206,7 +200,7 @@ class _Equations:
         return cls(whole, system, shapes, state.mean[:, :n])
 
     def expanded(self, y: NDArray) -> NDArray:
-        """A point of the whole wheel from one of the search."""
+        """Return the point of the full disk that corresponds to a point of the search."""
         if self.shapes is None:
             return y
         X, m = self.system.structure.array(y[:-1]), self.shapes.shape[1]
@@ -224,27 +218,35 @@ def peak(
     *,
     options: WheelPeakOptions | None = None,
 ) -> WheelPeak:
-    """Highest amplitude of any blade at a preload.
+    """Find the highest amplitude of any blade at a preload.
 
     Parameters
     ----------
     wheel : BladedDisk
     preload : float, N
     frequency : (low, high), Hz, optional
-        Of the sweep; ``bdamper.mistuning.peak_search.band`` by default, and where no blade has a peak in it up to 1.5
-        times the tuned peak's: a lumped wheel of six blades (engine order 2, 300 N) vibrates at 295 Hz with its dampers
-        held, 13 Hz above that band, and its peak of 230 Hz lies on a branch that comes down from folds at 291 Hz.
+        Band of the sweep; ``bdamper.mistuning.peak_search.band`` by default.  If no blade has a peak in the default band,
+        it is extended to 1.5 times the frequency of the tuned peak.
     options : WheelPeakOptions
 
     Returns
     -------
     WheelPeak
-        ``status`` is "complete" if a peak was found with dampers free, and the sweep has solutions at all frequencies but
-        single ones.  It is "incomplete", a lower bound, if the sweep has none at two and more in a row, or if no blade is
-        as high as those of the tuned wheel, and ``reason`` says so: a lumped wheel of six blades (engine order 2, 100 N)
-        had "held" 1.9 mm with an error of 20 % where its sector rattles at 118 mm.  It is "held" if the peak was found
-        only with springs on the mean of dampers, ``springs`` of their stiffness when stuck, or only on the reduced wheel;
-        and "not found", the amplitude NaN, if no local search converges.  Peaks beyond the band do not count.
+        ``status`` is one of the following, and ``reason`` explains it.
+
+        * "complete": found with free dampers, and the sweep has no gap of two or more adjacent frequencies.
+        * "held": found only with holding springs on the dampers (``springs``), or only on the reduced disk.
+        * "incomplete": a lower bound.  The sweep has a gap, or no blade is as high as on the tuned disk.
+        * "not found": no local search converges; the amplitude is NaN.
+
+        Peaks outside the band are ignored.
+
+    Notes
+    -----
+    The extended band is needed by a lumped disk of six blades (engine order 2, 300 N).  With held dampers it vibrates at
+    295 Hz, 13 Hz above the default band; its peak at 230 Hz lies on a branch from folds at 291 Hz.  The comparison with
+    the tuned disk is needed by the same disk at 100 N: it had a "held" peak of 1.9 mm with an error of 20 %, while its
+    sector reaches 118 mm.
     """
     meter = CostMeter()
     options = validation.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
@@ -262,7 +264,7 @@ def peak(
         climbed = [search.climb(y, blade, springs) for y, blade in search.candidates(swept, options.climbs)]
         if held := search.different([c for c in climbed if c is not None]):
             break
-    met = [y for y in swept if y is not None]
+    solutions = [y for y in swept if y is not None]
     all_climbed = len(search.candidates(swept, options.climbs + 1)) <= options.climbs
     peaks = search.freed(held)
     whole = replace(search, system=equations.whole) if equations.shapes is not None else search
@@ -278,9 +280,9 @@ def peak(
         tuned_amplitude=tuned.amplitude,
         response=np.zeros((wheel.n_blades, 0)) if system is None or u is None else system.structure.responses(u),
         climbs=np.array([(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]).reshape(-1, 5),
-        sweep_frequency=np.array([y[-1] for y in met]) / tau,
+        sweep_frequency=np.array([y[-1] for y in solutions]) / tau,
         status=_status(top, bool(higher or gap), changed is None and equations.shapes is not None),
-        reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks from {len(met)} of {n} points") + higher,
+        reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks from {len(solutions)} of {n} points") + higher,
         residual=np.nan if top is None else top.at.residual,
         springs=0.0 if top is None else top.springs[-1],
         error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
@@ -294,36 +296,38 @@ def peak(
 def _corrected(
     equations: _Equations, search: Search, whole: Search, peaks: list[Climbed]
 ) -> tuple[Climbed | None, float | None]:
-    """The highest peak as a solution to the tolerance, and by how much it is off that of the reduced wheel.
+    """Solve the highest peak to the tolerance; return it with its relative change by the reduction.
 
-    Peaks of the reduced wheel are looked for on the whole one, from the highest on, until the next could not be higher by
-    more than the reduction has changed those before; where none is found there, the reduced one's is the answer.
+    Peaks of the reduced disk are corrected on the full one, from the highest on.  The loop stops when the next peak cannot
+    be higher, given the changes so far.  If no correction converges, the peak of the reduced disk is returned, without a
+    change.
     """
     best: Climbed | None = None
     changed: float | None = None
-    guess = 1e-3  # change of a peak from the reduced to the whole wheel that is expected where one has changed by less
+    reduced = equations.shapes is not None
+    least_change = 1e-3  # smallest relative change by the reduction that is assumed for the next peak
     for peak in sorted(peaks, key=lambda p: -p.height):
-        if best is not None and (changed is None or peak.height * (1.0 + max(changed, guess)) <= best.height):
+        if best is not None and (changed is None or peak.height * (1.0 + max(changed, least_change)) <= best.height):
             break
-        found = whole.settled(peak, equations.expanded(peak.at.y)) if equations.shapes is not None else search.settled(peak)
-        if found is None:
+        exact = whole.settled(peak, equations.expanded(peak.at.y) if reduced else None)
+        if exact is None:
             continue
-        changed = max(changed or 0.0, abs(found.height / peak.height - 1.0))
-        best = found if best is None or found.height > best.height else best
-    if best is not None or equations.shapes is None:
+        changed = max(changed or 0.0, abs(exact.height / peak.height - 1.0))
+        best = exact if best is None or exact.height > best.height else best
+    if best is not None or not reduced:
         return best, changed
     settled = (search.settled(peak) for peak in sorted(peaks, key=lambda p: -p.height))
     return next((peak for peak in settled if peak is not None), None), None
 
 
 def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations: _Equations, all_climbed: bool) -> float:
-    """How much higher the highest peak may be than the one found, relative: by springs, by what was reduced or missed."""
-    # largest difference of a peak of the reduced wheel that was not found on the whole one. On the shipped disk (65
-    # blades, 2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
-    surrogate = 0.03
-    reduced = 0.0 if equations.shapes is None else surrogate if changed is None else changed
-    rivals = [c.highest * (1.0 + reduced) / top.height - 1.0 for c in peaks if c.last]
-    return max([top.error, 0.0 if changed is not None else reduced, 0.0 if all_climbed else MISSED, *rivals])
+    """Estimate how much higher the highest peak may be (relative), from springs, reduction and missed peaks."""
+    # assumed error of the reduction if no peak was found on the full disk. On the shipped disk (65 blades, 2 %) it is
+    # 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
+    default_reduction = 0.03
+    reduction = 0.0 if equations.shapes is None else default_reduction if changed is None else changed
+    others = [c.highest * (1.0 + reduction) / top.height - 1.0 for c in peaks if c.last]
+    return max([top.error, 0.0 if changed is not None else reduction, 0.0 if all_climbed else MISSED, *others])
 
 
 def _status(top: Climbed | None, lower: bool, reduced: bool) -> str:
@@ -333,17 +337,17 @@ def _status(top: Climbed | None, lower: bool, reduced: bool) -> str:
 
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
-    """Where blades of the tuned wheel are higher than the highest one found, or where none was found at all."""
+    """Return a note if the tuned disk is higher than the highest peak found, or if none was found; else an empty text."""
     if top is not None and not (low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude):
         return ""
-    there = f"the tuned wheel has {amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
-    return f"; searched from {low:.6g} to {high:.6g} Hz, {there}"
+    peak_text = f"{amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
+    return f"; searched from {low:.6g} to {high:.6g} Hz, but the tuned disk has {peak_text}"
 
 
 def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | None:
-    """Ends of the longest part of a band with two and more frequencies in a row that have no solution."""
-    lost = np.array([False, *(found is None for found in swept), False])
-    begin, end = np.flatnonzero(lost[1:] & ~lost[:-1]), np.flatnonzero(~lost[1:] & lost[:-1])
+    """Return the ends of the longest gap of two or more adjacent frequencies without a solution."""
+    failed = np.array([False, *(y is None for y in swept), False])
+    begin, end = np.flatnonzero(failed[1:] & ~failed[:-1]), np.flatnonzero(~failed[1:] & failed[:-1])
     if not len(begin) or (end - begin).max() < 2:
         return None
     k = int(np.argmax(end - begin))
@@ -351,11 +355,11 @@ def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | N
 
 
 def _reason(
-    top: Climbed | None, gap: tuple[float, float] | None, changed: float | None, equations: _Equations, found: str
+    top: Climbed | None, gap: tuple[float, float] | None, changed: float | None, equations: _Equations, counts: str
 ) -> str:
-    parts = [found]
+    parts = [counts]
     if equations.shapes is not None and top is not None and changed is None:
-        parts.append("found on the reduced wheel alone")
+        parts.append("found only on the reduced disk")
     if top is not None and top.springs[-1]:
         parts.append(
             f"the mean of dampers held by springs of {top.springs[-1]:.2g} of their stuck stiffness, which change the "

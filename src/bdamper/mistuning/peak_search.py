@@ -1,23 +1,22 @@
-r"""Peaks of single blades: a coarse sweep with dampers held by springs, climbs from its maxima, and ever weaker springs.
+r"""Search for the peaks of single blades of a mistuned bladed disk, on reduced blades and in a frequency band.
 
-Near its peaks Newton's method fails from afar: with the contacts stuck the blades answer so strongly that the next step has
-them all slip, and dampers that slip fully are free along their axis and go anywhere.  Springs on the mean of dampers mend
-both, and are weakened along each peak until the dampers are free.
+**Search.**  Near a peak Newton iteration fails from remote points: with stuck contacts the blades respond so strongly that
+all contacts slip in the next iteration, and a damper in full slip is free along its axis.  Springs on the mean of dampers
+prevent both.  They are weakened along each peak until the dampers are free.
 
-The reduced wheel: blades that move in one shape of their family and in those of the contacts' flexibility.
-
-With :math:`\phi_{dj}` the free modes of the tuned wheel at every nodal diameter d, j the family of the peak, and
-:math:`\omega_0` the frequency of the tuned peak,
+**Reduced disk.**  Blades move in one shape of their mode family and in shapes of the contact flexibility.  With the modes
+:math:`\phi_{dj}` of the tuned disk with free dampers at every nodal diameter d, the family j of the peak, and the frequency
+:math:`\omega_0` of the tuned peak,
 
 .. math::
     W = \frac1N \sum_d \sum_{i \ne j} \frac{\phi_{di} \phi_{di}^H}{\omega_{di}^2 - \omega_0^2} , \qquad
     \sqrt{k} B W B^T \sqrt{k} = U S U^T ,
 
-with the motion B of the contact points by the blade and their stiffness k, the shapes are :math:`W B^T \sqrt{k} U` of the
-largest S, and the one shape that all :math:`\phi_{dj}` have in common.  Blades move in them about the static state of the
-whole wheel; dampers and contact points are those of the whole wheel.
+where B is the motion of the contact points by the blade and k their stiffness.  The shapes are :math:`W B^T \sqrt{k} U` of
+the largest S, and the common shape of all :math:`\phi_{dj}`.  Blades move in these about the static state of the full disk.
+Dampers and contact points are not reduced.
 
-The frequencies between which the blades of a wheel may have their highest peaks, from the waves of the tuned wheel.
+**Band.**  The frequency band of the highest peaks follows from the waves of the tuned disk.
 """
 
 from __future__ import annotations
@@ -34,57 +33,57 @@ from bdamper.mistuning.wheel_problem import Loaded, WheelProblem
 from bdamper.response.peak import PeakOptions, find_peak, slope_along
 from bdamper.util.progress import CostMeter, end_if_asked
 
-# ---- Peaks of single blades ----
-
+# ---- Search ----
 
 WEAKER = (0.1, 0.01, 0.0)
-"""Springs on the mean of dampers, relative to their stiffness when stuck: of the sweep, and those with which its peaks
-are looked for one after the other.  A sweep without peaks is tried again with the next: of a tuned lumped wheel of six
-blades (300 N) that with springs of 0.1 has none, the one with free dampers has."""
+"""Springs on the mean of dampers, relative to their stuck stiffness: for the sweep, then for each peak in turn.  A sweep
+without peaks is repeated with the next value: a tuned lumped disk of six blades (300 N) has no peak with 0.1, but one with
+0."""
 ERROR = (0.0, 0.06), (2e-3, 0.13), (2e-2, 0.2)
-"""Largest change of an amplitude between springs above the first number and free dampers; what weaker springs have changed
-already says little of what comes, but no less is promised.  On 12 wheels of 13 blades of the shipped disk (2 %, 300 N to
-2 kN) it covers the changes of 41 of 42 peaks with springs of 0.1 and of 42 of 42 with 0.01."""
+"""Pairs (springs, error): smallest relative error assumed with springs above the first number.  The change by weaker
+springs so far predicts the remaining change poorly, so it is only a lower bound.  On 12 disks of 13 blades of the shipped
+disk (2 %, 300 N to 2 kN) these errors cover 41 of 42 peaks with springs of 0.1, and 42 of 42 with 0.01."""
 BELOW = (2e-2, 0.1), (0.0, 0.03)
-"""Peaks found with springs above the first number, up to so much below the highest, are freed further.  Of 65 blades of the
-shipped disk (2 %, 2 kN) one that is third among the held, 0.659 mm, has 0.705 mm with free dampers, and the first 0.659;
-from springs of 0.01 on amplitudes rise by 1.2 % at most."""
+"""Pairs (springs, margin): peaks with springs above the first number are released further if they are at most this relative
+margin below the highest.  On 65 blades of the shipped disk (2 %, 2 kN) the third of the held peaks rises from 0.659 to
+0.705 mm with free dampers, while the first has 0.659 mm.  From springs of 0.01 on amplitudes rise by 1.2 % at most."""
 SAME = 0.05
-"""Distance of peaks of one blade, in widths of the tuned peak, below which they are one."""
+"""Distance in widths of the tuned peak below which two peaks of one blade are the same."""
 
 GAIN = 1e-5
-"""By how much, relatively, an amplitude may still rise where a climb ends."""
+"""Relative increase of the amplitude still possible where a climb ends."""
 NEAR, ROUGH = 2e-3, 1e-2
-"""Newton step, relative to the vibration, and residual with which the first place of a climb is content.  With residuals of
-any size dampers that are nearly free are still on their way."""
+"""Newton step (relative to the vibration) and residual accepted at the first point of a climb.  Without a limit of the
+residual, dampers that are nearly free have not yet reached their positions."""
 TOLERANCE = 1e-9
-"""On the residual of a peak, relative to excitation and static load."""
+"""Residual of a peak, relative to excitation and static load."""
 EXACT = PeakOptions(tolerance=TOLERANCE, max_trials=12)
 SHARE = 0.05
-"""Of a climb's step: Newton step with which the place ahead is content.  On 12 wheels of 13 blades 0.02 takes as many
-factorisations, 0.2 a quarter more, with a peak lost."""
+"""Newton step accepted at the next point of a climb, relative to the climb's step.  On 12 disks of 13 blades 0.02 takes as
+many factorisations; 0.2 takes a quarter more and loses a peak."""
 LEAST = 3e-5
-"""Shortest step of a climb, relative to the vibration."""
+"""Smallest step of a climb, relative to the vibration."""
 PLACES = 60
-"""Of a climb."""
+"""Largest number of points of a climb."""
 REACH = 1.0
-"""Way of a climb that sets off from a peak, relative to the vibration there.  On a lumped wheel of six blades (300 N) a
-peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free dampers; without this limit it becomes one of 5.5 mm, which no
-blade keeps."""
+"""Largest distance of a climb from its initial peak, relative to the vibration there.  On a lumped disk of six blades (300
+N) a peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free dampers.  Without this limit it becomes 5.5 mm, which does
+not persist in time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Climbed:
-    """A peak of the blade that is the highest there, with ever weaker springs.
+    """A peak of the blade that is the highest at its frequency, followed to weaker springs.
 
     Parameters
     ----------
     at : Correction
+        Solution at the peak.
     blade : int
     springs, heights : tuple of float, - and m
-        Springs with which it was found, and its amplitudes.
+        Springs with a solution, and the amplitudes with them.
     last : bool
-        No peak was found with weaker springs.
+        True if no peak was found with weaker springs.
     """
 
     at: Correction
@@ -103,36 +102,36 @@ class Climbed:
 
     @property
     def error(self) -> float:
-        """Bound of how far its amplitude is from that with free dampers, relative, as far as is known (``ERROR``)."""
+        """Relative bound of the difference from the amplitude with free dampers (see ``ERROR``)."""
         springs, moved = self.springs[-1], (max(self.heights) - min(self.heights)) / self.height
         return max(moved, *(error for least, error in ERROR if springs > least)) if springs else 0.0
 
     @property
     def below(self) -> float:
-        """How far below the highest it may be and still become the highest (``BELOW``)."""
+        """Margin below the highest peak within which this one may still become the highest (see ``BELOW``)."""
         return next(below for least, below in BELOW if self.springs[-1] > least)
 
     @property
     def highest(self) -> float:
-        """Upper estimate of its amplitude with free dampers."""
+        """Upper estimate of the amplitude with free dampers."""
         return self.height * (1.0 + self.error)
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The search on the equations of one wheel.
+    """Search for peaks with the equations of one bladed disk.
 
     Parameters
     ----------
     system : WheelSystem
-        With dampers free.
+        Equations with free dampers.
     width : float, rad/s
-        Of the tuned peak at half its power.
+        Half-power width of the tuned peak.
     band : (low, high), rad/s
-        Peaks beyond it do not count.
+        Peaks outside are ignored.
     meter : CostMeter
     springs : float
-        Of the sweep.
+        Springs of the sweep.
     """
 
     system: WheelSystem
@@ -143,41 +142,43 @@ class Search:
     _held: dict[float, WheelSystem] = field(default_factory=dict, init=False, repr=False)
 
     def held(self, springs: float) -> WheelSystem:
-        """The equations with springs, which the meter watches."""
+        """Return the equations with springs; the meter counts their work."""
         if springs not in self._held:
             self._held[springs] = self.system.structure.held(springs) if springs else self.system
             self.meter.watch(self._held[springs])
         return self._held[springs]
 
-    def near(self, system: WheelSystem, y: NDArray, tolerance: float, loose: float = 0.0) -> Correction:
-        """Newton's method at the frequency of a point, with steps shortened."""
-        end_if_asked()
-        return system.solve(y, Fixed(), self.system.structure.units_about(y, self.width), tolerance, 25, 2, loose=loose)
 
     def sweep(self, omega: NDArray) -> list[NDArray | None]:
-        """Loose points with dampers held at every frequency (rad/s), ascending, each from the one before, or None.
+        """Solve with held dampers at ascending frequencies (rad/s), loosely; None where Newton iteration fails.
 
-        Newton's first step from a solution nearby is that of the linear wheel with the contacts as they are there, which is
-        what resonances between both frequencies need; extrapolation would pass over them.
+        Each solution starts from the one before.  The first Newton step is then the response of the linearised disk with
+        the contact states of that solution, which reveals resonances between two frequencies.  Extrapolation would pass
+        over them.
         """
         system, out = self.held(self.springs), []
-        last = system.structure.at_rest
-        easy = 0.05  # Newton step, relative to the vibration, with which the sweep is content
+        at_rest = last = system.structure.at_rest
+        accepted_step = 0.05  # Newton step relative to the vibration
         for w in omega:
-            found = None
-            for start in (last, system.structure.at_rest):
-                c = self.near(system, np.append(start, w), 1e-6, easy if start is not system.structure.at_rest else 0.0)
+            solution = None
+            for start in (last, at_rest):
+                end_if_asked()
+                y = np.append(start, w)
+                scale = self.system.structure.units_about(y, self.width)
+                c = system.solve(y, Fixed(), scale, 1e-6, 25, 2, loose=0.0 if start is at_rest else accepted_step)
                 if c.status == OK:
-                    found = c.y
+                    solution, last = c.y, c.y[:-1]
                     break
-            last = last if found is None else found[:-1]
-            out.append(found)
+            out.append(solution)
         return out
 
     def candidates(self, swept: list[NDArray | None], most: int) -> list[tuple[NDArray, int]]:
-        """Highest local maxima of single blades, of different blades or frequencies; ends of gaps count, too."""
-        none = np.full(self.system.structure.shape[0], -np.inf)
-        height = np.array([none if y is None else np.abs(self.system.structure.responses(y[:-1])[:, 1]) for y in swept])
+        """Return the highest local maxima of single blades, at distinct blades or frequencies.
+
+        Ends of gaps count as maxima.
+        """
+        failed = np.full(self.system.structure.shape[0], -np.inf)
+        height = np.array([failed if y is None else np.abs(self.system.structure.responses(y[:-1])[:, 1]) for y in swept])
         padded = np.pad(height, ((1, 1), (0, 0)), constant_values=-np.inf)
         maxima = np.argwhere((height >= padded[:-2]) & (height >= padded[2:]) & np.isfinite(height))
         out: list[tuple[NDArray, int]] = []
@@ -193,221 +194,223 @@ class Search:
         return out
 
     def climb(self, y: NDArray, blade: int, springs: float, tangent: NDArray | None = None) -> Climbed | None:
-        """The peak near a point whose blade is the highest there, or None: where another one is, it is climbed next.
+        """Find the peak near a point; if another blade is higher there, continue with its peak.
 
-        The first place has the frequency of the point, or lies in the plane across a tangent.
+        The first point has the frequency of ``y``, or lies in the plane normal to ``tangent``.  Return None if no peak is
+        found.
         """
         system = self.held(springs)
         for _ in range(system.structure.shape[0]):
-            found = uphill(of_blade(system, blade), y, tangent, system.structure.units_about(y, self.width))
-            if found is None or not self.band[0] <= found.y[-1] <= self.band[1]:
+            top = uphill(of_blade(system, blade), y, tangent, system.structure.units_about(y, self.width))
+            if top is None or not self.band[0] <= top.y[-1] <= self.band[1]:
                 return None
-            heights = np.abs(system.structure.responses(found.y[:-1])[:, 1])
+            heights = np.abs(system.structure.responses(top.y[:-1])[:, 1])
             highest = int(np.argmax(heights))
             if heights[highest] <= heights[blade] * (1.0 + 1e-9):
-                return Climbed(found, blade, (springs,), (float(heights[blade]),))
-            y, tangent, blade = found.y, found.tangent, highest
+                return Climbed(top, blade, (springs,), (float(heights[blade]),))
+            y, tangent, blade = top.y, top.tangent, highest
         return None
 
     def settled(self, peak: Climbed, y: NDArray | None = None) -> Climbed | None:
-        """The same peak as a solution to the tolerance, or where it is from another point near it.
+        """Solve a peak to the tolerance, or start again from ``y`` near it.
 
-        From that it is only as exact as climbs are: on 65 blades with three harmonics an exact one took 76 s and failed.
+        A peak from ``y`` is only as exact as climbs are: locating it exactly on 65 blades with three harmonics took 76 s
+        and failed.
         """
         if y is not None:
-            found = self.climb(y, peak.blade, peak.springs[-1])
-            if found is None:
+            climbed = self.climb(y, peak.blade, peak.springs[-1])
+            if climbed is None:
                 return None
-            peak = replace(found, springs=peak.springs, heights=(*peak.heights[:-1], found.height))
+            peak = replace(climbed, springs=peak.springs, heights=(*peak.heights[:-1], climbed.height))
         system = self.held(peak.springs[-1])
         scale = system.structure.units_about(peak.at.y, self.width)
         c = system.solve(peak.at.y, Plane(peak.at.tangent), scale, TOLERANCE, 25, 2)
         if c.status != OK:
             return None
-        near_by = 0.05  # way from where a climb has ended to the peak, relative to the vibration, at most
         if y is None:
-            top = find_peak(of_blade(system, peak.blade), c.y, tangent=c.tangent, scale=scale, options=EXACT, reach=near_by)
+            reach = 0.05  # largest distance from the end of a climb to its peak, relative to the vibration
+            top = find_peak(of_blade(system, peak.blade), c.y, tangent=c.tangent, scale=scale, options=EXACT, reach=reach)
             if top.converged:
                 c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)
         height = float(np.abs(system.structure.responses(c.y[:-1])[peak.blade, 1]))
         return replace(peak, at=c, heights=(*peak.heights[:-1], height))
 
     def different(self, peaks: list[Climbed]) -> list[Climbed]:
-        """Each peak once, of those of one blade with the same springs."""
+        """Return the peaks without duplicates (same blade and springs, nearly the same frequency)."""
         out: list[Climbed] = []
         for peak in peaks:
-            alike = (other for other in out if other.blade == peak.blade and other.springs[-1] == peak.springs[-1])
-            if not any(abs(peak.at.y[-1] - other.at.y[-1]) < SAME * self.width for other in alike):
+            similar = (other for other in out if other.blade == peak.blade and other.springs[-1] == peak.springs[-1])
+            if not any(abs(peak.at.y[-1] - other.at.y[-1]) < SAME * self.width for other in similar):
                 out.append(peak)
         return out
 
     def freed(self, peaks: list[Climbed]) -> list[Climbed]:
-        """Peaks followed to weaker springs as far as needed: until none that may be the highest is left.
+        """Follow peaks to weaker springs until no other peak may be the highest.
 
-        The strongest springs come first, since peaks that are high with weaker ones spare others the way: with twelve
-        climbs 5 % fewer evaluations than from the highest peak on (nine searches on 65 blades), with eight 2 % (twenty).
+        Peaks with the strongest springs come first, since a high peak with weaker springs excludes others.  With twelve
+        climbs this takes 5 % fewer evaluations than the order by height (nine searches on 65 blades), with eight 2 %
+        (twenty searches).
         """
         out = list(peaks)
         while out:
             top = max(peak.height for peak in out)
-            left = [i for i, peak in enumerate(out) if not peak.final and peak.height >= (1.0 - peak.below) * top]
-            if not left:
+            candidates = [i for i, peak in enumerate(out) if not peak.final and peak.height >= (1.0 - peak.below) * top]
+            if not candidates:
                 break
-            i = max(left, key=lambda i: (out[i].springs[-1], out[i].height))
+            i = max(candidates, key=lambda i: (out[i].springs[-1], out[i].height))
             out[i] = self.weakened(out[i])
             out = self.different(out)
         return out
 
     def weakened(self, peak: Climbed) -> Climbed:
-        """The same peak with the next springs, or with those on the way to them."""
-        before = peak.springs[-1]
-        target = next(springs for springs in WEAKER if springs < 0.99 * before)
-        nearer = 0.3 * before
-        for springs in (target, nearer) if nearer > max(1.01 * target, 1e-4) else (target,):
-            found = self.climb(peak.at.y, peak.blade, springs, peak.at.tangent)
-            if found is not None:
-                return replace(found, springs=(*peak.springs, springs), heights=(*peak.heights, found.height))
+        """Return the peak with the next springs, or with a smaller reduction."""
+        present = peak.springs[-1]
+        target = next(springs for springs in WEAKER if springs < 0.99 * present)
+        intermediate = 0.3 * present
+        for springs in (target, intermediate) if intermediate > max(1.01 * target, 1e-4) else (target,):
+            climbed = self.climb(peak.at.y, peak.blade, springs, peak.at.tangent)
+            if climbed is not None:
+                return replace(climbed, springs=(*peak.springs, springs), heights=(*peak.heights, climbed.height))
         return replace(peak, last=True)
 
 
 def uphill(system: WheelSystem, y: NDArray, tangent: NDArray | None, scale: NDArray) -> Correction | None:
-    """The maximum of the response along the curve near a point, or a place where another blade is higher than this will be.
+    """Find the maximum of the response along the curve near a point, or a point where another blade will be higher.
 
-    Secant on the slope of the amplitude.  Places on the way are content with little: one factorisation serves the last
-    correction of a place and its slope.
+    The secant method is applied to the slope of the amplitude.  Points on the way are solved loosely: one factorisation
+    serves the last Newton iteration of a point and its slope.
 
     Parameters
     ----------
     system : WheelSystem
-        Of one blade.
+        Equations with the response of one blade.
     y : (n_unknowns + 1,) float
         A loose solution.
     tangent : (n_unknowns + 1,) float, optional
-        Of a curve; the first place lies in the plane across it, or has the frequency of the point.
+        Tangent of a curve.  The first point lies in the plane normal to it; without it, the frequency is fixed.
     scale : (n_unknowns + 1,) float
     """
     condition, reach = (Fixed(), np.inf) if tangent is None else (Plane(tangent), REACH)
     start = y
-    place = system.solve(y, condition, scale, 1e-6, 25, 2, loose=NEAR, rough=ROUGH)
-    h, before, bent, bracket, longest, known = 0.0, 0.0, 1.0, np.inf, 0.5, False
+    point = system.solve(y, condition, scale, 1e-6, 25, 2, loose=NEAR, rough=ROUGH)
+    h, last_slope, curvature, bracket, longest, known = 0.0, 0.0, 1.0, np.inf, 0.5, False
     for _ in range(PLACES):
-        if place.status != OK or norm2(((place.y - start) / scale)[system.n_mean : -1]) > reach:
+        if point.status != OK or norm2(((point.y - start) / scale)[system.n_mean : -1]) > reach:
             return None
-        slope = slope_along(system, place.y, place.tangent, scale)
+        slope = slope_along(system, point.y, point.tangent, scale)
         if h:
-            known, bent = True, (before - slope) / h
-            if slope * before < 0.0:  # the slope may jump where a contact changes its state: halved at the least
+            known, curvature = True, (last_slope - slope) / h
+            if slope * last_slope < 0.0:  # the slope may jump at a contact event, so the bracket is at least halved
                 bracket = 0.5 * abs(h)
         furthest = min(bracket, 0.5)
-        step = float(np.clip(slope / bent if bent > 0.0 else slope * np.inf, -furthest, furthest)) if slope else 0.0
-        rest = 0.5 * abs(slope * step) if known else 5.0 * slope**2  # curves are bent by 0.1 to 10
-        if (bent > 0.0 or bracket < 0.5) and (rest < GAIN or abs(step) < LEAST):
-            return place
-        heights = np.abs(system.structure.responses(place.y[:-1])[:, 1])
-        own = float(abs(system.rows.value(place.y)))
-        if known and bent > 0.0 and own * (1.0 + 4.0 * rest) < 0.98 * heights.max():
-            return place
-        before, tried = slope, float(np.clip(step, -longest, longest))
-        h, place = _ahead(system, place, scale, tried)
-        longest = 3.0 * abs(h) if h == tried and place.iterations <= 2 else 1.5 * abs(h)
+        secant = slope / curvature if curvature > 0.0 else slope * np.inf
+        step = float(np.clip(secant, -furthest, furthest)) if slope else 0.0
+        gain = 0.5 * abs(slope * step) if known else 5.0 * slope**2  # the curvature of curves is 0.1 to 10
+        if (curvature > 0.0 or bracket < 0.5) and (gain < GAIN or abs(step) < LEAST):
+            return point
+        heights = np.abs(system.structure.responses(point.y[:-1])[:, 1])
+        height = float(abs(system.rows.value(point.y)))
+        if known and curvature > 0.0 and height * (1.0 + 4.0 * gain) < 0.98 * heights.max():
+            return point
+        last_slope, tried = slope, float(np.clip(step, -longest, longest))
+        h, point = _ahead(system, point, scale, tried)
+        longest = 3.0 * abs(h) if h == tried and point.iterations <= 2 else 1.5 * abs(h)
     return None
 
 
-def _ahead(system: WheelSystem, place: Correction, scale: NDArray, h: float) -> tuple[float, Correction]:
-    """Distance and place ahead along the curve, nearer where none is found, which may not be converged."""
+def _ahead(system: WheelSystem, point: Correction, scale: NDArray, h: float) -> tuple[float, Correction]:
+    """Return the step along the curve and the next point, with smaller steps until it converges or the step is too
+    small."""
     first = abs(h)
     while True:
-        guess = place.y + h * place.tangent * scale
-        guess[: system.n_mean] = place.y[: system.n_mean]
-        new = system.solve(guess, Plane(place.tangent), scale, 1e-6, 6, 2, 1.0, SHARE * abs(h), ROUGH)
+        guess = point.y + h * point.tangent * scale
+        guess[: system.n_mean] = point.y[: system.n_mean]
+        new = system.solve(guess, Plane(point.tangent), scale, 1e-6, 6, 2, 1.0, SHARE * abs(h), ROUGH)
         if new.status == OK or abs(h) < max(LEAST, 0.05 * first):
             return h, new
         h *= 0.3
 
 
-# ---- The reduced wheel ----
-
+# ---- Reduced disk ----
 
 SHAPES = 12
-"""Of the contacts' flexibility.  On the shipped disk (9 points, 54 rows of motion) the stuck frequency of five nodal
-diameters is off by 47, 3.5, 1.1, 0.3 and 0.1 Hz with 1, 4, 8, 10 and 12."""
+"""Number of shapes of the contact flexibility.  On the shipped disk (9 points, 54 rows of motion) the error of the stuck
+frequency over five nodal diameters is 47, 3.5, 1.1, 0.3 and 0.1 Hz with 1, 4, 8, 10 and 12 shapes."""
 
 CLOSE = 2e-3
-"""Relative change of the free and the stuck frequency up to which shapes serve.  With 65 real blades it is 2e-4 and 7e-5.
-Of lumped wheels with fourteen random attachments the stuck one changes by 5e-2, and peaks came out a quarter as high."""
+"""Largest relative change of the free and the stuck frequency by an acceptable reduction.  With 65 finite-element blades
+it is 2e-4 and 7e-5.  With lumped blades with fourteen random attachments the stuck frequency changes by 5e-2, and peaks
+were too low by a factor of four."""
 
 
 def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
-    """Whether the wave of the engine order has the same frequencies near one (rad/s) in shapes, dampers free and stuck."""
+    """Return whether reduced blades have the same frequency nearest ``omega`` (rad/s), with free and with stuck dampers."""
     d = int(structure.tuned.engine_order) % structure.n_blades
-    for share in (0.0, 1.0):
-        springs = share * structure.tuned.point_stiffness
-        one, other = (np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes)))
-        nearest = one[np.argmin(np.abs(one - omega))]
-        if np.abs(other - nearest).min() > CLOSE * nearest:
+    for springs in (0.0 * structure.tuned.point_stiffness, structure.tuned.point_stiffness):
+        full, reduced = (np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes)))
+        nearest = full[np.argmin(np.abs(full - omega))]
+        if np.abs(reduced - nearest).min() > CLOSE * nearest:
             return False
     return True
 
 
 def family_shapes(structure: Structure, omega: float) -> NDArray:
-    """(n, m) shapes of the blades about a frequency (rad/s), of mass one: ever more flexible ones, the family's own last.
+    """Return mass-normalised shapes of the blades (n, m): contact flexibility, the most flexible ones last, then the
+    family.
 
     Parameters
     ----------
     structure : Structure
     omega : float, rad/s
-        Of the tuned peak; the family is that of the free mode below it at the engine order.
+        Frequency of the tuned peak.  The family is that of the mode with free dampers below it, at the engine order.
     """
     tuned, local, N = structure.tuned, structure.local, structure.n_blades
     modes = [local.modes(d) for d in range(N // 2 + 1)]
     e = int(tuned.engine_order) % N
     family = max(int(np.searchsorted(np.sqrt(modes[min(e, N - e)][0]), 1.001 * omega)) - 1, 0)
-    W, own = np.zeros((structure.n, structure.n)), []
+    W, family_modes = np.zeros((structure.n, structure.n)), []
     for d, (squares, phi) in enumerate(modes):
         weight = (1.0 if 2 * d % N == 0 else 2.0) / N
-        apart = squares - omega**2
-        apart[family] = np.inf
-        W += weight * ((phi / apart) @ phi.conj().T).real
-        own += [phi[:, family].real, phi[:, family].imag]
-    inside = (structure.n - structure.n_root, 0)
-    M = structure.mass + np.pad(structure.disk_mass.mean(axis=0).real, inside)
+        difference = squares - omega**2
+        difference[family] = np.inf
+        W += weight * ((phi / difference) @ phi.conj().T).real
+        family_modes += [phi[:, family].real, phi[:, family].imag]
+    M = structure.mass + np.pad(structure.disk_mass.mean(axis=0).real, (structure.n - structure.n_root, 0))
     L = np.linalg.cholesky(M)
-    common = np.linalg.solve(L.T, np.linalg.svd(L.T @ np.array(own).T, full_matrices=False)[0][:, 0])
-    seen = np.sqrt(tuned.point_stiffness).reshape(-1, 1) * structure.rows[..., : structure.n].reshape(-1, structure.n)
-    _, V = np.linalg.eigh(seen @ W @ seen.T)
-    found = np.column_stack([W @ seen.T @ V[:, -SHAPES:], common])
-    return np.asarray(found / np.sqrt(np.einsum("ij,ik,kj->j", found, M, found)))
+    common = np.linalg.solve(L.T, np.linalg.svd(L.T @ np.array(family_modes).T, full_matrices=False)[0][:, 0])
+    B = np.sqrt(tuned.point_stiffness).reshape(-1, 1) * structure.rows[..., : structure.n].reshape(-1, structure.n)
+    _, U = np.linalg.eigh(B @ W @ B.T)
+    shapes = np.column_stack([W @ B.T @ U[:, -SHAPES:], common])
+    return np.asarray(shapes / np.sqrt(np.einsum("ij,ik,kj->j", shapes, M, shapes)))
 
 
 def reduced_state(structure: Structure, state: Loaded, shapes: NDArray) -> Loaded:
-    """The static state as that from which blades move in their shapes, with the forces that remain there."""
+    """Return the static state as the origin of the motion in shapes, with the remaining static forces."""
     n = structure.n
-    at, load = state.mean[:, :n], state.load
-    moved = structure.motion(np.pad(at, ((0, 0), (0, structure.n_damper)))).reshape(-1, 3)
-    left = (load[:, :n] - structure.elastic_forces(at)) @ shapes
-    still = np.zeros((len(at), shapes.shape[1]))
+    blades, load = state.mean[:, :n], state.load
+    motion = structure.motion(np.pad(blades, ((0, 0), (0, structure.n_damper)))).reshape(-1, 3)
+    remaining = (load[:, :n] - structure.elastic_forces(blades)) @ shapes
+    zero = np.zeros((len(blades), shapes.shape[1]))
     return replace(
-        state, points=replace(state.points, shift=state.points.shift + moved), load=np.hstack([left, load[:, n:]]),
-        mean=np.hstack([still, state.mean[:, n:]]),
+        state, points=replace(state.points, shift=state.points.shift + motion), load=np.hstack([remaining, load[:, n:]]),
+        mean=np.hstack([zero, state.mean[:, n:]]),
     )  # fmt: skip
 
 
-# ---- The frequencies between which the blades of a wheel may have their highest peaks, from the ----
-
+# ---- Band ----
 
 FAR = 1.5
-"""Ratio to the frequency of the tuned peak beyond which a wave of another nodal diameter counts as of another family."""
+"""Ratio to the frequency of the tuned peak beyond which waves of other nodal diameters count as another mode family."""
 
 
 def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
-    """Frequencies (Hz) between which blades may have peaks, and the width of the tuned peak at half its power.
+    """Return the frequency band (low, high) of the peaks and the half-power width of the tuned peak, in Hz.
 
-    Every contact point is replaced by the spring and the damper that do what it does in the first harmonic at the tuned
-    peak.  The band holds the resonances of all waves of the tuned wheel, and is wider by the standard deviation of the
-    blades' frequencies and by two widths at each end.
+    Each contact point is replaced by its equivalent spring and damper in the first harmonic at the tuned peak.  The band
+    contains the resonances of all waves of the tuned disk.  It is extended by the standard deviation of the blade
+    frequencies and by two widths at each end.
     """
-    tuned, s = wheel.structure.tuned, wheel.structure
-    top = wheel.tuned_peak(preload)
+    s, tuned, top = wheel.structure, wheel.structure.tuned, wheel.tuned_peak(preload)
     system = tuned.system(preload)
     X, F, _ = system.contact(top.y[:-1])
     x, f = X[..., 1] - 1j * X[..., 2], F[..., 1] - 1j * F[..., 2]
@@ -416,21 +419,21 @@ def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
     omega = float(top.y[-1])
     N, n, nominal = s.n_blades, s.n, replace(s, stiffness=s.local.blade_stiffness[None])
     e = int(tuned.engine_order) % N
-    reference, found = None, {}
+    reference, resonances = None, {}
     for d in [e if 2 * e <= N else N - e, *range(N // 2 + 1)]:
         squares, phi, motion = nominal.wave(d, springs)
-        own = phi[: s.local.n_cantilever]
+        cantilever = phi[: s.local.n_cantilever]
         if reference is None:
             k = int(np.argmin(np.abs(squares - omega**2)))
-            reference = own[:, k]
+            reference = cantilever[:, k]
             friction = float((loss.ravel() * np.abs(motion[:, k]) ** 2).sum())
             viscous = float((phi[:n, k].conj() @ s.damping[d] @ phi[:n, k]).real) * omega
             width = (friction + viscous) / omega
         near = np.flatnonzero((squares > (omega / FAR) ** 2) & (squares < (omega * FAR) ** 2))
         if len(near):
-            alike = np.abs(reference.conj() @ own[:, near]) / np.linalg.norm(own[:, near], axis=0)
-            found[d] = float(np.sqrt(squares[near[int(np.argmax(alike))]]))
+            correlation = np.abs(reference.conj() @ cantilever[:, near]) / np.linalg.norm(cantilever[:, near], axis=0)
+            resonances[d] = float(np.sqrt(squares[near[int(np.argmax(correlation))]]))
     mean, spread = float(wheel.deviation.mean()), float(wheel.deviation.std())
-    low = min(omega, *found.values()) * (1.0 + mean - spread) - 2.0 * width
-    high = max(omega, *found.values()) * (1.0 + mean + spread) + 2.0 * width
+    low = min(omega, *resonances.values()) * (1.0 + mean - spread) - 2.0 * width
+    high = max(omega, *resonances.values()) * (1.0 + mean + spread) + 2.0 * width
     return low / tau, high / tau, width / tau

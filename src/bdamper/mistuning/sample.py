@@ -1,15 +1,13 @@
-"""Many wheels: the highest blade of each, on any executor, in a file that survives an interruption, with its own audit.
+"""Samples of mistuned bladed disks: the highest blade of each, in a file that can be resumed, with an audit of the search.
 
-BladedDisk ``k`` has the deviations (and dampers) that are drawn with the seed ``(seed, k)``: one unit pattern, scaled to
-every standard deviation, so that wheels are the same at every preload and every standard deviation, and the same in a
-study with more harmonics.  A sample can be continued with more wheels in the same results file.
+The deviations and the dampers of disk ``k`` are drawn with the seed ``(seed, k)``.  One unit pattern is scaled to every
+standard deviation.  A disk is therefore the same at every preload and standard deviation, and in a study with more
+harmonics.  More disks can be added to a sample in the same results file.
 
-**Audit.**  The highest peak is that of a coarse sweep and local searches (:mod:`bdamper.mistuning.peak_search`), which can
-miss it. So a share of the wheels, drawn by their numbers before any result is known, is searched again with half the
-spacing and three times as many searches; and after the sample so is the same share of the highest wheels in each cell,
-since the tail is what is quoted.  Both searches free their dampers, and it is the freed peaks that are compared.
-
-What a sample of wheels tells: amplification factors and their percentiles, the tail, the best preload, the audit.
+**Audit.**  A coarse sweep with local searches (:mod:`bdamper.mistuning.peak_search`) can miss the highest peak.  Therefore
+a random part of the disks, drawn before any result is known, is searched again with half the spacing and three times the
+number of local searches.  After the sample, the same fraction of the highest disks of each cell is also searched again,
+since results are quoted from the tail.  Both searches release their dampers, and the released peaks are compared.
 """
 
 from __future__ import annotations
@@ -43,11 +41,9 @@ from bdamper.util.progress import one_thread
 from bdamper.util.storage import HERE, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 
-# ---- What a sample of wheels tells ----
-
 
 def highest_wheels(height: NDArray, audit: float) -> NDArray:
-    """(n_wheels, ...) bool: a share of the wheels, the highest in each cell."""
+    """Return (n_wheels, ...) bool: True for the fraction ``audit`` of the disks with the highest amplitude in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
     rank = np.argsort(np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"), axis=0, kind="stable")
     return np.asarray((rank < n) & np.isfinite(height))
@@ -56,7 +52,7 @@ def highest_wheels(height: NDArray, audit: float) -> NDArray:
 @brief
 @dataclass(frozen=True)
 class Audit(Summarised, Tabular, row="search"):
-    """Highest peaks of a search beside those of a wider one on the same wheels, dampers freed in both.
+    """Comparison of the highest peaks of a search with a thorough search of the same disks, with free dampers in both.
 
     Parameters
     ----------
@@ -64,11 +60,11 @@ class Audit(Summarised, Tabular, row="search"):
     wheel : (n,) int
     standard_deviation, preload : (n,) float
     search, thorough : (n,) float, m
-        Highest amplitude of any blade by either; NaN where it is not known.
+        Highest amplitude of any blade in each search; NaN if unknown.
     error : (n,) float
-        What the search says of its own (:class:`~bdamper.mistuning.peak.WheelPeak`).
+        Error estimate of the search (:class:`~bdamper.mistuning.peak.WheelPeak`).
     tolerance : float
-        A peak is missed if the thorough search is higher by more than this share.
+        A peak counts as missed if the thorough search exceeds it by more than this relative difference.
     status : tuple of str
         "complete", or why one of the searches has no peak.
     """
@@ -85,44 +81,45 @@ class Audit(Summarised, Tabular, row="search"):
 
     @property
     def missed(self) -> Numbers:
-        """(n,) bool: where the thorough search has found a higher peak."""
+        """(n,) bool: True if the thorough search found a higher peak."""
         return np.asarray(self.thorough > (1.0 + self.tolerance) * self.search)
 
     @property
     def covered(self) -> NDArray:
-        """(n,) bool: where the error that the search has named, or the tolerance, covers the higher peak."""
+        """(n,) bool: True if the error estimate of the search, or the tolerance, covers the higher peak."""
         return np.asarray(self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search)
 
     @property
     def undecided(self) -> NDArray:
-        """(n,) bool: where one of the searches has no peak."""
+        """(n,) bool: True if one of the searches has no peak."""
         return ~self.missed & (np.array(self.status) != COMPLETE)
 
     @property
     def share(self) -> Interval:
-        """Share of wheels of which a peak was missed anywhere, with its binomial interval of 95 %.
+        """Fraction of disks with any missed peak, with its binomial interval of 95 %.
 
-        Of the wheels that are decided: a peak is missed, or both searches have one wherever they were asked.
+        It counts disks that are decided: a peak was missed, or both searches have all their peaks.
         """
         missed = np.unique(self.wheel[self.missed])
-        open_still = np.setdiff1d(self.wheel[self.undecided], missed)
-        return share(len(missed), len(np.setdiff1d(self.wheel, open_still)))
+        undecided = np.setdiff1d(self.wheel[self.undecided], missed)
+        return share(len(missed), len(np.setdiff1d(self.wheel, undecided)))
 
     def _headline(self) -> str:
-        n, missed, found = len(np.unique(self.wheel)), self.missed, self.share
-        named = ", ".join(map(str, np.unique(self.wheel[missed])))
+        missed, low, percent, high = self.missed, *(100.0 * part for part in self.share)
+        numbers = ", ".join(map(str, np.unique(self.wheel[missed])))
         return (
-            f"Audit of {n} wheels ({self.kind}), {len(missed)} wider searches: {int(missed.sum())} "
-            f"higher by more than {100.0 * self.tolerance:g} %, {int((missed & ~self.covered).sum())} beyond their error, "
-            f"{int(self.undecided.sum())} not decided; {100.0 * found.value:.3g} % of the wheels with any "
-            f"({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %){f': {named}' if named else ''}."
+            f"Audit of {len(np.unique(self.wheel))} bladed disks ({self.kind}), {len(missed)} thorough searches: "
+            f"{int(missed.sum())} higher by more than {100.0 * self.tolerance:g} %, "
+            f"{int((missed & ~self.covered).sum())} of them by more than the error estimate, "
+            f"{int(self.undecided.sum())} undecided; {percent:.3g} % of the disks with a missed peak "
+            f"({low:.3g} to {high:.3g} %){f': {numbers}' if numbers else ''}."
         )
 
 
 @brief
 @dataclass(frozen=True)
 class BestPreload:
-    """The preload, of those of a sample, at which a percentile of the worst blade's amplitude is least.
+    """The preload of a sample at which a percentile of the highest blade amplitude is smallest.
 
     Parameters
     ----------
@@ -130,16 +127,15 @@ class BestPreload:
     standard_deviation : float
     preload : float, N
     amplitude : Interval, m
-        The percentile there, with its interval of 95 %, which has the errors of the amplitudes.
+        The percentile at this preload, with its 95 % interval, which includes the errors of the amplitudes.
     low, high : float, N
-        Range of the preloads that may be the best, whatever the errors of the amplitudes, in 95 % of the samples drawn
-        again from the wheels, whole wheels at a time (bootstrap).
+        Range of the best preload in 95 % of the bootstrap samples (whole disks), with amplitudes anywhere in their errors.
     kind : {"interior", "end"}
-        Whether the preload lies within the range of the sample or at one end of it.
+        Whether the preload is inside the range of the sample or at one of its ends.
     tuned_preload, tuned_amplitude : float, N and m
-        The best of the same preloads for the tuned wheel.
+        The best of the same preloads for the tuned disk.
     wheels : int
-        Those known at every preload, which count.
+        Number of disks with a peak at every preload; only these are used.
     """
 
     percentile: float
@@ -155,50 +151,51 @@ class BestPreload:
 
     def __str__(self) -> str:
         tuned = f"tuned {amount(self.tuned_preload, 'N')}, {amount(self.tuned_amplitude, 'm')}"
+        preload = Interval(self.low, self.preload, self.high).to_text("N")
         return (
-            f"Best preload for the worst blade in {self.percentile:g} % of {self.wheels} wheels, standard deviation "
-            f"{100.0 * self.standard_deviation:g} %: {Interval(self.low, self.preload, self.high).to_text('N')}, "
-            f"{self.kind} of the preloads asked, {self.amplitude.to_text('m')}; {tuned}"
+            f"Best preload for the highest blade in {self.percentile:g} % of {self.wheels} bladed disks, "
+            f"standard deviation {100.0 * self.standard_deviation:g} %: {preload} "
+            f"({self.kind} of the preload range), {self.amplitude.to_text('m')}; {tuned}"
         )
 
 
 @brief
 @dataclass(frozen=True)
 class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
-    """Highest blades of many wheels; arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no answer.
+    """Highest blades of many bladed disks.
 
-    ``plot`` draws percentiles over the standard deviation or the preload (:func:`bdamper.plot.plot_sample`), ``plot_tail``
-    the distribution with its tail.
+    Arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no result.  ``plot`` draws percentiles over
+    the standard deviation or the preload (:func:`bdamper.plot.plot_sample`), ``plot_tail`` the distribution with its tail.
 
     Parameters
     ----------
     n_blades : int
     wheels : (n_wheels,) int
-        Their numbers, with which they were drawn.
+        Numbers of the disks, from which they were drawn.
     standard_deviation : (n_deviations,) float
     preload : (n_preloads,) float, N
     amplitude, frequency, blade : float, m and Hz
-        Of the highest blade, and its number.
+        Amplitude and frequency of the highest blade, and its number.
     residual, springs, error : float
-        ``springs`` on the mean of dampers, and ``error`` of the amplitude that they leave
+        Residual, holding springs of the dampers, and error estimate of the amplitude
         (:class:`~bdamper.mistuning.peak.WheelPeak`).
     tuned_amplitude : (n_preloads,) float, m
-        Of the tuned wheel at the same preload.
+        Amplitude of the tuned disk at the same preload.
     status : tuple of str
         In the order of the arrays: "complete", "failed: " with the reason, or "not run".
     audited : (n,) int
-        Wheels that were drawn for the audit before any result.
+        Disks drawn for the audit before any result.
     audit_share : float
-        Probability with which they were, and share of the highest wheels that are audited.
+        Probability of this draw, and fraction of the highest disks that are audited.
     curve_amplitude : float, m
-        By the thorough search, of the wheels that were audited; in files before 0.6 that of whole curves with dampers held.
+        Result of the thorough search for the audited disks.
     curve_status : tuple of str
     processor, curve_processor : float, s
-        Spent on the peaks and on the audit.
+        Processor time of the peaks and of the audit.
     drawn : mapping
         Distribution, variations of the dampers and seed.
     settings : mapping
-        Of the tuned study.
+        Settings of the tuned study.
     model_hash : str
     """
 
@@ -227,25 +224,25 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
 
     @property
     def complete(self) -> bool:
-        """Whether there is an answer for every wheel, and a thorough one of each that was to be audited."""
+        """Whether every disk has a result, and every audited disk a thorough one."""
         return all_complete(self.status) and all(s in (COMPLETE, "not asked") for s in self.curve_status)
 
     @property
     def amplification(self) -> Numbers:
-        """(n_wheels, n_deviations, n_preloads) amplitude over that of the tuned wheel at the same preload."""
+        """(n_wheels, n_deviations, n_preloads) amplitude relative to the tuned disk at the same preload."""
         return np.asarray(self.amplitude / self.tuned_amplitude)
 
     @property
     def held(self) -> float:
-        """Share of the peaks that were found only with springs on the mean of dampers."""
+        """Fraction of the peaks that were found only with holding springs on the dampers."""
         known = self.springs[np.isfinite(self.springs)]
         return float(np.mean(known > 0.0)) if len(known) else 0.0
 
     def percentile(self, q: float, quantity: str = "amplification") -> NDArray:
-        """(3, n_deviations, n_preloads): lower end, estimate, upper end of a percentile over the wheels.
+        """Return the lower end, estimate and upper end of a percentile over the disks, (3, n_deviations, n_preloads).
 
-        Intervals are those of order statistics (:mod:`bdamper.mistuning.statistics`) of amplitudes that may be off by their
-        ``error``, and infinite where the sample is too small.
+        Intervals are distribution-free (:mod:`bdamper.mistuning.statistics`), include the ``error`` of the amplitudes, and
+        are infinite if the sample is too small.
         """
         values = getattr(self, validation.choice("quantity", quantity, ("amplification", "amplitude", "frequency")))
         error = 0.0 * self.error if quantity == "frequency" else self.error
@@ -255,12 +252,12 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         return np.moveaxis(np.array(cells), -1, 0)
 
     def tail(self, standard_deviation: float | None = None, preload: float | None = None, tail: float = 0.5) -> WeibullTail:
-        """Weibull distribution fitted to the upper amplification factors of one cell; the largest values by default."""
+        """Fit a Weibull distribution to the upper amplification factors of one cell; the last values by default."""
         i, j = self.cell(standard_deviation, preload)
         return weibull_tail(self.amplification[:, i, j], tail)
 
     def cell(self, standard_deviation: float | None, preload: float | None) -> tuple[int, int]:
-        """Numbers of a standard deviation and a preload of the sample, the last ones by default.
+        """Return the indices of a standard deviation and a preload of the sample, the last ones by default.
 
         Raises
         ------
@@ -270,50 +267,50 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         out = []
         for name, value in (("standard_deviation", standard_deviation), ("preload", preload)):
             known = getattr(self, name)
-            at = np.flatnonzero(np.isclose(known, known[-1] if value is None else value, rtol=1e-9, atol=0.0))
-            if not len(at):
+            index = np.flatnonzero(np.isclose(known, known[-1] if value is None else value, rtol=1e-9, atol=0.0))
+            if not len(index):
                 raise SettingError(f"{name}: expected one of {known.tolist()}, found {value!r}")
-            out.append(int(at[0]))
+            out.append(int(index[0]))
         return out[0], out[1]
 
     def best_preload(self, q: float = 95.0, standard_deviation: float | None = None) -> BestPreload:
-        """The preload that protects the worst blade of ``q`` % of the wheels best, of the preloads of the sample.
+        """Find the preload of the sample with the smallest ``q`` % percentile of the highest blade amplitude.
 
         Raises
         ------
         BdamperError
-            If no wheel is known at every preload.
+            If no disk has a peak at every preload.
         """
         i, _ = self.cell(standard_deviation, None)
         height, error = self.amplitude[:, i], self.error[:, i]
-        whole = np.isfinite(height).all(axis=1)
-        n = int(whole.sum())
+        complete = np.isfinite(height).all(axis=1)
+        n = int(complete.sum())
         if not n:
-            raise BdamperError("best preload: expected wheels with a peak at every preload, found none")
-        ends = [percentile(x, q, e) for x, e in zip(np.where(whole[:, None], height, np.nan).T, error.T)]
-        k = int(np.argmin([one.value for one in ends]))
+            raise BdamperError("best preload: no bladed disk has a peak at every preload")
+        intervals = [percentile(x, q, e) for x, e in zip(np.where(complete[:, None], height, np.nan).T, error.T)]
+        k = int(np.argmin([interval.value for interval in intervals]))
         generator = np.random.default_rng(0)
-        bounds = np.stack([height * (1.0 - error), height * (1.0 + error)])[:, whole]
-        resamples = 2000  # of a bootstrap over wheels
-        drawn = (bounds[:, generator.integers(n, size=n)] for _ in range(resamples))
-        again = (np.quantile(some, q / 100.0, axis=1, method="median_unbiased") for some in drawn)
-        best = [self.preload[least <= most.min()] for least, most in again]
+        bounds = np.stack([height * (1.0 - error), height * (1.0 + error)])[:, complete]
+        n_bootstrap = 2000
+        resamples = (bounds[:, generator.integers(n, size=n)] for _ in range(n_bootstrap))
+        quantiles = (np.quantile(sample, q / 100.0, axis=1, method="median_unbiased") for sample in resamples)
+        best = [self.preload[lower <= upper.min()] for lower, upper in quantiles]
         low = np.quantile([p.min() for p in best], 0.025, method="nearest")
         high = np.quantile([p.max() for p in best], 0.975, method="nearest")
         edge = self.preload[k] in (self.preload.min(), self.preload.max())
         t = int(np.argmin(np.nan_to_num(self.tuned_amplitude, nan=np.inf)))
         return BestPreload(
-            q, float(self.standard_deviation[i]), float(self.preload[k]), ends[k], float(low), float(high),
+            q, float(self.standard_deviation[i]), float(self.preload[k]), intervals[k], float(low), float(high),
             "end" if edge else "interior", float(self.preload[t]), float(self.tuned_amplitude[t]), n,
         )  # fmt: skip
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
-        """The search beside a thorough one: of the wheels drawn before any result, or of the highest of each cell."""
+        """Compare with the thorough search: the disks drawn before any result, or the highest of each cell if ``tail``."""
         chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
         chosen = highest_wheels(self.amplitude, self.audit_share) if tail else chosen
         status = [s if word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)]
-        asked = np.array([s != "not asked" and word(s) != NOT_RUN for s in status], bool)
-        flat = np.flatnonzero(chosen.ravel() & asked)
+        searched = np.array([s != "not asked" and word(s) != NOT_RUN for s in status], bool)
+        flat = np.flatnonzero(chosen.ravel() & searched)
         i, j, k = np.unravel_index(flat, chosen.shape)
         kind = "highest wheels" if tail else "drawn before any result"
         return Audit(
@@ -330,7 +327,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         return {"wheel": self.wheels, "standard_deviation": self.standard_deviation, "preload": self.preload}
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Number of wheels, the amplification factors of every cell, and what the audits say."""
+        """Return the number of disks, the amplification factors of every cell, and the results of the audits."""
         middle, upper = self.percentile(50.0)[1], self.percentile(95.0)
         cells = [
             Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 95 % {Interval(*upper[:, i, j])}")
@@ -349,36 +346,33 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     def _headline(self) -> str:
         middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 95.0))
         spread, load = f"{100.0 * float(self.standard_deviation[-1]):.3g} %", amount(self.preload[-1], "N")
-        ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if np.isfinite(upper).all() else " (no upper bound from so few)"
+        bounded = np.isfinite(upper).all()
+        ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if bounded else " (too few disks for an upper bound)"
         return (
-            f"Blades that differ by {spread} raise the highest amplitude by the factor {middle[1]:.3g} in half of "
-            f"{len(self)} wheels and by {upper[1]:.3g}{ends} in one of twenty, at a preload of {load}."
+            f"Mistuning with a standard deviation of {spread} raises the highest amplitude by a factor of {middle[1]:.3g} "
+            f"in half of {len(self)} bladed disks and of {upper[1]:.3g}{ends} in one of twenty, at a preload of {load}."
         )
 
 
-# ---- Many wheels ----
-
-
 _AUDIT = 3
-"""Last number of the seed with which audited wheels are drawn."""
+"""Last number of the seed that draws the audited disks."""
 
 
 @dataclass(frozen=True)
 class _Sample:
-    """The wheels that are asked for, and the search that each is asked by.
+    """The disks of a sample and the search for their peaks.
 
     Parameters
     ----------
     wheel : BladedDisk
         Without mistuning.
     mistuning : callable
-        Deviations of a standard deviation and a seed.
+        Returns the mistuning for a standard deviation and a seed.
     random : mapping
-        How wheels are drawn, as their result keeps it.
+        Distribution, damper variations and seed, stored with the result.
     options : WheelPeakOptions
-        Of the search.
     over : mapping
-        Wheels, standard deviations and preloads.
+        Numbers of the disks, standard deviations and preloads.
     """
 
     wheel: BladedDisk
@@ -392,13 +386,13 @@ class _Sample:
         return tuple(len(values) for values in self.over.values())
 
     def draw(self, k: int, standard_deviation: float) -> BladedDisk:
-        """BladedDisk k."""
+        """Return disk ``k`` with its random blades and dampers."""
         seed, dampers = (self.random["seed"], k), self.random["dampers"]
         wheel = self.wheel.replace(mistuning=self.mistuning(standard_deviation, seed=seed))
         return wheel.replace(dampers=DamperVariation.random(wheel.n_blades, **dampers, seed=seed)) if dampers else wheel
 
     def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
-        """Numbers of the points that are searched again: of wheels drawn before, and of the highest once all are known."""
+        """Return the indices of the points to search again: disks drawn before, and the highest ones once all are known."""
         if any(word(r["status"]) == NOT_RUN for r in peaks):
             return []
         height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(self.shape)
@@ -406,7 +400,7 @@ class _Sample:
         return [int(i) for i in np.flatnonzero(chosen) if "interval" in peaks[i]["values"]]
 
     def run(self, settings: Mapping[str, Any]) -> Record:
-        """Highest peak of one wheel at one preload, by a thorough search where an interval is given."""
+        """Search for the highest peak of one disk at one preload, thoroughly if an interval is given."""
         return recorded(lambda: self._peak(**settings))
 
     def _peak(
@@ -417,7 +411,7 @@ class _Sample:
         return answers(peak) | {"interval": list(peak.interval)}
 
     def header(self) -> dict[str, Any]:
-        """Header that identifies a sample in its results file, which also serves more wheels."""
+        """Return the header that identifies the sample in its results file; it does not depend on the number of disks."""
         over = {name: values for name, values in self.over.items() if name != "wheel"}
         return {
             "format": "bdamper-wheel-sample", "version": 4, **HERE.attributes(),
@@ -427,14 +421,14 @@ class _Sample:
 
 
 def thorough(options: WheelPeakOptions) -> WheelPeakOptions:
-    """A search with which another one is audited: half the spacing, three times as many local searches."""
+    """Return the search of the audit: half the spacing, three times as many local searches."""
     return replace(
         options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most
     )  # fmt: skip
 
 
 def audit_wheels(wheels: Sequence[int], share: float, seed: int = 0) -> NDArray:
-    """Numbers of the wheels that are audited, each drawn by itself with a probability, before any result is known."""
+    """Return the numbers of the audited disks, each drawn independently with a probability before any result is known."""
     share = validation.number("audit", share, least=0.0, most=1.0)
     return np.array([k for k in wheels if np.random.default_rng([seed, k, _AUDIT]).random() < share], int)
 
@@ -456,42 +450,43 @@ def mistuned_sample(
     resume: str | Path | None = None,
     progress: bool = False,
 ) -> MistunedSample:
-    """The highest blade of many wheels, over the standard deviation of mistuning and the preload.
+    """Compute the highest blade of many mistuned bladed disks over the standard deviation and the preload.
 
     Parameters
     ----------
     study : Study
-        Of one sector; its model has a local basis.
+        Study of one sector, whose model has a local basis.
     standard_deviation : float or (n_deviations,) float
-        Of the frequency deviations of the blades clamped at their roots, relative.
+        Relative standard deviation of the blade frequencies clamped at the root.
     preload : float or (n_preloads,) float, N
     wheels : int or sequence of int
-        How many, or which: wheel ``k`` is the same whichever others there are.
+        Number of disks, or their numbers.  Disk ``k`` does not depend on the others.
     distribution : {"normal", "uniform"} or Mistuning
-        As in :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is drawn from with repetition.
+        As in :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is resampled with repetition.
     dampers : mapping, optional
-        Relative standard deviations of "mass", "friction_coefficient" and "contact_stiffness", mean of "gap" (m), numbers
-        of the dampers "missing", as in :meth:`bdamper.mistuning.DamperVariation.random`; all alike by default.
+        Arguments of :meth:`bdamper.mistuning.DamperVariation.random`: relative standard deviations of "mass",
+        "friction_coefficient" and "contact_stiffness", mean of "gap" (m), and numbers of "missing" dampers.  Equal dampers
+        by default.
     options : WheelPeakOptions
-        Of the search for each peak.
+        Options of the search for each peak.
     audit : float
-        Probability with which a wheel, drawn before any result, is searched thoroughly, and share of the highest that are.
+        Probability that a disk is drawn for a thorough search, and fraction of the highest disks searched thoroughly.
     seed : int
-        Equal seeds give equal wheels.
+        Equal seeds give equal disks.
     executor, resume, progress
-        As in :func:`bdamper.sweep`; a results file serves more wheels, too.
+        As in :func:`bdamper.sweep`.  The results file can be resumed with more disks.
 
     Returns
     -------
     MistunedSample
-        After Ctrl-C, or the death of a worker, with what was finished by then.
+        After Ctrl-C, or if a worker dies, it contains the finished results.
 
     Raises
     ------
     SettingError, ModelError
-        If a setting does not fit, or the model has no local basis.
+        If a setting is invalid, or the model has no local basis.
     BdamperError
-        If the results file is of another sample, or the tuned wheel has no peak at a preload.
+        If the results file belongs to another sample, or the tuned disk has no peak at a preload.
     """
     wheel = BladedDisk(study)
     deviations = validation.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
@@ -506,42 +501,42 @@ def mistuned_sample(
     validation.flag("progress", progress)
     over = {"wheel": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
     mistuning = partial(Mistuning.random, wheel.n_blades, distribution=distribution)
-    asked = _Sample(wheel, mistuning, drawn, options, over)
-    asked.draw(0, float(deviations.max()))  # deviations or dampers beyond what there can be, or more modes than there are
+    sample = _Sample(wheel, mistuning, drawn, options, over)
+    sample.draw(0, float(deviations.max()))  # refuse invalid deviations, dampers or numbers of modes before the work
     audited = audit_wheels(numbers, audit, seed)
-    tuned = [wheel.tuned_peak(value) for value in over["preload"]]  # made before the job is sent out
-    kept = nullcontext() if resume is None else closing(ResultsFile(resume, asked.header(), "sample of wheels"))
-    with kept as store:
-        run = partial(run_stored, asked, executor=executor, store=store, progress=progress)
-        peaks, curves = _records(asked, audit, audited, run)
-    return _result(asked, peaks, curves, tuned=tuned, audited=audited, audit_share=float(audit))
+    tuned = [wheel.tuned_peak(value) for value in over["preload"]]  # computed once, then sent to the workers with the disk
+    results = nullcontext() if resume is None else closing(ResultsFile(resume, sample.header(), "sample of wheels"))
+    with results as store:
+        run = partial(run_stored, sample, executor=executor, store=store, progress=progress)
+        peaks, curves = _records(sample, audit, audited, run)
+    return _result(sample, peaks, curves, tuned=tuned, audited=audited, audit_share=float(audit))
 
 
 def _records(
-    asked: _Sample, audit: float, audited: NDArray, run: Callable[..., list[Record]]
+    sample: _Sample, audit: float, audited: NDArray, run: Callable[..., list[Record]]
 ) -> tuple[list[Record], list[Record]]:
-    """Records of all peaks and of the thorough searches, empty where none was asked for."""
-    cells = list(itertools.product(*asked.over.values()))
-    points, names = [dict(zip(asked.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
+    """Return the records of all peaks, and of the thorough searches (empty if not run)."""
+    cells = list(itertools.product(*sample.over.values()))
+    points, names = [dict(zip(sample.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
     peaks = run(points, names, what="wheels", unit="peak")
-    at = asked.audits(peaks, audit, audited)
-    again = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
-    found = dict(zip(at, run(again, [f"audit {names[i]}" for i in at], what="audit", unit="search")))
-    return peaks, [found.get(i, {}) for i in range(len(points))]
+    indices = sample.audits(peaks, audit, audited)
+    searches = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in indices]
+    records = dict(zip(indices, run(searches, [f"audit {names[i]}" for i in indices], what="audit", unit="search")))
+    return peaks, [records.get(i, {}) for i in range(len(points))]
 
 
 def _result(
-    asked: _Sample, peaks: list[Record], curves: list[Record], *, tuned: list[Peak], **audit: Any
+    sample: _Sample, peaks: list[Record], curves: list[Record], *, tuned: list[Peak], **audit: Any
 ) -> MistunedSample:
-    """The sample from the records of all searches, thorough ones empty where they were not asked for."""
+    """Assemble the sample from the records of all searches."""
 
-    def array(records: list[Record], name: str, of: str = "values", missing: float = np.nan) -> NDArray:
-        return np.array([r.get(of, {}).get(name, missing) for r in records], float).reshape(asked.shape)
+    def array(records: list[Record], name: str, group: str = "values", missing: float = np.nan) -> NDArray:
+        return np.array([r.get(group, {}).get(name, missing) for r in records], float).reshape(sample.shape)
 
     columns: dict[str, Any] = {name: array(peaks, name) for name in OF_PEAKS}
-    wheels, deviations, preloads = map(np.array, asked.over.values())
+    wheels, deviations, preloads = map(np.array, sample.over.values())
     return MistunedSample(
-        n_blades=asked.wheel.n_blades,
+        n_blades=sample.wheel.n_blades,
         wheels=wheels,
         standard_deviation=deviations,
         preload=preloads,
@@ -553,7 +548,7 @@ def _result(
         curve_status=tuple(str(r.get("status", "not asked")) for r in curves),
         processor=array(peaks, "processor", "cost", 0.0),
         curve_processor=array(curves, "processor", "cost", 0.0),
-        drawn=dict(asked.random),
-        settings=asked.wheel.structure.tuned.record(),
-        model_hash=asked.wheel.study.model.hash,
+        drawn=dict(sample.random),
+        settings=sample.wheel.structure.tuned.record(),
+        model_hash=sample.wheel.study.model.hash,
     )

@@ -1,16 +1,12 @@
-"""The wheel: a study of all blades and dampers at once.
+"""Analyses of a mistuned bladed disk: peaks over the preload, response curves, and steady-state amplitudes in time.
 
-The highest blade of a wheel over the preload, as a sweep.
+Response curves are continued as those of one sector; the result has the response of all blades.
 
-Response curve of a wheel: its branches over frequency, followed as those of a sector are.
-
-Steady-state amplitude in time of a wheel: all blades and dampers integrated as one structure.
-
-The march is that of a sector (:mod:`bdamper.time_domain.integration`), of which the whole wheel is a single one: its
-coordinates are the modes of blades and disk with all deviations, and the coordinates of all dampers.  It starts at the peak
-itself, with dampers free, and what counts as staying is what does for a sector
-(:mod:`bdamper.time_domain.steady_amplitude`).  Damping is that of each mode of the wheel by itself: what couples them is
-at most 2.1 % of it for lumped blades with deviations of 5 %.
+**Time integration** uses the method of one sector (:mod:`bdamper.time_domain.integration`), with the whole disk as a single
+sector.  Its coordinates are the mistuned modes of blades and disk, and the coordinates of all dampers.  It starts at the
+peak, with free dampers.  The criteria of a steady amplitude are those of a sector
+(:mod:`bdamper.time_domain.steady_amplitude`).  Damping is modal: the coupling between modes is at most 2.1 % of it for
+lumped blades with deviations of 5 %.
 """
 
 from __future__ import annotations
@@ -47,30 +43,29 @@ from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, because
 from bdamper.util.formatting import amount, brief
 from bdamper.util.progress import CostMeter, one_thread
 
-# ---- The highest blade of a wheel over the preload, as a sweep ----
-
+# ---- Peaks over the preload ----
 
 OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
-"""What sweeps and samples keep of a peak."""
+"""Quantities of a peak in sweeps and samples."""
 
 
-def answers(found: WheelPeak) -> dict[str, Any]:
-    """A peak with free or held dampers as the answers at a point of a sweep.
+def answers(peak: WheelPeak) -> dict[str, Any]:
+    """Return a complete or held peak as the quantities at a point of a sweep.
 
     Raises
     ------
     BdamperError
-        If it is none, or a lower bound alone.
+        If no peak was found, or only a lower bound.
     """
-    if not found.found:
-        raise BdamperError(f"{found.status}: {found.reason}")
-    return {name: getattr(found, name) for name in OF_PEAKS} | {"cost": found.cost}
+    if not peak.found:
+        raise BdamperError(f"{peak.status}: {peak.reason}")
+    return {name: getattr(peak, name) for name in OF_PEAKS} | {"cost": peak.cost}
 
 
 def _highest(_: Any, preload: Any, *, wheel: WheelProblem, options: WheelPeakOptions | None) -> dict[str, Any]:
-    """The highest peak of a wheel, as a question of a sweep."""
-    found = peak(wheel, preload, options=options)
-    return answers(found) | {"tuned_amplitude": found.tuned_amplitude}
+    """Return the highest peak of a bladed disk as the task of a sweep."""
+    highest = peak(wheel, preload, options=options)
+    return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
 
 
 @validation.spelt
@@ -82,7 +77,7 @@ def optimal_curve(
     executor: Executor | None = None,
     progress: bool = False,
 ) -> SweepResult:
-    """Highest amplitude of any blade at each of several preloads, every one searched for anew.
+    """Compute the highest amplitude of any blade at each preload, with an independent search at each.
 
     Parameters
     ----------
@@ -95,27 +90,28 @@ def optimal_curve(
     Returns
     -------
     SweepResult
-        Over the preload, with amplitude, frequency and number of the highest blade, the springs that hold dampers, the
-        error of the amplitude that they leave (:class:`~bdamper.mistuning.peak.WheelPeak`), and the tuned amplitude.
+        Over the preload: amplitude, frequency and number of the highest blade, holding springs of the dampers, error of the
+        amplitude (:class:`~bdamper.mistuning.peak.WheelPeak`), and tuned amplitude.
     """
     values = validation.numbers("preloads", preloads, above=0.0, unit="N")
     task = partial(_highest, wheel=wheel, options=options)
-    found = sweep(wheel.study, {"preload": values}, task, executor=executor, progress=progress)
-    return replace(found, **wheel.record())
+    result = sweep(wheel.study, {"preload": values}, task, executor=executor, progress=progress)
+    return replace(result, **wheel.record())
 
 
-# ---- Response curve of a wheel ----
-
+# ---- Response curve ----
 
 def first_point(system: WheelSystem, omega: float) -> NDArray | None:
-    """A solution at one frequency (rad/s) from the static state, or by way of dampers held by springs, or None."""
-    # springs on the mean of dampers with which a first point is looked for, each solution from the one before
-    easing = (1.0, 0.1, 0.01, 0.0)
-    for way in (easing[-1:], easing):
+    """Solve at one frequency (rad/s) from the static state, or through weaker and weaker holding springs.
+
+    Return None if both fail.
+    """
+    weaker = (1.0, 0.1, 0.01, 0.0)  # holding springs relative to the stuck stiffness
+    for sequence in (weaker[-1:], weaker):
         y = np.append(system.structure.at_rest, omega)
-        for held in way:
-            eased = system.structure.held(held) if held else system
-            c = eased.solve(y, Fixed(), eased.structure.units_about(y, omega), 1e-9, 60, 2)
+        for springs in sequence:
+            held = system.structure.held(springs) if springs else system
+            c = held.solve(y, Fixed(), held.structure.units_about(y, omega), 1e-9, 60, 2)
             y = c.y
         if c.status == OK:
             return np.asarray(y)
@@ -131,7 +127,7 @@ def frequency_response(
     *,
     options: ContinuationOptions | None = None,
 ) -> ResponseCurve:
-    """Response of all blades over a frequency interval at one preload.
+    """Compute the response of all blades over a frequency interval at one preload.
 
     Parameters
     ----------
@@ -143,9 +139,9 @@ def frequency_response(
     Returns
     -------
     ResponseCurve
-        Of the highest blade, with the response of all in ``blades`` and without unknowns: from one end, and from the other
-        where that branch does not lead through; outside of the interval, where a branch may turn and come back; and from
-        solutions within what is left.
+        Curve of the highest blade, with the response of all blades in ``blades`` and without unknowns.  It consists of the
+        branch from one end, of the branch from the other end if the first does not reach it, and of branches from
+        solutions in the remaining gaps.  Branches may leave the interval and return.
     """
     low, high = (TWO_PI * f for f in validation.interval("frequency", frequency))
     options = validation.instance("options", options or ContinuationOptions(locate=False), ContinuationOptions)
@@ -156,9 +152,9 @@ def frequency_response(
     search.meter.watch(search.system)
 
     def find_start(omega: float) -> NDArray | None:
-        found = first_point(whole, omega)
-        search.note(omega, "no solution from the static state" if found is None else "from the static state")
-        return found
+        point = first_point(whole, omega)
+        search.note(omega, "no solution from the static state" if point is None else "from the static state")
+        return point
 
     search.cover(find_start)
     status, reason, left_out = ending(search.pieces, low, high)
@@ -170,21 +166,20 @@ def frequency_response(
 
 
 def highest_blade(blades: NDArray) -> NDArray:
-    """(n, n_harmonics + 1) response of the highest blade at each point, of those of all blades."""
+    """Return the response of the highest blade at each point (n, n_harmonics + 1)."""
     return np.asarray(blades[np.arange(len(blades)), np.abs(blades[..., 1]).argmax(axis=1)])
 
 
-# ---- Steady-state amplitude in time of a wheel ----
-
+# ---- Time integration ----
 
 class OneStructure:
-    """A wheel as one structure in time.
+    """A bladed disk as one structure for time integration.
 
     Parameters
     ----------
     system : WheelSystem
     blade : int
-        Whose motion is the response.
+        Blade whose motion is the response.
     """
 
     def __init__(self, system: WheelSystem, blade: int) -> None:
@@ -192,15 +187,15 @@ class OneStructure:
         N, n_coef, size = scene.shape
         n, nd, every = s.n, s.n_damper, np.arange(N)
 
-        def whole(own: NDArray | float, waves: NDArray) -> NDArray:
+        def all_sectors(own: NDArray | float, waves: NDArray) -> NDArray:
             out, first = np.zeros((N, n, N, n)), n - waves.shape[1]
             out[:, first:, :, first:] = np.fft.ifft(waves, axis=0).real[(every[:, None] - every) % N].transpose(0, 2, 1, 3)
             out[every, :, every] += own
             return out.reshape(N * n, N * n)
 
-        mass = whole(s.mass, s.disk_mass)
-        squares, phi = scipy.linalg.eigh(whole(s.stiffness, s.disk_stiffness), mass)
-        damping = np.einsum("ik,ik->k", phi, whole(0.0, s.damping) @ phi)
+        mass = all_sectors(s.mass, s.disk_mass)
+        squares, phi = scipy.linalg.eigh(all_sectors(s.stiffness, s.disk_stiffness), mass)
+        damping = np.einsum("ik,ik->k", phi, all_sectors(0.0, s.damping) @ phi)
         self.system, self.modes = system, np.zeros((N, size, N * size))
         self.modes[:, :n, : N * n] = phi.reshape(N, n, -1)
         self.modes[:, n:, N * n :] = np.eye(N * nd).reshape(N, nd, -1)
@@ -212,57 +207,59 @@ class OneStructure:
             np.append(np.ones(N * n), s.damper_mass), np.append(damping, np.tile(s.damper_damping, N)),
         )  # fmt: skip
         rows = np.einsum("i,bik->bk", scene.response_row, self.modes[:, :n])
-        force = self._taken(scene.force, self.modes)
+        force = self._projected(scene.force, self.modes)
         one = Sector([basis] * (n_coef // 2 + 1), scene.points, force, [rows[blade]] * (n_coef // 2 + 1))
         self.ring = Ring(one.equations, 1, 0, rows=np.hstack([rows, np.zeros_like(rows)]))
 
-    def _taken(self, u: NDArray, rows: NDArray) -> NDArray:
-        """Coefficients (n_blades, n_coefficients, n_sector) times rows (n_blades, n_sector, n_modes), as unknowns."""
+    def _projected(self, u: NDArray, rows: NDArray) -> NDArray:
+        """Return unknowns from unknowns of the disk and rows (n_blades, n_sector, n_modes)."""
         return np.asarray(np.tensordot(self.system.structure.array(u).transpose(1, 0, 2), rows, 2).ravel())
 
     def start(self, u: NDArray) -> NDArray:
-        """Unknowns of the one structure from those of the wheel."""
-        return self._taken(u, self.inverse)
+        """Return the unknowns of the one structure from those of the bladed disk."""
+        return self._projected(u, self.inverse)
 
 
 @validation.spelt
 @one_thread
 def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> TimeResponse:
-    """Steady-state amplitude of the highest blade in time, of all blades from the peak.  Ctrl-C leaves no result.
+    """Compute the steady-state amplitude of the highest blade by time integration of all blades from the peak.
+
+    Ctrl-C leaves no result.
 
     Parameters
     ----------
     wheel : BladedDisk
     peak : WheelPeak
-        Of this wheel; its dampers are free in time, also where springs have held them.
+        Peak of this disk.  Its dampers are free in time, even if springs held them in the search.
     steps_per_period : int, optional
-        256 by default; a motion that stays is marched again with twice as many.
+        256 by default; a steady motion is integrated again with twice as many.
 
     Returns
     -------
     TimeResponse
-        "not found" where the motion leaves the peak: the amplitudes are NaN, the status says where
-        it comes to, and ``blades`` has those of all.  Also where the march fails: then ``blades`` is NaN.
+        If the motion leaves the peak, the status is "not found" with the final amplitude, the amplitudes are NaN, and
+        ``blades`` has the motion of all blades.  If the integration fails, ``blades`` is NaN as well.
 
     Raises
     ------
     SettingError
-        If the wheel has more than thirteen blades, or the peak is of another wheel or not found.
+        If the disk has more than thirteen blades, or the peak was not found or belongs to another disk.
     """
     watch, system = CostMeter(), wheel.system(validation.instance("peak", peak, WheelPeak).preload)
-    # of a wheel that is marched: what a period takes grows with the third power of them (docs/measured.md, "Peaks of
-    # unequal wheels")
+    # the time of a period grows with the third power of the number of blades (docs/measured.md, "Peaks of mistuned
+    # wheels")
     most_blades = 13
     if wheel.n_blades > most_blades:
         raise SettingError(
-            f"kept: expected a wheel of at most {most_blades} blades, some five minutes of the processor that grow with "
-            f"the third power of their number, found {wheel.n_blades}"
+            f"time_response: a bladed disk may have at most {most_blades} blades, found {wheel.n_blades}; {most_blades} "
+            f"take some five minutes of processor time, which grows with the third power of their number"
         )
     if not np.isfinite(peak.amplitude):
-        raise SettingError(f"kept: expected a peak that was found, found {peak.status!r}")
+        raise SettingError(f"time_response: needs a peak that was found, this one is {peak.status!r}")
     settings, model_hash = wheel.record()["settings"], wheel.study.model.hash
     if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.structure.shape, model_hash, settings):
-        raise SettingError("kept: expected a peak of this wheel on whole blades")
+        raise SettingError("time_response: needs a peak of this bladed disk, found a peak of another one")
     one = OneStructure(system, peak.blade)
     steps, limit = STEPS if steps_per_period is None else steps_per_period, RULES.drop * peak.amplitude
     none = TimeResponse(
@@ -271,51 +268,52 @@ def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int
     )  # fmt: skip
     try:
         march = March(one.ring, tau * peak.frequency, one.start(system.structure.flat(peak.unknowns)), steps, peak.blade)
-        place, periods = stay(march, peak.amplitude, limit), len(march.harmonics)
-        if place.stays:
-            march = March(one.ring, march.omega, place.motion._replace(a=None), 2 * steps, peak.blade)
-            place = stay(march, peak.amplitude, limit, long=True)
+        steady, periods = stay(march, peak.amplitude, limit), len(march.harmonics)
+        if steady.stays:
+            march = March(one.ring, march.omega, steady.motion._replace(a=None), 2 * steps, peak.blade)
+            steady = stay(march, peak.amplitude, limit, long=True)
             periods += len(march.harmonics)
-        if not place.stays:  # a visit ends as soon as the motion falls: to where?
+        if not steady.stays:  # the integration stops when the motion falls: continue to its final amplitude
             march.run(len(march.harmonics) + 2 * RULES.window)
             periods += 2 * RULES.window
     except MarchFailed as error:
         return replace(none, status=because(NOT_FOUND, error), cost=watch.read(one.ring.cost))
     blades = np.abs(march.blades[-2 * RULES.window :])
-    found = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
-    if place.stays:
-        mean, lowest, highest = place.mean, float(place.amplitude.min()), float(place.amplitude.max())
-        return replace(found, mean=mean, lowest=lowest, highest=highest)
-    comes = f"blade {peak.blade} comes to {amount(float(blades[:, peak.blade].mean()), 'm')} in time"
-    return replace(found, status=because(NOT_FOUND, f"{comes} where the balance has {amount(peak.amplitude, 'm')}"))
+    result = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
+    if steady.stays:
+        lowest, highest = float(steady.amplitude.min()), float(steady.amplitude.max())
+        return replace(result, mean=steady.mean, lowest=lowest, highest=highest)
+    in_time, balance = amount(float(blades[:, peak.blade].mean()), "m"), amount(peak.amplitude, "m")
+    text = f"blade {peak.blade} reaches {in_time} in time, {balance} by harmonic balance"
+    return replace(result, status=because(NOT_FOUND, text))
 
 
-# ---- The wheel ----
-
+# ---- Bladed disk ----
 
 @validation.spelt
 @brief
 @dataclass(frozen=True, eq=False)
 class BladedDisk(WheelProblem):
-    """All blades and dampers of a wheel at once, blades mistuned and dampers different.
+    """All blades and dampers of a mistuned bladed disk.
 
-    Laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local basis of the
-    model (``bdamper.model.modal_basis.LocalBasis``); where the study's contact stiffness is a method, attachments carry the
-    flexibility of the contacts, and points have the stiffness of what the basis leaves out (:func:`tuned_problem`).
+    Contact laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local
+    basis of the model (``bdamper.model.modal_basis.LocalBasis``).  If the contact stiffness of the study is computed by a
+    method, attachment modes contain the flexibility of the contacts, and the points have the stiffness of the remaining
+    flexibility (:func:`~bdamper.mistuning.wheel_equations.tuned_problem`).
 
     Parameters
     ----------
     study : Study
-        Of one sector; its engine order, excitation and response are those of the wheel.
+        Study of one sector, with engine order, excitation and response.
     mistuning : Mistuning or array, optional
         Frequency deviations of the blades clamped at their roots; none by default.
     dampers : DamperVariation, optional
-        How dampers differ; all alike by default.
+        Differences of the dampers; equal by default.
 
     Raises
     ------
     SettingError, ModelError
-        If a setting does not fit a wheel, or the model has no local basis.
+        If a setting is invalid for a bladed disk, or the model has no local basis.
     """
 
     frequency_response = frequency_response

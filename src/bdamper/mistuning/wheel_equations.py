@@ -1,31 +1,25 @@
-r"""Harmonic balance of a whole wheel, as equations of the engine.
+r"""Structure and harmonic balance equations of a mistuned bladed disk with all its sectors.
 
-For every sector, with the coordinates of its blade and its damper (:mod:`bdamper.mistuning.wheel_equations`) and
-:math:`X_l = c_l - i s_l`, the residual is
-
-.. math::
-    (K - (l\omega)^2 M + i l \omega C) X_l + P^T F_l - E_l ,
-
-in which the disk and the damping C of the tuned wheel act by a Fourier transform over the sectors and everything else
-sector by sector.  Residual, products and linear equations are in the core
-(``csrc/bladed_disk/wheel_equations.c``); unknowns are laid out as those of a sector, the mean of all sectors first, so that
-whoever solves or follows equations serves a wheel as well.
-
-**Springs** that hold the mean of dampers at its static place make the equations easier: a damper that slips fully is free
-along its axis.  Their solutions lead to those of the wheel itself (:mod:`bdamper.mistuning.peak`).
-
-One wheel: blades, dampers and disk in coordinates of their own sectors.
-
-The unknowns of sector ``n`` are the local coordinates of blade ``n`` (``bdamper.model.modal_basis.LocalBasis``) and those
-of damper ``n``, which lies between the blades ``n`` and ``n + 1``.  With them
+**Coordinates.**  The unknowns of sector ``n`` are the local coordinates :math:`u_n` of blade ``n``
+(``bdamper.model.modal_basis.LocalBasis``) and the coordinates :math:`y_n` of damper ``n``, which lies between blades ``n``
+and ``n + 1``.  The motion of a contact point is
 
 .. math:: v_n = P\, u_{n + s} + D\, y_n,
 
-the motion of a contact point whose blade is that of its own sector (s = 0) or of the next one (s = 1).  Everything is local
-to a sector but the disk, which couples the shapes of all roots, and the damping of the tuned wheel's modes.  Both are
-circulant: one matrix for each nodal diameter, applied by a Fourier transform over the sectors.
+where its blade is in its own sector (s = 0) or in the next one (s = 1).  Only two terms couple sectors: the disk, through
+the root shapes, and the damping of the tuned modes.  Both are circulant, with one matrix for each nodal diameter, and are
+applied by a Fourier transform over the sectors.
 
-The model whose modes are those of the local basis: the tuned wheel in the very space of the mistuned one.
+**Residual.**  With :math:`X_l = c_l - i s_l`, the residual of harmonic l in each sector is
+
+.. math::
+    (K - (l\omega)^2 M + i l \omega C) X_l + P^T F_l - E_l .
+
+The core (``csrc/bladed_disk/wheel_equations.c``) computes it, its products and the solution of its linear equations.  Unknowns have the same
+layout as for one sector, the mean of all sectors first, so the solvers and the continuation also accept a bladed disk.
+
+**Holding springs** hold the mean of dampers at its static position.  A damper in full slip is free along its axis, and the
+springs make the equations easier to solve.  The solutions lead to those without springs (:mod:`bdamper.mistuning.peak`).
 """
 
 from __future__ import annotations
@@ -49,81 +43,77 @@ from bdamper.model.loads import direction_vector
 from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.structure import Model, SurfaceMesh
 from bdamper.model.validation import as_checked
-from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.formatting import brief
 
-# ---- The model whose modes are those of the local basis ----
-
 
 def local_model(model: Model) -> Model:
-    """The same model with all modes of its local basis at every nodal diameter from 0 to N/2.
+    """Return the model with all modes of its local basis at every nodal diameter from 0 to N/2.
 
-    A study of it with as many ``blade_modes`` as the basis has coordinates spans the same space as a wheel does.  Shapes
-    for pictures, rows of stress and changes with rotor speed belong to the modes that it replaces and are left out.
+    A study of it with all these ``blade_modes`` spans the same space as the bladed disk.  Mode shapes for plots, stress
+    rows and the dependence on rotor speed refer to the replaced modes and are left out.
 
     Raises
     ------
     ModelError
-        If no body of the model carries a local basis.
+        If no body of the model has a local basis.
     """
     bodies, meshes, stress = dict(model.bodies), dict(model.meshes), dict(model.stress)
     for name, body in model.bodies.items():
         if body.local is not None:
             bases = {d: body.local.nodal_diameter(d) for d in range(model.n_blades // 2 + 1)}
             bodies[name] = replace(body, bases=bases)
-            if name in meshes:  # its mode shapes are those of other modes
+            if name in meshes:  # its shapes belong to the modes that are replaced
                 meshes[name] = SurfaceMesh(meshes[name].points, meshes[name].quads)
             stress = {key: rows for key, rows in stress.items() if rows.body != name}
     if all(body.local is None for body in model.bodies.values()):
         raise ModelError(
-            "a wheel needs a local basis of blade and disk, and no body of the model carries one; "
-            "bladed_disk(wheel=LocalSizes()) of bdamper.fem and build_model(wheel=nodes of the blade) make it"
+            "a bladed disk needs a local basis of blade and disk, and no body of the model has one; create it with "
+            "bladed_disk(wheel=LocalSizes()) of bdamper.fem, or with build_model(wheel=nodes of the blade)"
         )
     return as_checked(replace(model, bodies=bodies, meshes=meshes, stress=stress))
 
 
-# ---- One wheel ----
-
+# ---- Structure ----
 
 KEPT = 8
-"""Shapes of the root, the most important ones, whose coupling to neighbours the elimination keeps.  On the shipped disk (9
-points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2; with three harmonics 16, 8 and 6
-take 29, 36 and 104 to 1e-4.  The cost of the ring falls with the third power of their number.  The reduced wheel
-(:mod:`bdamper.mistuning.peak_search`) keeps its family's shape alone with one harmonic, with as many evaluations in all;
-with three that leaves 1e-3 after 80 iterations where eight shapes leave 1e-7 after 17."""
+"""Number of root shapes, the most important ones, whose coupling to neighbours the elimination includes.  On the shipped
+disk (9 points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2.  With three harmonics
+16, 8 and 6 take 29, 36 and 104 to 1e-4.  The cost of the ring grows with the third power of this number.  The reduced disk
+(:mod:`bdamper.mistuning.peak_search`) includes only the family's shape with one harmonic, with as many evaluations in all;
+with three harmonics that leaves 1e-3 after 80 iterations, while eight shapes leave 1e-7 after 17."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Matrices of a wheel, without contact laws and loads.
+    """Matrices of a bladed disk, without contact laws and loads.
 
     Parameters
     ----------
     tuned : Problem
-        The study of one sector that spans the same space.
+        Study of one sector that spans the same space.
     local : LocalBasis
-        With the shapes of the root in reverse, the most important one last.
+        Local basis with the root shapes in reverse order, the most important one last.
     order : (n,) int
-        Its coordinates among those of the model's basis.
+        Indices of its coordinates in the basis of the model.
     n_blades, n_damper : int
-        Sectors; coordinates of a damper.
+        Number of sectors, and of coordinates of a damper.
     stiffness : (n_blades, n, n) float
-        Of every blade, mistuning included.
+        Stiffness of every blade, with mistuning.
     mass : (n, n) float
     disk_stiffness, disk_mass : (n_blades, r, r) complex
-        Of every nodal diameter from 0 to N - 1.
+        Matrices of every nodal diameter from 0 to N - 1.
     damping : (n_blades, n, n) complex
-        The same for the damping of the tuned wheel.
+        Damping of the tuned modes at every nodal diameter.
     damper_stiffness, damper_damping : (n_damper,) float
     damper_mass : (n_blades, n_damper) float
     rows : (n_points, 3, n + n_damper) float
         Relative motion (u1, u2, v) at the points of one sector, by blade and damper coordinates.
     sector : (n_points,) int
-        0 or 1: whose blade it is.
+        Offset of the sector of the point's blade: 0 or 1.
     n_kept : int
-        Of the last coordinates of a blade: those whose coupling to neighbours the elimination keeps.
+        Number of the last blade coordinates whose coupling to neighbours the elimination includes.
     """
 
     tuned: Problem
@@ -145,38 +135,38 @@ class Structure:
 
     @property
     def n(self) -> int:
-        """Coordinates of a blade."""
+        """Number of coordinates of a blade."""
         return len(self.mass)
 
     @property
     def n_root(self) -> int:
-        """The last coordinates of a blade, which the disk couples."""
+        """Number of root shapes: the last coordinates of a blade, which the disk couples."""
         return self.disk_stiffness.shape[1]
 
     @property
     def damping_ratio(self) -> float:
-        """The least of the tuned wheel's modes."""
+        """Smallest damping ratio of the tuned modes."""
         ratio = self.tuned.settings.damping_ratio
         return float(np.min(self.local.damping_ratio if ratio is None else ratio))
 
     def motion(self, x: NDArray) -> NDArray:
-        """(n_blades, n_points, 3) motion of the points by coordinates (n_blades, n_sector)."""
+        """Return the motion of the contact points (n_blades, n_points, 3) for coordinates (n_blades, n_sector)."""
         ahead = np.concatenate([np.roll(x[:, : self.n], -1, axis=0), x[:, self.n :]], axis=1)
         return np.where(self.sector[:, None] == 1, *(np.einsum("pij,nj->npi", self.rows, z) for z in (ahead, x)))
 
     def gathered(self, force: NDArray) -> NDArray:
-        """(n_blades, n_sector) forces on the coordinates of those at the points (n_blades, n_points, 3)."""
-        own, ahead = (np.einsum("pij,npi->nj", self.rows[of], force[:, of]) for of in (self.sector == s for s in (0, 1)))
+        """Return the forces on the coordinates (n_blades, n_sector) for forces at the points (n_blades, n_points, 3)."""
+        own, ahead = (np.einsum("pij,npi->nj", self.rows[p], force[:, p]) for p in (self.sector == s for s in (0, 1)))
         return own + np.concatenate([np.roll(ahead[:, : self.n], 1, axis=0), ahead[:, self.n :]], axis=1)
 
     @property
     def n_sector(self) -> int:
-        """Coordinates of a blade and a damper."""
+        """Number of coordinates of a blade and a damper."""
         return self.n + self.n_damper
 
     @classmethod
     def of(cls, study: Problem) -> Structure:
-        """The structure of a wheel of nominal blades and dampers with the settings of a study.
+        """Return the structure with nominal blades and dampers and the settings of a study.
 
         Parameters
         ----------
@@ -185,7 +175,7 @@ class Structure:
         Raises
         ------
         SettingError
-            If the study has settings that a wheel does not serve.
+            If the study has settings that a bladed disk does not support.
         ModelError
             If the model has no local basis.
         """
@@ -198,40 +188,41 @@ class Structure:
         waves = np.arange(N)
         folded, reverse = np.minimum(waves, N - waves), waves > N - waves
 
-        def of_waves(matrices: NDArray) -> NDArray:
+        def all_nodal_diameters(matrices: NDArray) -> NDArray:
             full = np.asarray(matrices, complex)[folded]
             full[reverse] = full[reverse].conj()
             return full
 
         ratio = None if tuned.settings.damping_ratio is None else float(tuned.settings.damping_ratio)
-        damping = of_waves(np.array([local.damping(d, ratio) for d in range(N // 2 + 1)]))
-        validation.require(tuned.settings.aerodynamic_damping is None, "aerodynamic_damping", "None in a wheel", "some")
+        damping = all_nodal_diameters(np.array([local.damping(d, ratio) for d in range(N // 2 + 1)]))
+        if tuned.settings.aerodynamic_damping is not None:
+            raise SettingError("aerodynamic_damping is not supported by a bladed disk with all sectors; set it to None")
         basis = tuned.damped(tuned.coupling.basis(1), None)
-        own = np.array([c.body != blade.name for c in basis.coordinates], bool)
+        of_damper = np.array([c.body != blade.name for c in basis.coordinates], bool)
         return cls(
             tuned=tuned,
             local=local,
             order=order,
             n_blades=N,
-            n_damper=int(own.sum()),
+            n_damper=int(of_damper.sum()),
             stiffness=_blades(local, Mistuning.of(N, None)),
             mass=local.blade_mass,
-            disk_stiffness=of_waves(local.disk_stiffness),
-            disk_mass=of_waves(local.disk_mass),
+            disk_stiffness=all_nodal_diameters(local.disk_stiffness),
+            disk_mass=all_nodal_diameters(local.disk_mass),
             damping=damping,
-            damper_stiffness=basis.omega2[own],
-            damper_mass=np.tile(basis.mass[own], (N, 1)),
-            damper_damping=basis.damping[own],
+            damper_stiffness=basis.omega2[of_damper],
+            damper_mass=np.tile(basis.mass[of_damper], (N, 1)),
+            damper_damping=basis.damping[of_damper],
             rows=rows,
             sector=sector,
         )
 
     def varied(self, mistuning: Mistuning, factor: NDArray) -> Structure:
-        """The same wheel with other blades, and with dampers (n_blades,) times as heavy as nominal ones."""
+        """Return the same disk with mistuned blades, and with the damper masses multiplied by ``factor`` (n_blades,)."""
         return replace(self, stiffness=_blades(self.local, mistuning), damper_mass=self.damper_mass[:1] * factor[:, None])
 
     def reduced(self, shapes: NDArray) -> Structure:
-        """The same wheel with its blades moving in shapes (n, m) of their coordinates; the disk couples all of these."""
+        """Return the same disk with blades that move in shapes (n, m) of their coordinates; the disk couples all shapes."""
         T, root = shapes.T, shapes[self.n - self.n_root :]
         return replace(
             self, stiffness=T @ self.stiffness @ shapes, mass=T @ self.mass @ shapes, damping=T @ self.damping @ shapes,
@@ -241,12 +232,12 @@ class Structure:
         )  # fmt: skip
 
     def wave(self, d: int, springs: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """A wave of equal blades, the mean of these, with springs at the contact points.
+        """Solve the eigenvalue problem of a travelling wave of mean blades, with springs at the contact points.
 
         Returns
         -------
         squares : (n_sector,) float
-            Squared frequencies.
+            Squared natural frequencies.
         phi, motion : (n_sector, n_sector), (3 n_points, n_sector) complex
             Modes, and their motion at the points.
         """
@@ -262,51 +253,52 @@ class Structure:
         return squares, phi, G @ phi
 
     def elastic_forces(self, x: NDArray) -> NDArray:
-        """(n_blades, n) static forces that blades and disk take at coordinates (n_blades, n)."""
+        """Return the static forces of blades and disk (n_blades, n) at coordinates (n_blades, n)."""
         out = np.einsum("nij,nj->ni", self.stiffness, x)
         wave = np.fft.fft(x[:, self.n - self.n_root :], axis=0)
         out[:, self.n - self.n_root :] += np.fft.ifft(np.einsum("dij,dj->di", self.disk_stiffness, wave), axis=0).real
         return out
 
-    def location_rows(self, location: str, direction: str | Sequence[float], what: str) -> NDArray:
-        """(n,) motion of a location on the blade along a direction, by its coordinates."""
-        place = self.tuned.model.locations[location]
+    def location_rows(self, location: str, direction: str | Sequence[float], setting: str) -> NDArray:
+        """Return the row (n,) of the motion of a blade location along a direction."""
         if self.local.locations.get(location) is None:
-            raise SettingError(f"{what}: expected a location on the blade, found '{location}' on '{place.body}'")
-        return np.asarray(direction_vector(direction, f"{what} direction") @ self.local.locations[location])
+            body = self.tuned.model.locations[location].body
+            raise SettingError(f"{setting}: expected a location on the blade, found '{location}' on '{body}'")
+        return np.asarray(direction_vector(direction, f"{setting} direction") @ self.local.locations[location])
 
     def modes(self, d: int) -> NDArray:
-        """(n, n) modes of the tuned study at a nodal diameter, in the coordinates of this structure."""
+        """Return the modes (n, n) of the tuned study at a nodal diameter, in the coordinates of this structure."""
         local = next(body.local for body in self.tuned.model.bodies.values() if body.local is not None)
         return np.asarray(local.modes(d)[1][self.order])
 
 
 def tuned_problem(study: Problem) -> Problem:
-    """The study of one sector in the space of the wheel: all modes of the local basis.
+    """Return the study of one sector with all modes of the local basis.
 
-    The attachments carry the flexibility of the contacts.  A study whose contact stiffness is a method therefore has the
-    stiffness of what the local basis leaves out, by unit tractions; one with values keeps them.  It is that of nominal
-    blades: divided by ``(1 + eps)**2`` as it should be, what is left out moves the stuck frequencies of wheels of five to
-    eight blades with deviations of 5 % by at most 0.05 % (family 1: 0.01 %).
+    If the contact stiffness is computed by a method, the attachment modes contain the flexibility of the contacts.  The
+    contact stiffness then represents the flexibility that the local basis leaves out, by unit tractions.  Given values are
+    used unchanged.  This flexibility is computed for nominal blades.  Division by ``(1 + eps)**2`` would be exact; it
+    changes the stuck frequencies of disks of five to eight blades with deviations of 5 % by at most 0.05 % (family 1:
+    0.01 %).
     """
-    served = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
-    for name, value in served.items():
+    required = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
+    for name, value in required.items():
         if getattr(study.settings, name) != value:
-            raise SettingError(f"{name}: expected {value!r} for a wheel, found {getattr(study.settings, name)!r}")
-    refuse(study.own_laws, "a wheel")
+            raise SettingError(f"{name} must be {value!r} for a bladed disk, found {getattr(study.settings, name)!r}")
+    refuse(study.own_laws, "a bladed disk")
     model = local_model(study.model)
     local = next(body.local for body in model.bodies.values() if body.local is not None)
-    given = study.settings.contact_stiffness
-    if given is None or given == "residual_modes" or isinstance(given, ResidualModes):
-        given = "model" if local.flexibility is None else "unit_traction"
-    return study.replace(model=model, blade_modes=local.n, contact_stiffness=given)
+    stiffness = study.settings.contact_stiffness
+    if stiffness is None or stiffness == "residual_modes" or isinstance(stiffness, ResidualModes):
+        stiffness = "model" if local.flexibility is None else "unit_traction"
+    return study.replace(model=model, blade_modes=local.n, contact_stiffness=stiffness)
 
 
 def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
-    """The same basis with the shapes of the root in reverse, and the order of its coordinates."""
+    """Return the basis with the root shapes in reverse order, and the order of its coordinates."""
     n, r = local.n, local.n_interface
     order = np.concatenate([np.arange(n - r), np.arange(n - 1, n - r - 1, -1)])
-    turned = replace(
+    basis = replace(
         local,
         blade_stiffness=local.blade_stiffness[np.ix_(order, order)],
         blade_mass=local.blade_mass[np.ix_(order, order)],
@@ -315,11 +307,11 @@ def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
         contact_modes=np.ascontiguousarray(local.contact_modes[..., order]),
         locations={name: shapes[:, order] for name, shapes in local.locations.items()},
     )
-    return turned, order
+    return basis, order
 
 
 def _blades(local: LocalBasis, mistuning: Mistuning) -> NDArray:
-    """(n_blades, n, n) stiffness of every blade."""
+    """Return the stiffness of every blade, (n_blades, n, n)."""
     out = np.repeat(local.blade_stiffness[None], mistuning.n_blades, axis=0)
     m = local.n_cantilever
     modes, rest = mistuning.by_mode(m)
@@ -330,43 +322,43 @@ def _blades(local: LocalBasis, mistuning: Mistuning) -> NDArray:
 
 
 def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArray]:
-    """Relative motion at the points by blade and damper coordinates, and whose blade it is."""
+    """Return the rows of the relative motion at the points, and the sector offset of their blade."""
     coupling = tuned.coupling
     n_points = coupling.n_points
-    sector, own, others = np.zeros(n_points, int), np.zeros((n_points, 3, local.n)), []
+    sector, blade_rows, damper_rows = np.zeros(n_points, int), np.zeros((n_points, 3, local.n)), []
     for body in coupling.model.bodies.values():
         if body.kind == "ground":
             continue
         modes = coupling.modes[body.name]
         shapes = local.contact_modes if body.name == blade else body.bases[0].contact_modes[..., modes].real
-        before, *parts = (coupling.placed(body, shapes, 0, (s,)).real for s in (-1, 0, 1))
-        if before.any() or (body.name != blade and parts[1].any()):
+        previous, own, following = (coupling.placed(body, shapes, 0, (s,)).real for s in (-1, 0, 1))
+        if previous.any() or (body.name != blade and following.any()):
             raise SettingError(
-                f"model: expected the dampers of a wheel in sector 0, between the blades of sectors 0 and 1, found "
-                f"'{body.name}' elsewhere"
+                f"model: the dampers of a bladed disk must be in sector 0, between the blades of sectors 0 and 1; "
+                f"'{body.name}' is in another sector"
             )
         if body.name != blade:
-            others.append(parts[0])
+            damper_rows.append(own)
             continue
-        touched = [part.any(axis=(1, 2)) for part in parts]
-        if np.any(touched[0] & touched[1]):
-            raise SettingError("model: expected blades of a wheel that touch dampers, found blades that touch each other")
-        sector[touched[1]] = 1
-        own = own + sum(parts)
-    return np.concatenate([own, *others], axis=2), sector
+        on_following = following.any(axis=(1, 2))
+        if np.any(own.any(axis=(1, 2)) & on_following):
+            raise SettingError("model: blades of a bladed disk may touch dampers only, found blades that touch each other")
+        sector[on_following] = 1
+        blade_rows += own + following
+    return np.concatenate([blade_rows, *damper_rows], axis=2), sector
 
 
-# ---- Harmonic balance of a whole wheel, as equations of the engine ----
-
+# ---- Equations ----
 
 NEUTRAL = 1e-8
-"""Springs on the mean of a damper's coordinates in the Jacobian alone, relative to its stiffness when stuck: a damper that
-slips fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
+"""Springs on the mean of damper coordinates in the Jacobian alone, relative to the stuck stiffness.  A damper in full slip
+is free along its axis, which would make the matrix of its sector singular.  The springs change Newton steps by this
+relative amount, but not the solutions."""
 
 
 @dataclass(frozen=True)
 class InWidths(InFrequency):
-    """Units in which that of the frequency is no more than some widths of the narrowest resonance.
+    """Units with the frequency unit limited to some widths of the narrowest resonance.
 
     Parameters
     ----------
@@ -378,39 +370,39 @@ class InWidths(InFrequency):
     narrowest: float = 0.0
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """Units as of a sector."""
-        # of the narrowest resonance: the unit of frequency along a curve. With that of the interval the first step of a
-        # curve of a lumped wheel of six blades passes over all its resonances
+        """Return the units of the unknowns and the frequency."""
+        # with the width of the interval as the unit, the first step along a curve of a lumped disk of six blades passes
+        # over all its resonances
         widths = 10.0
         return super().units(y, vibration, min(width, widths * self.narrowest * y[-1] or width))
 
 
 @dataclass(frozen=True, eq=False)
 class WheelScene:
-    """Data of the equations of one wheel at one preload.
+    """Data of the equations of one bladed disk at one preload.
 
     Parameters
     ----------
     structure : Structure
     points : PointArrays
-        Of all sectors, sector by sector, with the part of the relative motion that the coordinates do not carry.
+        Contact points of all sectors, sector by sector, with the relative motion that the coordinates do not represent.
     harmonics : collection of int
-        That are unknowns.
+        Harmonics among the unknowns.
     load : (n_blades, n_sector) float
         Static forces.
     excitation : (n_blades, n_sector) complex
         Forces of the first harmonic.
     response_row : (n,) float
-        Blade coordinates to the response.
+        Row of the response by blade coordinates.
     missing : (n_blades,) bool
-        Dampers that are not there; their coordinates stay zero.
+        Missing dampers, whose coordinates stay zero.
     force_scale : (2,) float
-        Forces of the mean and of the harmonics to which the residual is related.
+        Scales of the residual of the mean and of the harmonics.
     mean : (n_blades, n_sector) float
-        Of the static state, where springs on dampers are at rest.
+        Static state, at which holding springs have no force.
     contact_forces : {"event_driven"} or AFT
     holding : float
-        Springs on the mean of dampers, relative to their stiffness when stuck.
+        Holding springs on the mean of dampers, relative to their stuck stiffness.
     """
 
     structure: Structure
@@ -427,18 +419,18 @@ class WheelScene:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Blades, coefficients of the harmonics, coordinates of a sector."""
+        """Number of blades, of Fourier coefficients, and of coordinates of a sector."""
         return self.structure.n_blades, 2 * max(1, *self.harmonics) + 1, self.structure.n_sector
 
     @cached_property
     def layout(self) -> Layout:
-        """Places of the harmonics among the unknowns."""
+        """Layout of the harmonics among the unknowns."""
         N, n_coef, size = self.shape
         return Layout(np.array([N * size * (l in self.harmonics) for l in range(n_coef // 2 + 1)], np.intc))
 
     @cached_property
     def active(self) -> NDArray:
-        """(n_coefficients,) bool: those that are unknowns."""
+        """(n_coefficients,) bool: True for coefficients among the unknowns."""
         return np.repeat(self.layout.n_mode > 0, 2)[1:]
 
     @cached_property
@@ -456,36 +448,36 @@ class WheelScene:
         return self.flat(np.pad(self.mean[:, None], ((0, 0), (0, self.shape[1] - 1), (0, 0))))
 
     def flat(self, X: NDArray) -> NDArray:
-        """(n_unknowns,) those of (n_blades, n_coefficients, n_sector)."""
+        """Return the unknowns (n_unknowns,) from an array (n_blades, n_coefficients, n_sector)."""
         return np.ascontiguousarray(X.transpose(1, 0, 2)[self.active]).ravel()
 
     def array(self, u: NDArray) -> NDArray:
-        """(n_blades, n_coefficients, n_sector) of unknowns (n_unknowns,)."""
+        """Return the array (n_blades, n_coefficients, n_sector) from unknowns (n_unknowns,)."""
         out = np.zeros((self.shape[1], self.shape[0], self.shape[2]))
         out[self.active] = u.reshape(-1, self.shape[0], self.shape[2])
         return out.transpose(1, 0, 2)
 
     def responses(self, u: NDArray) -> NDArray:
-        """(n_blades, n_harmonics + 1) complex response of all blades, the mean first."""
+        """Return the complex response of all blades (n_blades, n_harmonics + 1), the mean first."""
         x = self.array(u)[..., : self.structure.n] @ self.response_row
         return np.column_stack([x[:, 0], x[:, 1::2] - 1j * x[:, 2::2]])
 
     def units_about(self, y: NDArray, width: float) -> NDArray:
-        """Units of a point that may be at rest, with that of the frequency (rad/s) as it is."""
+        """Return the units for a point that may be at rest, with ``width`` (rad/s) as the unit of frequency."""
         n = int(self.layout.n_mode[0])
         measure, least = InFrequency(n), max(1e-3 * float(np.abs(y[:n]).max(initial=0.0)), 1e-12)
         return measure.units(y, max(measure.vibration(y), least), width)
 
     @cached_property
     def stuck(self) -> NDArray:
-        """(n_blades, n_damper) stiffness of the stuck contacts of each damper against its own coordinates."""
+        """(n_blades, n_damper) stiffness of the stuck contacts of each damper for its own coordinates."""
         s, points = self.structure, self.points
         k = np.concatenate([points.kt, points.kn[:, None]], axis=1).reshape(s.n_blades, -1)
         springs = k @ s.rows[..., s.n :].reshape(k.shape[1], -1) ** 2
         return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))
 
     def _core(self) -> WheelCore:
-        """The core's equations, from arrays of the types that it asks for."""
+        """Create the equations of the core, from arrays of the required types."""
         s, points, half = self.structure, self.points, self.structure.n_blades // 2 + 1
         stuck = self.stuck
         mode, n_time = evaluation_code(self.contact_forces, self.shape[1] // 2, np.asarray(points.law))
@@ -502,13 +494,13 @@ class WheelScene:
             "load": points.n0 if points.load is None else points.load, "shift": points.shift, "force": self.force,
             "row_scale": row_scale(self.layout, self.force_scale), "law": points.law,
         }  # fmt: skip
-        given: dict[str, Any] = {
+        inputs: dict[str, Any] = {
             k: np.ascontiguousarray(v, kinds.get(k, float)) if np.ndim(v) else v for k, v in arrays.items()
         }
-        return WheelCore(**given, evaluation=mode, n_time=n_time)
+        return WheelCore(**inputs, evaluation=mode, n_time=n_time)
 
     def _response(self, blade: int) -> dict[str, Any]:
-        """Rows of the response of one blade."""
+        """Return the rows of the response of one blade."""
         row = np.zeros((self.shape[0], self.shape[2]))
         row[blade, : self.structure.n] = self.response_row
         rows = [row.ravel() * (n > 0) if n else np.zeros(0) for n in self.layout.n_mode]
@@ -517,27 +509,27 @@ class WheelScene:
 
     @property
     def equations(self) -> WheelSystem:
-        """The equations at any frequency, with the response of the first blade."""
+        """Equations at any frequency, with the response of the first blade."""
         N, n_coef, size = self.shape
         contact = 28e3 * len(self.points.kn) * n_coef
-        dense = 2000  # unknowns up to which the whole matrix is formed where it is asked for: 32 MB
+        dense = 2000  # largest number of unknowns for which the full matrix (32 MB) may be formed
         return Equations(
             core=self._core(), structure=self, layout=self.layout, **self._response(0),
             measure=InWidths(int(self.layout.n_mode[0]), 2.0 * self.structure.damping_ratio),
             row_scale=row_scale(self.layout, self.force_scale), n_points=len(self.points.kn),
             forms_matrix=self.layout.n_unknowns <= dense,
-            work=1e-6 * np.array([contact, 0.0, 4.0 * N * (n_coef * size) ** 3, 0.0]),  # eliminated sector by sector
+            work=1e-6 * np.array([contact, 0.0, 4.0 * N * (n_coef * size) ** 3, 0.0]),  # elimination sector by sector
         )  # fmt: skip
 
     def held(self, springs: float) -> WheelSystem:
-        """The equations with springs on the mean of dampers, relative to their stiffness when stuck."""
+        """Return the equations with holding springs, relative to the stuck stiffness."""
         return replace(self, holding=springs).equations
 
 
 WheelSystem = Equations[WheelScene]
-"""Equations of a wheel; the response is that of one blade."""
+"""Equations of a bladed disk; the response is the motion of one blade."""
 
 
 def of_blade(system: WheelSystem, blade: int) -> WheelSystem:
-    """The same equations with the response of another blade."""
+    """Return the same equations with the response of another blade."""
     return replace(system, **system.structure._response(blade))

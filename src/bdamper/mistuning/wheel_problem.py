@@ -1,14 +1,10 @@
-"""The equations of a wheel: a study of all blades and dampers at once, before any analysis of them.
+"""Static state and equations of a mistuned bladed disk, before any analysis of its vibration.
 
-A wheel under a preload: its contact points, its static state, and the equations of its vibration.
+If dampers differ, the static contact analysis covers all sectors.  Constant loads and interference are applied first, then
+the preload.  Each load step starts from the sliders of the last one and ends at the first change of a contact state
+(:func:`bdamper.contact.static_state.linear_range`).  Its equations are the harmonic balance equations without harmonics.
 
-Quasi-static contact analysis of a whole wheel whose dampers differ.
-
-Constant loads and interference grow first, then the load.  Each load step starts from the sliders of the step before and
-ends at the first change of state of a contact point (:func:`bdamper.contact.static_state.linear_range`).  Its equations are
-those of the wheel without harmonics.
-
-Newton's method starts the first step from the state of equal dampers: from zero it does not converge on 65 blades with
+Newton iteration starts the first step from the state of equal dampers.  From zero it does not converge on 65 blades with
 friction coefficients or masses that differ by 0.5 to 10 %, and shorter steps do not help.  Without gaps a state is
 proportional to its load, so each further step starts from the last state times the ratio of the loads.
 """
@@ -37,25 +33,24 @@ from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.formatting import brief
 from bdamper.util.progress import one_thread
 
-# ---- Quasi-static contact analysis of a whole wheel whose dampers differ ----
-
+# ---- Static state ----
 
 STEPS = 8
 LEFT = 1e-10
-"""On the residual, relative to the load."""
+"""Tolerance of the residual, relative to the load."""
 
 
 class Loading(NamedTuple):
-    """What presses the dampers of a wheel.
+    """Loads on the dampers of a bladed disk.
 
     Parameters
     ----------
     load, constant : (n_blades, n_sector) float
-        Static forces, and those that do not grow with the load.
+        Static forces proportional to the load factor, and constant ones.
     shift : (n_blades, n_points, 3) float, m
-        Motion that the coordinates do not carry, under the whole load.
+        Motion that the coordinates do not represent, under the full load.
     history : sequence of float
-        Factors of the load through which it passes.
+        Load factors, in their order.
     """
 
     load: NDArray
@@ -67,17 +62,17 @@ class Loading(NamedTuple):
 def static_wheel(
     structure: Structure, points: PointArrays, loading: Loading, pinned: NDArray, alike: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """State after the load has passed through factors of itself.
+    """Compute the static state after a history of load factors.
 
     Parameters
     ----------
     structure : Structure
     points : PointArrays
-        Of all sectors.
+        Contact points of all sectors.
     loading : Loading
     pinned : (n_blades,) bool
     alike : (n_blades, n_sector) float
-        State under the whole load of dampers that do not differ.
+        State of equal dampers under the full load.
 
     Returns
     -------
@@ -94,7 +89,7 @@ def static_wheel(
     """
     load, constant, shift, history = loading
     if (points.law == LAW_CUBIC).any():
-        raise SettingError("dampers: expected all alike in a model with cubic springs, found dampers that differ")
+        raise SettingError("dampers must be equal in a model with cubic springs; found dampers that differ")
     bonded, shift = points.law == LAW_BONDED, shift.reshape(-1, 3)
     free = np.logical_not(bonded)
     pressed = free & (points.n0 > 0.0) & (points.kn > 0.0)
@@ -104,7 +99,7 @@ def static_wheel(
     frictional = replace(bare, kt=bare.kt * free[:, None], kn=bare.kn * free, n0=bare.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
     scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-9 * float(points.n0.max(initial=0.0)), 1e-300)
-    still, u, done = np.zeros(load.shape, complex), np.zeros(load.size), np.zeros(2)
+    no_excitation, u, done = np.zeros(load.shape, complex), np.zeros(load.size), np.zeros(2)
     slider, force, x = np.zeros((len(points.kn), 2)), np.zeros((len(points.kn), 3)), np.zeros((len(points.kn), 3))
     first = [(1.0, 0.0)] if pressed.any() or np.any(constant) else []
     for target in np.array([*first, *((1.0, factor) for factor in history)]):
@@ -114,58 +109,55 @@ def static_wheel(
             step = min(step, longest)
             end = 1.0 if step > (1.0 - SHORTEST) * (1.0 - part) else part + step
             share, factor = now = begin + end * (target - begin)
-            carried = factor * shift + share * interference
+            total_shift = factor * shift + share * interference
             system = WheelScene(
-                structure, replace(bare, slider=slider, shift=carried), (0,), factor * load + share * constant, still,
-                np.zeros(structure.n), pinned, (scale, scale), 0.0 * load,
+                structure, replace(bare, slider=slider, shift=total_shift), (0,), factor * load + share * constant,
+                no_excitation, np.zeros(structure.n), pinned, (scale, scale), 0.0 * load,
             ).equations  # fmt: skip
             start = factor / done[1] * u if done[1] else u + factor * alike.ravel()
-            found = system.correct_at(start, 1.0, np.full(len(u) + 1, max(float(np.abs(start).max()), 1e-9)), LEFT, 60, 2)
-            if found.status != OK:
+            unit = np.full(len(u) + 1, max(float(np.abs(start).max()), 1e-9))
+            solution = system.correct_at(start, 1.0, unit, LEFT, 60, 2)
+            if solution.status != OK:
                 step *= 0.5
                 if step < longest / 64.0:
                     raise StaticError(
-                        f"expected a static state of the wheel, found none beyond {100 * done[1]:.3g} % of the preload "
-                        f"(residual {found.residual:.2g})"
+                        f"no static state of the bladed disk was found beyond {100 * done[1]:.3g} % of the preload "
+                        f"(residual {solution.residual:.2g})"
                     )
                 continue
-            motion, forces, _ = system.contact(found.y[:-1])
-            moved = motion[..., 0]
-            close = AT_LIMIT * float((springs * (np.abs(x) + np.abs(moved) + np.abs(carried))).max(initial=0.0))
-            within, beyond = linear_range(frictional, x, moved, slider, close)
+            motion, forces, _ = system.contact(solution.y[:-1])
+            new_x = motion[..., 0]
+            close = AT_LIMIT * float((springs * (np.abs(x) + np.abs(new_x) + np.abs(total_shift))).max(initial=0.0))
+            within, beyond = linear_range(frictional, x, new_x, slider, close)
             if within < 1.0 and step > SHORTEST:
                 step *= 0.1 * within
                 continue
             step = longest if within < 1.0 else max((end - part) * (beyond - 1.0), SHORTEST)
-            u, done, part, x, force = found.y[:-1], now, end, moved, forces[..., 0]
+            u, done, part, x, force = solution.y[:-1], now, end, new_x, forces[..., 0]
             stretch = force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0)
             slider = np.where(points.kt > 0.0, x[:, :2] - stretch, x[:, :2])
             slider[bonded] = 0.0
     return u.reshape(load.shape), slider, force
 
 
-# ---- A wheel under a preload ----
-
-
 def wheel_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
-    """Contact points of all sectors, sector by sector, with sliders at zero and no shift."""
+    """Return the contact points of all sectors, sector by sector, with sliders at zero and no shift."""
     tuned, N = structure.tuned, structure.n_blades
     n_points = len(structure.sector)
-    # points of the damper; others belong to blades alone
-    own = structure.rows[..., structure.n :].any(axis=(1, 2)) if structure.n_damper else np.zeros(n_points, bool)
+    on_damper = structure.rows[..., structure.n :].any(axis=(1, 2)) if structure.n_damper else np.zeros(n_points, bool)
 
-    def spread(factor: NDArray, neutral: float) -> NDArray:
-        return np.where(own, factor[:, None], neutral)
+    def at_points(factor: NDArray, neutral: float) -> NDArray:
+        return np.where(on_damper, factor[:, None], neutral)
 
-    there = spread(np.where(dampers.missing, 0.0, 1.0), 1.0)
-    k = spread(dampers.contact_stiffness, 1.0) * there
+    present = at_points(np.where(dampers.missing, 0.0, 1.0), 1.0)
+    k = at_points(dampers.contact_stiffness, 1.0) * present
     kn = k * tuned.point_stiffness[:, 2]
     kt = k[..., None] * tuned.point_stiffness[:, :2] * (tuned.point_laws != LAW_NORMAL)[:, None]
     return PointArrays(
         kt=kt.reshape(-1, 2),
         kn=kn.ravel(),
-        mu=(spread(dampers.friction_coefficient, 1.0) * there * tuned.friction).ravel(),
-        n0=(-kn * (tuned.point_gaps + spread(dampers.gap, 0.0))).ravel(),
+        mu=(at_points(dampers.friction_coefficient, 1.0) * present * tuned.friction).ravel(),
+        n0=(-kn * (tuned.point_gaps + at_points(dampers.gap, 0.0))).ravel(),
         slider=np.zeros((N * n_points, 2)),
         law=np.tile(tuned.point_laws, N),
         shift=np.zeros((N * n_points, 3)),
@@ -173,30 +165,30 @@ def wheel_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
 
 
 def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
-    """(n_sector,) mean motion or static force of a sector from the tuned study's modes at nodal diameter 0."""
+    """Return the mean motion or static force of a sector (n_sector,) from modal values of the tuned study."""
     phi = structure.modes(0)
     coordinates, bodies = structure.tuned.static_basis.coordinates, structure.tuned.model.bodies
-    own = np.array([bodies[c.body].local is None for c in coordinates], bool)
+    of_damper = np.array([bodies[c.body].local is None for c in coordinates], bool)
     blade = structure.local.mass(0) @ phi if force else phi
-    return np.concatenate([(blade @ modal[~own]).real, modal[own]])
+    return np.concatenate([(blade @ modal[~of_damper]).real, modal[of_damper]])
 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A wheel at rest under a preload.
+    """A bladed disk at rest under a preload.
 
     Parameters
     ----------
     points : PointArrays
-        Of all sectors, with the sliders of the static state and the motion that the coordinates do not carry.
+        Contact points of all sectors, with the static sliders and the motion that the coordinates do not represent.
     load : (n_blades, n_sector) float
         Static forces.
     mean : (n_blades, n_sector) float
-        Of the static state.
+        Static state.
     force : (n_blades, n_points, 3) float, N
-        Of the contacts there.
+        Static contact forces.
     missing : (n_blades,) bool
-        Dampers that are not there.
+        Missing dampers.
     """
 
     points: PointArrays
@@ -207,7 +199,7 @@ class Loaded:
 
 
 def loaded(structure: Structure, preload: float, dampers: DamperVariation | None) -> Loaded:
-    """The static state under a preload (N) of a damper of the nominal mass.
+    """Compute the static state under a preload (N), which acts on a damper of nominal mass.
 
     Raises
     ------
@@ -215,12 +207,12 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
         If no static state was found.
     """
     tuned, N, n = structure.tuned, structure.n_blades, structure.n
-    given = DamperVariation.of(N) if dampers is None else dampers
-    pinned, points = given.missing, wheel_points(structure, given)
+    variation = DamperVariation.of(N) if dampers is None else dampers
+    pinned, points = variation.missing, wheel_points(structure, variation)
     modal, shift = tuned.damper_load
     load = np.tile(local_vector(structure, preload * modal, True), (N, 1))
     constant = np.tile(local_vector(structure, tuned.fixed_load[0], True), (N, 1))
-    factor = np.where(pinned, 0.0, given.mass)
+    factor = np.where(pinned, 0.0, variation.mass)
     load[:, n:] *= factor[:, None]
     constant[pinned, n:] = 0.0
     moved = preload * factor[:, None, None] * shift
@@ -238,7 +230,8 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
 
 
 def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray) -> WheelSystem:
-    """Equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N kg^-1/2."""
+    """Return the equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N
+    kg^-1/2."""
     tuned = structure.tuned
     scale = float(np.abs(excitation).max())
     pressed = structure.gathered(state.force)
@@ -252,13 +245,12 @@ def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, respo
     ).equations  # fmt: skip
 
 
-# ---- The equations of a wheel ----
-
+# ---- Problem ----
 
 @brief
 @dataclass(frozen=True, eq=False)
 class WheelProblem:
-    """A wheel with its equations at a preload; parameters are those of :class:`~bdamper.mistuning.wheel.BladedDisk`."""
+    """A bladed disk and its equations; parameters as in :class:`~bdamper.mistuning.wheel.BladedDisk`."""
 
     study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None
@@ -266,9 +258,9 @@ class WheelProblem:
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
     _states: dict[float, Loaded] = field(default_factory=dict, init=False, repr=False)
     _structure: Structure | None = field(default=None, repr=False)
-    """Of nominal blades and dampers."""
+    """Structure with nominal blades and dampers."""
     structure: Structure = field(init=False, repr=False)
-    """Matrices of the wheel."""
+    """Matrices of the bladed disk."""
 
     def __post_init__(self) -> None:
         problem = problem_of(self.study)
@@ -277,7 +269,7 @@ class WheelProblem:
         if self.dampers is not None:
             validation.instance("dampers", self.dampers, DamperVariation)
             if self.dampers.n_blades != n:
-                raise SettingError(f"dampers: expected {n} dampers, found {self.dampers.n_blades}")
+                raise SettingError(f"dampers: the model has {n} dampers, found {self.dampers.n_blades}")
             mass = self.dampers.mass
         nominal = Structure.of(problem) if self._structure is None else self._structure
         object.__setattr__(self, "mistuning", mistuning)
@@ -285,9 +277,9 @@ class WheelProblem:
         object.__setattr__(self, "structure", nominal.varied(mistuning, mass))
 
     def replace(self, **changes: Any) -> Self:
-        """The same wheel with another ``mistuning`` or other ``dampers``; what does not change is shared."""
+        """Return the same disk with another ``mistuning`` or other ``dampers``; unchanged parts are shared."""
         for name in changes:
-            validation.choice("settings of a wheel", name, ("mistuning", "dampers"))
+            validation.choice("settings of a bladed disk", name, ("mistuning", "dampers"))
         return replace(self, **changes)
 
     @property
@@ -300,7 +292,7 @@ class WheelProblem:
         return Mistuning.of(self.n_blades, self.mistuning).deviation.reshape(self.n_blades, -1)
 
     def tuned(self) -> Asking | Problem:
-        """The study of one sector that spans the same space as this wheel, with the same contact stiffness."""
+        """Return the study of one sector that spans the same space, with the same contact stiffness."""
         return like(self.study, self.structure.tuned)
 
     @cached_property
@@ -308,12 +300,11 @@ class WheelProblem:
         """(n_blades, n_sector) complex forces on the coordinates, first harmonic."""
         s, tuned = self.structure, self.structure.tuned
         e = tuned.settings.excitation
-        plain = tuned.settings.acts_at_location and not e.beside
-        validation.that(plain, "excitation of a wheel", "one force at a location", e)
+        one_force = tuned.settings.acts_at_location and not e.beside
+        validation.that(one_force, "excitation of a bladed disk", "one force at a location", e)
         row = s.location_rows(e.location, e.direction, "excitation")
-        n = np.arange(self.n_blades)
-        turned = (int(tuned.engine_order) * n) % self.n_blades / self.n_blades
-        wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * turned)
+        periods = (int(tuned.engine_order) * np.arange(self.n_blades)) % self.n_blades / self.n_blades
+        wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * periods)
         out = np.zeros((self.n_blades, s.n_sector), complex)
         out[:, : s.n] = np.outer(wave, row)
         if not out.any():
@@ -322,40 +313,40 @@ class WheelProblem:
 
     @cached_property
     def response_row(self) -> NDArray:
-        """(n,) blade coordinates to the response."""
-        place = self.structure.tuned.settings.response_location
-        return self.structure.location_rows(place.location, place.direction, "response")
+        """(n,) row of the response by blade coordinates."""
+        response = self.structure.tuned.settings.response_location
+        return self.structure.location_rows(response.location, response.direction, "response")
 
     def state(self, preload: float) -> Loaded:
-        """The static state under a preload (N)."""
+        """Return the static state under a preload (N)."""
         preload = self.structure.tuned.check_preload(preload)
         if preload not in self._states:
             self._states[preload] = loaded(self.structure, preload, self.dampers)
         return self._states[preload]
 
     def system(self, preload: float) -> WheelSystem:
-        """Equations at a preload (N), with counts of their own."""
+        """Return new equations at a preload (N), with new counters."""
         return wheel_system(self.structure, self.state(preload), self.excitation, self.response_row)
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:
-        """Highest peak of the tuned wheel at a preload, by its one sector; its amplitude is NaN where there is none."""
+        """Return the highest peak of the tuned disk at a preload; its amplitude is NaN if none was found."""
         if preload not in self._tuned_peaks:
             peak = highest_peak(self.structure.tuned, preload)
             self._tuned_peaks[preload] = peak if peak.converged else replace(peak, amplitude=np.nan)
         return self._tuned_peaks[preload]
 
     def record(self) -> dict[str, Any]:
-        """Record of the wheel for all results."""
-        own = {"mistuning": str(self.mistuning), "dampers": str(self.dampers), "deviation": self.deviation.tolist()}
-        return {"settings": self.structure.tuned.record() | own, "model_hash": self.study.model.hash}
+        """Return the settings and the model hash that all results store."""
+        disk = {"mistuning": str(self.mistuning), "dampers": str(self.dampers), "deviation": self.deviation.tolist()}
+        return {"settings": self.structure.tuned.record() | disk, "model_hash": self.study.model.hash}
 
     def __str__(self) -> str:
         s = self.structure
         lines = [
-            f"wheel of {self.n_blades} blades, {s.n} coordinates each, {s.n_damper} of each damper",
+            f"bladed disk of {self.n_blades} blades, {s.n} coordinates of each blade, {s.n_damper} of each damper",
             f"  {self.mistuning}",
-            f"  {self.dampers or 'dampers all alike'}",
+            f"  {self.dampers or 'equal dampers'}",
             *(f"  {line}" for line in str(s.tuned).split("\n")),
         ]
         return "\n".join(lines)

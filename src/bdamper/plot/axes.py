@@ -1,10 +1,13 @@
-"""Axes, colours and files: what all pictures share.
+"""Axes, colours, units and files shared by all plots.
 
-The style stands in ``style.mplstyle``.  A line is solid where the response is stable, dashed where it is unstable, dotted
-where it jumps; the limits without contact and with all contacts stuck are thin grey lines that bear their names; a red
-star is the optimum, a green diamond with a bar the mean and range of an amplitude in time.  Colours
-go from dark to light with rising preload, so that they stay apart in grey and for the colour-blind.  What is drawn is in
-metres and newtons; the numbers on the axes are in the unit that fits (:func:`fit_units`).
+The style is in ``style.mplstyle``.  Conventions of all plots:
+
+* Response lines are solid if stable, dashed if unstable, and dotted at jumps.
+* Thin grey lines with names are the limits without contact (free) and with all contacts stuck.
+* A red star is the optimum.  A green diamond with a bar is the mean and range of an amplitude in time.
+* Colours go from dark to light with increasing preload, distinct in grey print and for colour-blind readers.
+
+Data are plotted in SI units; axis labels and numbers use the prefix that fits (:func:`fit_units`).
 """
 
 from __future__ import annotations
@@ -36,28 +39,28 @@ MARKERS = "osD^v<>pP*hX"
 MINUS = "\N{MINUS SIGN}"
 SHEET = Path(__file__).with_name("style.mplstyle")
 STYLE: dict[Any, Any] = matplotlib.rc_params_from_file(SHEET, use_default_template=False)
-"""The style of this room, for ``plt.rc_context``."""
+"""Style of the plots, for ``plt.rc_context``."""
 OPTIMUM = "#c0392b"
-"""Colour of the optimum and of what is least or highest among several."""
+"""Colour of the optimum and of other extreme points."""
 IN_TIME = "#1a7a3e"
-"""Colour of amplitudes in time, which are diamonds with bars."""
+"""Colour of amplitudes in time (diamonds with bars)."""
 STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
-"""Lines that are told apart in grey; dashes and dots alone have their meaning."""
+"""Line styles that are distinct in grey print; plain dashed and dotted lines have a meaning of their own."""
 DASHED = (0, (3, 1.5))
-"""Line of what is unstable."""
+"""Line style of unstable solutions."""
 SUBS = {12.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), 100.0: (1.0, 2.0, 5.0), 1e4: (1.0, 3.0), np.inf: (1.0,)}
-"""Multiples of powers of ten that are ticks of a logarithmic axis, by the largest ratio of its ends."""
+"""Multiples of powers of ten at the ticks of a logarithmic axis, by the largest ratio of its ends."""
 NEW: Any = None
-"""The axes of a picture that is drawn into new ones."""
+"""Default of ``ax``: the decorator :func:`picture` replaces it by new axes."""
 LIMITS: dict[str, dict[str, Any]] = {
     "free": {"color": "0.6", "linewidth": 1.0},
     "stuck": {"color": "0.45", "linewidth": 1.0},
 }
-"""Lines of the limits without contact and with all contacts stuck; that of the tuned wheel is like the latter."""
+"""Line styles of the free and stuck limits; the line of the tuned disk has the style of "stuck"."""
 
 
 def new_axes(width: float = 5.6, height: float = 3.6, rows: int = 1, **options: Any) -> Any:
-    """Empty axes in the style of this room (size in inches), or several below each other over the same quantity."""
+    """Return empty axes (size in inches), or an array of axes below each other with a common x axis."""
     with plt.rc_context(STYLE):
         return plt.subplots(rows, 1, figsize=(width, height), sharex=True, **options)[1]
 
@@ -67,17 +70,17 @@ def drawing(
     ax: Axes | Sequence[Axes] | NDArray | None = None, *, size: tuple[float, float] = (5.6, 3.6), title: str = "",
     legend: float | None = None, rows: int = 1,
 ) -> Iterator[Any]:  # fmt: skip
-    """Axes to draw into in the style of this room, which get their title, units and legend in the end.
+    """Provide axes for a plot; set their title, units and legend at the end.
 
     Parameters
     ----------
-    ax : matplotlib axes, or as many as there are rows, optional
-        New ones of the given ``size`` in inches otherwise.
+    ax : matplotlib axes, or an array of ``rows`` axes, optional
+        New axes of the given ``size`` (inches) by default.
     title : str
     legend : float, optional
-        Size of its letters; no legend otherwise.
+        Font size of the legend; no legend by default.
     rows : int
-        Axes below each other.
+        Number of axes below each other.
     """
     with plt.rc_context(STYLE):
         axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
@@ -104,18 +107,18 @@ def picture(
     shown: type = object, kind: str = "plot", *, size: tuple[float, float] = (5.6, 3.6), legend: float | None = 7.0,
     rows: int = 1,
 ) -> Callable[[Callable[..., None]], Callable[..., Any]]:  # fmt: skip
-    """Decorator: a function that draws into axes ``ax`` draws a type of result, into new axes where none are given.
+    """Return a decorator that registers a plot function for a type of result and provides its axes.
 
-    The function takes ``title`` as well, and returns the axes.  Parameters of the decorator are those of
-    :func:`bdamper.util.display.draws` and of :func:`drawing`.
+    The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the axes.  Arguments as in
+    :func:`bdamper.util.display.draws` and :func:`drawing`.
     """
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:
-        own = inspect.signature(function)
+        signature = inspect.signature(function)
 
         @wraps(function)
         def drawn(*arguments: Any, title: str = "", **options: Any) -> Any:
-            bound = own.bind(*arguments, **options)
+            bound = signature.bind(*arguments, **options)
             with drawing(bound.arguments.get("ax"), size=size, title=title, legend=legend, rows=rows) as axes:
                 bound.arguments["ax"] = axes
                 function(*bound.args, **bound.kwargs)
@@ -127,33 +130,33 @@ def picture(
 
 
 def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> None:
-    """A legend where no curve is: below the axes, in as many columns as fit.
+    """Add a legend below the axes, in as many columns as fit.
 
     Parameters
     ----------
     ax : matplotlib axes
     size : float
-        Of its letters.
+        Font size.
     handles : sequence of matplotlib artists
-        By default all that are labelled.
+        By default all artists with a label.
     """
-    given = (handles, [h.get_label() for h in handles]) if handles else ax.get_legend_handles_labels()
-    if not given[0]:
+    entries = (handles, [h.get_label() for h in handles]) if handles else ax.get_legend_handles_labels()
+    if not entries[0]:
         return
-    longest = max(len(line) for name in given[1] for line in str(name).split("\n"))
-    wide = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
-    columns = max(1, min(len(given[0]), int(ax.bbox.width / wide)))
-    room = 0.45 if ax.get_xlabel() else 0.25  # inches for the numbers and the label of the axis
-    below = ax.transAxes + ScaledTranslation(0.0, -room, ax.figure.dpi_scale_trans)
-    ax.legend(*given, fontsize=size, ncols=columns, loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=below)
+    longest = max(len(line) for name in entries[1] for line in str(name).split("\n"))
+    width = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
+    columns = max(1, min(len(entries[0]), int(ax.bbox.width / width)))
+    margin = 0.45 if ax.get_xlabel() else 0.25  # inches for the numbers and the label of the axis
+    below = ax.transAxes + ScaledTranslation(0.0, -margin, ax.figure.dpi_scale_trans)
+    ax.legend(*entries, fontsize=size, ncols=columns, loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=below)
 
 
 def fit_units(ax: Axes) -> None:
-    """Numbers and labels of axes in the unit that fits, as µm for metres; logarithmic ones get few and plain numbers."""
+    """Scale the numbers and labels of axes to a fitting unit prefix, such as µm; simplify the ticks of logarithmic axes."""
     for axis in (ax.xaxis, ax.yaxis):
         shared = ax.get_shared_x_axes() if axis is ax.xaxis else ax.get_shared_y_axes()
         if not axis.get_label_text() and len(shared.get_siblings(ax)) > 1:
-            continue  # the axes that it shares its numbers with say the unit
+            continue  # the label is on other axes that share this axis
         log = axis.get_scale() == "log"
         low, high = sorted(np.abs(axis.get_view_interval()))
         name, _, unit = axis.get_label_text().rpartition(" (")
@@ -161,7 +164,7 @@ def fit_units(ax: Axes) -> None:
         if name and base in FITTING:
             prefix = fitting(float(np.sqrt(low * high)) if log else float(high), base)
             scale = PREFIXES[prefix]
-            axis.label.set_gid(base)  # the unit of what is drawn, for the next time
+            axis.label.set_gid(base)  # the unit of the data, for the next call
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
         if log:
             axis.set_major_locator(logarithmic(low, high))
@@ -171,24 +174,24 @@ def fit_units(ax: Axes) -> None:
 
 
 def logarithmic(low: float, high: float) -> Locator:
-    """Few and round ticks of a logarithmic axis with these ends."""
+    """Return a locator of a few round ticks for a logarithmic axis with these limits."""
     if high <= 2.0 * low:
         return MaxNLocator(5)
     return LogLocator(subs=next(subs for ratio, subs in SUBS.items() if high <= ratio * low))
 
 
 def ticks_within(low: float, high: float) -> list[float]:
-    """Ticks of a logarithmic axis, as numbers."""
+    """Return the ticks of a logarithmic axis within its limits."""
     return [float(x) for x in logarithmic(low, high).tick_values(low, high) if low <= x <= high]
 
 
 def plain_number(value: float) -> str:
-    """A number of an axis with six digits, no power of ten and the sign of printed text."""
+    """Format a number with six digits, without powers of ten, and with a typographic minus sign."""
     return np.format_float_positional(float(f"{value:.6g}"), trim="-").replace("-", MINUS)
 
 
 def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **options: Any) -> None:
-    """Write a figure, or that of some axes, to a file, and close it; ``options`` as matplotlib's ``savefig`` takes them."""
+    """Save a figure, or the figure of axes, to a file, and close it; ``options`` are those of matplotlib's ``savefig``."""
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
     with writing(path), plt.rc_context(STYLE):
@@ -198,19 +201,19 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
 
 @draws(Plottable, "image")
 def image_of(shown: Plottable, **options: Any) -> bytes:
-    """The picture of an object as a file, a PNG for a notebook unless the options of ``savefig`` say otherwise."""
+    """Return the plot of an object as a file; a PNG for notebooks unless the options of ``savefig`` differ."""
     file = io.BytesIO()
     save_figure(draw(shown, "plot"), file, **{"format": "png", "dpi": 100, **options})
     return file.getvalue()
 
 
 def colours(n: int) -> NDArray:
-    """(n, 4) colours of monotone lightness, the last still dark enough on white paper."""
+    """Return (n, 4) colours of monotone lightness, all dark enough for white paper."""
     return plt.get_cmap("viridis")(np.linspace(0.0, 0.7, max(n, 1)))
 
 
 def looks(n: int) -> list[dict[str, Any]]:
-    """Colour, line and marker of each of n curves, told apart in grey."""
+    """Return colour, line style and marker for each of n curves, distinct in grey print."""
     return [
         {"color": colour, "linestyle": STYLES[i % len(STYLES)], "marker": MARKERS[i % len(MARKERS)], "markersize": 3.5}
         for i, colour in enumerate(colours(n))
@@ -218,47 +221,49 @@ def looks(n: int) -> list[dict[str, Any]]:
 
 
 def runs(values: NDArray) -> list[tuple[int, int]]:
-    """Stretches (first, last) of equal value."""
+    """Return the (first, last) indices of stretches of equal value."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(values.astype(int))) + 1, [len(values)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
 
 
 def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[NDArray, NDArray]:
-    """Values (n_grid, m) of curves y (n, m) over x at a grid, NaN where there are none, and how often x leads over each.
+    """Interpolate curves y (n, m) over x on a grid; return the values (n_grid, m) and how often the curve passes each grid
+    point.
 
-    Of several points over one place of the grid the one with the highest value counts.
+    If the curve passes a grid point more than once, the passage with the highest value is used.  Values are NaN where
+    there is no curve.
     """
     best, count = np.full((len(grid), y.shape[1]), np.nan), np.zeros(len(grid), int)
     for i in np.flatnonzero((np.diff(branch) == 0) & (np.diff(x) != 0.0)):
         low, high = sorted(x[i : i + 2])
-        on = (grid >= low) & (grid <= high)
-        share = (grid[on, None] - x[i]) / (x[i + 1] - x[i])
+        inside = (grid >= low) & (grid <= high)
+        share = (grid[inside, None] - x[i]) / (x[i + 1] - x[i])
         values = y[i] + share * (y[i + 1] - y[i])
-        higher = ~(values.max(axis=1) <= best[on].max(axis=1))  # also where nothing is known yet
-        best[on] = np.where(higher[:, None], values, best[on])
-        count += on & (grid < high)
+        higher = ~(values.max(axis=1) <= best[inside].max(axis=1))  # also true for NaN
+        best[inside] = np.where(higher[:, None], values, best[inside])
+        count += inside & (grid < high)
     return best, count
 
 
 def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[float] | NDArray, at: float) -> None:
-    """A limit, or both, as a thin line that bears its name above the point next to a place, of those that are known."""
+    """Draw a limit as a thin line with its name above the known point nearest to ``at``."""
     look = LIMITS.get(name, LIMITS["stuck"])
     ax.plot(x, y, **look)
-    away = np.where(np.isfinite(y), np.abs(np.asarray(x) - at), np.inf)
-    if np.isfinite(away).any():
-        k = int(np.argmin(away))
-        side = {0: "left", len(away) - 1: "right"}.get(k, "center")  # within the axes
+    distance = np.where(np.isfinite(y), np.abs(np.asarray(x) - at), np.inf)
+    if np.isfinite(distance).any():
+        k = int(np.argmin(distance))
+        side = {0: "left", len(distance) - 1: "right"}.get(k, "center")  # within the axes
         ax.annotate(name, (x[k], y[k]), xytext=(0, 2), textcoords="offset points", ha=side, fontsize=7.0,
                     color=look["color"])  # fmt: skip
 
 
 def once(ax: Axes, name: str) -> str | None:
-    """A name for the legend, unless it is there."""
+    """Return the name as a legend label, or None if the legend already has it."""
     return None if name in ax.get_legend_handles_labels()[1] else name
 
 
 def lost(ax: Axes, places: Sequence[float | str] | NDArray, colour: str | NDArray, name: str, size: float = 5.0) -> None:
-    """Crosses at the lower edge, where there is no value."""
+    """Draw crosses at the lower edge of the axes, at points without a value."""
     if len(places):
         height, across = np.full(np.shape(places), 0.03), ax.get_xaxis_transform()
         ax.plot(places, height, "x", color=colour, markersize=size, transform=across, label=once(ax, name))

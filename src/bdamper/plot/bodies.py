@@ -1,6 +1,6 @@
-"""Bodies, modes and contact points in space.
+"""Plots of bodies, modes and contact points in space, and export to VTU files for ParaView.
 
-Export of mode shapes and responses to VTU files, for ParaView (through meshio, extra ``bdamper[viz]``).
+The export uses meshio (extra ``bdamper[viz]``).
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from bdamper.util.display import draws
 from bdamper.util.errors import SettingError, needed
 from bdamper.util.storage import writing
 
-# ---- Export of mode shapes and responses to VTU files, for ParaView (through meshio, extra ``bd ----
+# ---- Export ----
 
-
-def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, what: str) -> tuple[str, int]:
-    """Body and nodal diameter whose shapes are shown: those asked for, or the first that the meshes carry."""
-    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
-    body = carriers[0] if body is None and carriers else body
-    validation.require(carriers, what, "a model with mode shapes on the mesh of a body", "none")
-    if body not in carriers:
-        raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
+def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, purpose: str) -> tuple[str, int]:
+    """Return the body and the nodal diameter of the shapes to show: the given ones, or the first with shapes."""
+    bodies = [name for name, mesh in model.meshes.items() if mesh.modes]
+    if not bodies:
+        raise SettingError(f"{purpose}: needs mode shapes on the mesh of a body, and the model has none")
+    body = bodies[0] if body is None else body
+    if body not in bodies:
+        raise SettingError(f"{purpose}: expected a body with mode shapes on its mesh out of {bodies}, found {body!r}")
     modes = model.meshes[body].modes
     d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
-    validation.require(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
+    validation.require(d in modes, purpose, f"a nodal diameter out of {sorted(modes)}", d)
     return body, d
 
 
@@ -53,11 +53,11 @@ def export_modes(
     ----------
     model : Model
     path : path-like
-        Ends with ``.vtu``.
+        Name of the file, with the ending ``.vtu``.
     body : str, optional
-        The first one that carries shapes by default.
+        By default the first body with mode shapes.
     nodal_diameter : int, optional
-        The first one that is there by default.
+        By default the first nodal diameter with mode shapes.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def export_modes(
     Raises
     ------
     SettingError
-        If the model carries no such shapes.
+        If the model has no such shapes.
     """
     meshio = needed("meshio", "export to VTU", "viz")
     body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
@@ -85,15 +85,15 @@ def export_modes(
 
 @asked
 def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
-    """Write the motion of every body with a surface at one solution: mean, real and imaginary part of the vibration.
+    """Write the motion of every body with a surface: mean displacement, real and imaginary part of the vibration.
 
-    The mean is left out where the mesh has no mode shapes of nodal diameter 0.
+    The mean is left out if the mesh has no mode shapes of nodal diameter 0.
 
     Parameters
     ----------
     problem : Problem
     unknowns : (n_unknowns,) float
-        For example ``curve.unknowns[curve.peak.index]``.
+        A solution, for example ``curve.unknowns[curve.peak.index]``.
     folder : path-like
     name : str
         Files are called ``<name>_<body>.vtu``.
@@ -105,10 +105,10 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     Raises
     ------
     SettingError
-        If the model has no surface, or one without mode shapes at the nodal diameter of the excitation.
+        If the model has no surface, or no mode shapes at the nodal diameter of the excitation.
     """
     if not problem.model.meshes:
-        raise SettingError("export of a response: expected a model with the surface of a body, found none")
+        raise SettingError("export of a response: needs the mesh of a body, and the model has none")
     meshio = needed("meshio", "export to VTU", "viz")
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
@@ -125,29 +125,28 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     return out
 
 
-# ---- Bodies, modes and contact points in space ----
-
+# ---- Plots ----
 
 Surface = tuple[NDArray, NDArray, Any]
-"""Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
+"""Points (n, 3) in m, quadrilaterals (m, 4), and a colour (with or without opacity) or a value (n,) for each point."""
 
 
 def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Draw surfaces of quadrilaterals as seen obliquely from the front, with a bar of the scale.
+    """Plot surfaces of quadrilaterals in an oblique view from the front, with a length scale.
 
-    The faces of all surfaces are painted from the farthest to the nearest, so that they hide what lies behind them.
+    Faces of all surfaces are drawn from the farthest to the nearest, so that they hide the ones behind them.
 
     Parameters
     ----------
     surfaces : sequence of Surface
     ax : matplotlib axes, optional
-        In which surfaces of one call cover those of earlier calls.
+        Surfaces of one call cover those of earlier calls.
     title : str
     """
     top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
     corners, shades = [], []
-    for place, quads, colour in surfaces:
-        corners.append(seen(place)[quads])
+    for points, quads, colour in surfaces:
+        corners.append(seen(points)[quads])
         values = colour[quads].mean(axis=1) / top if isinstance(colour, np.ndarray) else None
         shades.append(np.tile(to_rgba(colour), (len(quads), 1)) if values is None else plt.get_cmap("viridis")(values))
     corner, shade = np.concatenate(corners), np.concatenate(shades)
@@ -166,12 +165,12 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
 
 
 def seen(points: Any) -> NDArray:
-    """(n, 3) points in the directions of the view, mm: to the right, upward and toward the eye."""
+    """Return points (n, 3) in the view directions right, up and toward the viewer, in mm."""
     return 1e3 * np.asarray(points, float) @ VIEW.T
 
 
 def _scale(ax: Axes) -> None:
-    """A bar of a round length below a picture in mm, and the directions of the axes beside it."""
+    """Draw a length scale and the coordinate directions below a plot in mm."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     size = max(right - left, high - low)
     decade = 10.0 ** np.floor(np.log10(0.3 * size))
@@ -182,18 +181,21 @@ def _scale(ax: Axes) -> None:
     for name, direction in zip("XYZ", VIEW[:2].T):
         end = start + 0.08 * size * direction
         ax.plot([start[0], end[0]], [start[1], end[1]], color="k", linewidth=0.9)
-        at = start + 0.11 * size * direction
-        ax.text(float(at[0]), float(at[1]), name, ha="center", va="center", fontsize=7.0)
+        x, y = (float(coordinate) for coordinate in start + 0.11 * size * direction)
+        ax.text(x, y, name, ha="center", va="center", fontsize=7.0)
 
 
 @draws(Model)
 def plot_model(model: Model) -> Axes:
-    """Bodies at rest and contact points by their faces; free bodies over the others, between which they would be hidden."""
+    """Plot the bodies at rest with their contact points.
+
+    Free bodies are drawn over the others, which would hide them.
+    """
     tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
     kinds: dict[bool, list[Surface]] = {False: [], True: []}
-    for name, _, turned in sectors_shown(model):
+    for name, _, rotation in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
-        kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
+        kinds[kind == "free"].append((mesh.points @ rotation.T, mesh.quads, tint[kind]))
     validation.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
     ax = plot_surfaces([*kinds[False], *kinds[True]])
     if kinds[False] and kinds[True]:
@@ -206,20 +208,23 @@ def plot_model(model: Model) -> Axes:
 
 @draws(Model, "plot_mode")
 def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None) -> Axes:
-    """A mode of a constrained body: deformed, coloured by the size of its amplitude.
+    """Plot a mode of a constrained body: deformed shape, coloured by the amplitude.
 
     Parameters
     ----------
     model : Model
     mode : int
-        From 1.
+        Number of the mode, from 1.
     body, nodal_diameter : optional
-        The first that carry shapes.
+        By default the first with mode shapes.
 
     Returns
     -------
     matplotlib axes
-        The largest displacement is a twelfth of the body's size.
+
+    Notes
+    -----
+    The largest displacement is drawn as a twelfth of the size of the body.
     """
     body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
@@ -227,16 +232,16 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     shape = mesh.modes[d][..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
-    for name, sector, turned in sectors_shown(model):
+    for name, sector, rotation in sectors_shown(model):
         if name == body:
             wave = np.exp(2j * np.pi * d * sector / model.n_blades)
-            moved = mesh.points + scale * (shape * wave).real
-            surfaces.append((moved @ turned.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
+            deformed = mesh.points + scale * (shape * wave).real
+            surfaces.append((deformed @ rotation.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
     return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 
 
 @draws(BuiltModel)
 def plot_import_report(report: BuiltModel) -> Axes:
-    """Bodies and contact points of the model (:func:`plot_model`)."""
+    """Plot the bodies and contact points of the model (:func:`plot_model`)."""
     return plot_model(report.model)

@@ -1,7 +1,4 @@
-"""Contact faces: what their points do over a period and what they carry.
-
-Cycles of the contacts: loops of force over displacement, histories, and the energy that is lost.
-"""
+"""Plots of contacts: states over a period, maps of contact faces, hysteresis loops, histories and dissipated energy."""
 
 from __future__ import annotations
 
@@ -25,28 +22,27 @@ from bdamper.plot.studies import draw_table
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import draws
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.formatting import amount
 from bdamper.util.tables import label as label_of
 
 # ---- Contact faces ----
 
-
 STATUS_COLOURS = ("#262626", "#e6862a", "#cfe3ee")
-"""Dark, middle and light: told apart in grey as well."""
+"""Colours of stick, slip and separation: dark, medium and light, distinct in grey print."""
 EDGE: dict[str, Any] = {"edgecolor": "0.2", "linewidth": 0.4}
 
 
 def plot_status_bars(
     status: ContactStatus, points: Sequence[int], ax: Axes | None = None, *, direction: int = 0, title: str = ""
 ) -> Axes:
-    """Space-time bars: the state of chosen contact points over one period, as in Fig. 16 of the paper.
+    """Plot the state of contact points over one period as bars, as in Fig. 16 of the paper.
 
     Parameters
     ----------
     status : ContactStatus
     points : sequence of int
-        Indices of contact points, drawn from top to bottom.
+        Indices of contact points, from top to bottom.
     ax : matplotlib axes, optional
     direction : {0, 1}
         Tangential direction t1 or t2.
@@ -58,7 +54,7 @@ def plot_status_bars(
     with drawing(ax, size=(5.2, 0.9 + 0.32 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
             for start, end, state in status.parts[point][direction]:
-                left = np.array([start, start - period]) / period  # the last part may pass the end of the period
+                left = np.array([start, start - period]) / period  # a part may continue past the end of the period
                 ax.barh(row, (end - start) / period, left=left, height=0.62, color=STATUS_COLOURS[state], **EDGE)
         names = [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points]
         ax.set_yticks(range(len(points)), names)
@@ -75,27 +71,31 @@ def _status_legend(ax: Axes) -> None:
 
 
 def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray, float, float]:
-    """Places (n,) of contact points outward along t1 and along Z, from the centre of their face (mm), and the spacing."""
+    """Return the coordinates of contact points along t1 (outward) and Z from the face centre in mm, and the point
+    spacings."""
     centred = points - points.mean(axis=0)
     outward = 1.0 if frame[0] @ (points.mean(axis=0) * [1.0, 1.0, 0.0]) >= 0.0 else -1.0
     x, y = 1e3 * outward * centred @ frame[0], 1e3 * np.sign(frame[1, 2] or 1.0) * centred @ frame[1]
 
-    def step(values: NDArray) -> float:
-        apart = np.diff(np.unique(np.round(values, 6)))
-        return float(np.ptp(values) / (apart > 0.5 * apart.max()).sum()) if len(apart) else 1.0  # of rows that waver
+    def spacing(values: NDArray) -> float:
+        steps = np.diff(np.unique(np.round(values, 6)))
+        return float(np.ptp(values) / (steps > 0.5 * steps.max()).sum()) if len(steps) else 1.0  # rows may be uneven
 
-    return x, y, step(x), step(y)
+    return x, y, spacing(x), spacing(y)
 
 
 def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
-    """Limits and labels of the map of a face."""
+    """Set the limits and labels of the map of a face."""
     ax.set(xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy), ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx))
     ax.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
     ax.grid(False)
 
 
 def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple[NDArray, ...]:
-    """Ends along both axes and states of patches at contact points, each divided by its shares (n, 3)."""
+    """Return the edges and states of the tiles of a status map.
+
+    Each point has a rectangle, divided by its shares (n, 3) of stick, slip and separation.
+    """
     left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
     low = np.repeat(x - 0.45 * dx, 3)
     return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))
@@ -103,7 +103,7 @@ def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple
 
 @picture(size=(5.2, 2.4), legend=None)
 def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, direction: int = 0) -> None:
-    """Map of a contact face: each point is divided by the shares of the period that it sticks, slips and is open.
+    """Plot a map of a contact face, each point divided by its shares of stick, slip and separation.
 
     Parameters
     ----------
@@ -124,25 +124,25 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
 
 
 def plot_faces(
-    places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
+    faces: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
 ) -> NDArray:
-    """Values over several faces as coloured patches, one row for each title, one column for each face."""
-    n = len(places)
+    """Plot values on several faces as coloured patches, a row for each title and a column for each face."""
+    n = len(faces)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(len(titles), n, figsize=(3.4 * n, 1.7 * len(titles) + 0.3), squeeze=False)
         for row, title in enumerate(titles):
             block = values[row * n : (row + 1) * n]
             low, high = (float(f(np.concatenate(block))) for f in (np.nanmin, np.nanmax))
-            high = high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)  # rounding is no difference
-            for ax, (name, points, frame), value in zip(axes[row], places, block):
+            high = high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)  # equal up to rounding
+            for ax, (name, points, frame), value in zip(axes[row], faces, block):
                 x, y, dx, dy = face_coordinates(points, frame[0])
                 corners = np.stack([y, x], axis=1)[:, None] + 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
-                shown = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
-                shown.set(array=np.ma.masked_invalid(value), clim=(low, high))
-                ax.add_collection(shown)
+                patches = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
+                patches.set(array=np.ma.masked_invalid(value), clim=(low, high))
+                ax.add_collection(patches)
                 _face_axes(ax, x, y, dx, dy)
                 ax.set_title(f"{name}, {title}" if title else name, fontsize=8.0)
-            figure.colorbar(shown, ax=axes[row].tolist(), label=label, shrink=0.9)
+            figure.colorbar(patches, ax=axes[row].tolist(), label=label, shrink=0.9)
         plt.setp(axes[:-1], xlabel="")
         plt.setp(axes[:, 1:], ylabel="")
         for each in figure.axes:
@@ -152,7 +152,7 @@ def plot_faces(
 
 @picture(Peak, size=(5.6, 1.5), legend=None)
 def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
-    """Shares of the cycle that contacts stick, slip and are open at the peak."""
+    """Plot the shares of stick, slip and separation over the cycle of a peak."""
     shares = 100.0 * peak.shares
     ax.barh(["contacts"] * 3, shares, left=np.cumsum(shares) - shares, color=STATUS_COLOURS, **EDGE)
     ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0), title=peak._headline())
@@ -161,20 +161,20 @@ def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
 
 @draws(PreloadState)
 def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
-    """Pressure, gap or use of the friction limit over the friction faces at rest; open points stay white.
+    """Plot pressure, gap or utilisation of the friction limit on the friction faces at rest; open points are white.
 
     Parameters
     ----------
     state : PreloadState
-        From a study; files of version 0.6 and before do not have the faces.
+        A result of a study; files of version 0.6 and before do not contain the faces.
     quantity : {"pressure", "gap", "friction"}
     """
     pressure, points, frame, friction = state.pressure, state.points, state.frame, state.friction
     if pressure is None or points is None or frame is None or friction is None:
-        raise BdamperError("plot: expected a static state with its faces, as study.static gives it, found none")
+        raise BdamperError("plot: this static state has no contact faces; compute it with study.static")
     normal = state.force[:, 2]
-    closed, reach = normal > 0.0, (friction * normal)[:, None]
-    used = np.divide(np.abs(state.force[:, :2]), reach, out=np.zeros((len(normal), 2)), where=reach > 0.0).max(axis=1)
+    closed, limit = normal > 0.0, (friction * normal)[:, None]
+    used = np.divide(np.abs(state.force[:, :2]), limit, out=np.zeros((len(normal), 2)), where=limit > 0.0).max(axis=1)
     choices = {
         "pressure": (np.where(closed, pressure, np.nan), label_of(PreloadState, "pressure")),
         "gap": (np.maximum(-state.closing, 0.0), "Gap (m)"),
@@ -183,22 +183,20 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
     value, label = choices[validation.choice("quantity", quantity, choices)]
     value = value if np.isfinite(value).any() else np.zeros(len(value))
     names = np.array(state.interface)
-    faces = dict.fromkeys(names[friction > 0.0] if friction.any() else names)
-    own = [names == name for name in faces]
-    places = [(str(name), points[rows], frame[rows]) for name, rows in zip(faces, own)]
-    return plot_faces(places, [value[rows] for rows in own], label)
+    by_face = {str(name): names == name for name in (names[friction > 0.0] if friction.any() else names)}
+    faces = [(name, points[rows], frame[rows]) for name, rows in by_face.items()]
+    return plot_faces(faces, [value[rows] for rows in by_face.values()], label)
 
 
-# ---- Cycles of the contacts ----
-
+# ---- Cycles ----
 
 NAMES = {"t1": "in the face along t1", "t2": "in the face along t2", "n": "normal to the face"}
-OF_WHOLE = {"xlabel": "Motion of the response (m)", "ylabel": "All contact forces as one force there (N)"}
-"""Labels of the loop of all contacts."""
+OF_WHOLE = {"xlabel": "Response (m)", "ylabel": "Equivalent force of all contacts (N)"}
+"""Axis labels of the loop of all contacts."""
 
 
 def _name(result: Hysteresis, where: int | str) -> str:
-    """A contact point as a face and the number within it, a face by its name."""
+    """Return the name of a contact point (face and number within it) or of a face."""
     if isinstance(where, str):
         return f"{where} face" if where != WHOLE else "all contacts"
     face = result.interface[where]
@@ -209,37 +207,37 @@ def _name(result: Hysteresis, where: int | str) -> str:
 def plot_loops(
     result: Hysteresis, where: int | str | Sequence[int | str] = WHOLE, ax: Axes = NEW, *, direction: str = "t1"
 ) -> None:
-    """Loops of force over displacement.
+    """Plot hysteresis loops of force over displacement.
 
     Parameters
     ----------
     result : Hysteresis
     where : int, str or sequence of these
-        Contact points by index, faces by name, or "whole": the force at the response location that does the work of all
-        contacts, over the response.
+        Indices of contact points, names of faces, or "whole".  "whole" is the loop of all contacts: the force at the
+        response location that does the same work, over the response.
     direction : {"t1", "t2", "n"}
-        Of points and faces.
+        Direction of points and faces.
     """
     places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
     if not places or (WHOLE in places and len(places) > 1):
         raise validation.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
     whole = places == [WHOLE]
-    lost: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
+    energy: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
     for place, look in zip(places, looks(len(places))):
         name = _name(result, place)
         if direction != "n" or whole:
-            name += f",\nloses {amount(lost[place], 'J')} a cycle{'' if whole else ' in all directions'}"
+            name += f",\n{amount(energy[place], 'J')} per cycle{'' if whole else ' in all directions'}"
         ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": name})
-    if len(places) > 1:
+    where_text = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
+    ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {where_text} (m)", "ylabel": f"Force {where_text} (N)"})
+    if len(places) > 1:  # below the label of the axis
         legend_beside(ax)
-    of = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
-    ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {of} (m)", "ylabel": f"Force {of} (N)"})
     ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}")
 
 
 @picture(Hysteresis, "history", size=(5.6, 4.4), rows=2)
 def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
-    """Forces, vibration and gap of one contact point over a cycle, in two axes.
+    """Plot the forces, vibration and gap of one contact point over a cycle, in two axes.
 
     Parameters
     ----------
@@ -263,44 +261,44 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
 
 @draws(Hysteresis, "energy")
 def plot_energy(result: Hysteresis) -> NDArray:
-    """Energy that is lost in a cycle for each area, over the faces that lose any."""
+    """Plot the energy dissipated per cycle and area on the faces with dissipation."""
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
     names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
-    validation.require(names, "energy", "contact points that lose some", "none: nothing slips")
+    if not names:
+        raise SettingError("energy: no contact point dissipates energy, since nothing slips")
     rows = [result.rows(name) for name in names]
-    places = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
-    return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
+    faces = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
+    return plot_faces(faces, [density[r] for r in rows], "Energy dissipated per cycle (J/m$^2$)")
 
 
 @picture(Hysteresis, "dissipation", size=(5.6, 7.8), rows=3)
 def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "amplitude") -> None:
-    """Equivalent stiffness and damping ratio of the contacts, and below them where the work of the excitation goes.
+    """Plot the equivalent stiffness and damping ratio of the contacts, and below them the energy balance of the cycle.
 
     Parameters
     ----------
     result : Hysteresis
-        Of several solutions.
+        Hysteresis of several solutions.
     ax : three matplotlib axes, optional
     over : {"amplitude", "frequency", "preload"}
     """
     validation.choice("over", over, ("amplitude", "frequency", "preload"))
-    for one, name in zip(ax, ("stiffness", "damping_ratio")):
-        draw_table(one, result, over, name)
-        one.set_xlabel("")
+    for axes, name in zip(ax, ("stiffness", "damping_ratio")):
+        draw_table(axes, result, over, name)
+        axes.set_xlabel("")
     energy = ax[2]
-    energy.set(ylabel="Energy in a cycle (J)", yscale="log")
+    energy.set(ylabel="Energy per cycle (J)", yscale="log")
     draw_table(energy, result, over, "excitation", color="0.7", marker="", label="work of the excitation")
     faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
     for (name, lost), look in zip(faces.items(), looks(len(faces))):
         look |= {"markevery": max(1, len(lost) // 12), "linestyle": "-", "label": f"friction of the {name} face"}
         draw_table(energy, replace(result, excitation=lost), over, "excitation", **look)
     draw_table(energy, result, over, "damping", color="0.35", linestyle="-.", marker="", label="damping of the modes")
-    smallest = 1e-4  # energy that is shown, relative to the largest
-    energy.set_ylim(smallest * result.excitation.max(), None)
+    energy.set_ylim(1e-4 * result.excitation.max(), None)
 
 
 @draws(Hysteresis)
 def plot_hysteresis(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
-    """Loops of a single solution (:func:`plot_loops`), stiffness and damping of several (:func:`plot_dissipation`)."""
+    """Plot the loops of one solution (:func:`plot_loops`), or the dissipation of several (:func:`plot_dissipation`)."""
     return (plot_loops if result.single else plot_dissipation)(result, *arguments, **options)

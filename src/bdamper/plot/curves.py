@@ -1,8 +1,6 @@
-"""Curves over frequency, preload and time, in the style that :mod:`bdamper.plot.axes` describes.
+"""Plots of response curves, optimal curves, response maps, measurements and amplitudes in time.
 
-The response over frequency and preload as a map, from the whole curves of an optimal curve.
-
-Several results on the same axes: designs, studies, measurements.
+:mod:`bdamper.plot.axes` describes the conventions of lines and colours.
 """
 
 from __future__ import annotations
@@ -50,30 +48,30 @@ from bdamper.util.display import draws
 from bdamper.util.formatting import amount, percent, spaced
 from bdamper.util.tables import label as label_of
 
-# ---- Curves over frequency, preload and time, in the style that  ----
-
+# ---- Response and optimal curves ----
 
 MARCHED: dict[str, Any] = {
     "fmt": "D", "color": IN_TIME, "markersize": 4.5, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
     "zorder": 5.0, "label": "highest blade in time, and range",
 }  # fmt: skip
-"""Point and bar of a march in time, over the star of the optimum."""
+"""Style of an amplitude in time: a point with a bar, above the star of the optimum."""
 ALIKE = 0.9
-"""Ratio from which both limits are one line."""
+"""Ratio of the two limits above which one line represents both."""
 SHOWN = ("amplitude", "shift")
-"""Quantities of an optimal curve."""
+"""Quantities of the plots of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Hysteresis, name) for name in ("frequency", "amplitude", "preload"))
 
 
 def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
-    """Label of an axis that says where the amplitude is, "Tip amplitude (m)", where all results have the same place."""
-    seen = [r.settings["response"]["location"] for r in results if "response" in r.settings]
-    known = len(seen) == len(results) > 0 and all(place == seen[0] for place in seen)
-    return f"{seen[0].replace('_', ' ').capitalize()} amplitude (m)" if known else AMPLITUDE
+    """Return the axis label of the amplitude, with the response location if all results have the same one."""
+    locations = {r.settings["response"]["location"] if "response" in r.settings else None for r in results}
+    location = locations.pop() if len(locations) == 1 else None
+    return AMPLITUDE if location is None else f"{location.replace('_', ' ').capitalize()} amplitude (m)"
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:
-    """(n,) bool: from the stability analysis where there is one, else where the curve runs back in frequency."""
+    """Return (n,) bool: True for unstable points by the stability analysis, or else where the frequency decreases along
+    the curve."""
     return curve.backward if curve.stable is None else ~np.asarray(curve.stable, bool)
 
 
@@ -87,31 +85,31 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | Non
     for b in np.unique(curve.branch):
         where = np.flatnonzero(curve.branch == b)
         for first, last in runs(unstable[where]):
-            part = where[first : last + 2]  # joined to the next stretch
-            if unstable[part[0]]:  # a pale line below, so that a stretch shorter than a dash is no gap
+            part = where[first : last + 2]  # connected to the next stretch
+            if unstable[part[0]]:  # a pale line below, so that a stretch shorter than a dash remains visible
                 ax.plot(f[part], a[part], color=colour, alpha=0.3)
             ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
-    if len(curve):  # filled: a peak, open: only the highest point
+    if len(curve):  # filled at a peak, open at the end of a computed part
         face = "w" if _only_highest(curve) else colour
         ax.plot(f[curve.peak.index], curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
     ax.plot([], [], color=colour, label=label)
 
 
 def _only_highest(curve: ResponseCurve) -> bool:
-    """Whether the highest point lies at the end of what was followed, so that there may be a higher one."""
+    """Return whether the highest point lies at the end of a computed part, so that a higher one may exist."""
     f = curve.peak.frequency
-    at_edge = 1e-6  # relative distance in frequency within which a point lies at the edge of a part
-    return curve.peak_at_end or any(part.low - at_edge * f <= f <= part.high + at_edge * f for part in curve.missing_ranges)
+    edge = 1e-6 * f  # largest distance of a point at the edge of a part
+    return curve.peak_at_end or any(part.low - edge <= f <= part.high + edge for part in curve.missing_ranges)
 
 
 @picture()
 def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequence[str] | None = None) -> None:
-    """Amplitude over frequency for several curves in one picture, over speed for run-ups.
+    """Plot the amplitude of several curves over frequency, or of run-ups over speed.
 
     Parameters
     ----------
     curves : sequence of ResponseCurve
-        Response curves and, as thin grey lines, the free and stuck limits; or run-ups alone.
+        Response curves, with free and stuck limits as thin grey lines; or run-ups alone.
     labels : sequence of str, optional
         One for each response curve; the preload by default.
     """
@@ -123,22 +121,21 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
-    most_named = 5  # curves that a legend names; more have a colour bar
-    many = labels is None and len(tracking) > most_named
+    most_in_legend = 5  # more curves have a colour bar
+    many = labels is None and len(tracking) > most_in_legend
     for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
         preload = f"preload {amount(curve.preload, 'N')}"
-        own = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
-        named = labels[i] if labels is not None else own
-        _draw_tracking(ax, curve, colour, None if many else named)
+        default = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
+        _draw_tracking(ax, curve, colour, None if many else default if labels is None else labels[i])
         for part in curve.missing_ranges:
-            ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not followed"))
+            ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not computed"))
     labels_of = (label for c in tracking for label in c.labels[unstable_points(c)])
     dashed = {label.partition(" with")[0] or "unstable" for label in labels_of}
     if dashed:
         ax.plot([], [], color="k", linestyle=DASHED, label=" or ".join(sorted(dashed)))
     if any(len(c) and _only_highest(c) for c in tracking):
         ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
-                label="highest point that was followed")  # fmt: skip
+                label="highest computed point")  # fmt: skip
     over = FREQUENCY if all(curve.speed is None for curve in curves) else SPEED
     ax.set(xlabel=over, ylabel=amplitude_label(*curves), yscale="log")
     if many:
@@ -149,7 +146,7 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
 
 @draws(ResponseCurve)
 def plot_curve(curve: ResponseCurve, ax: Axes | None = None, **style: Any) -> Axes:
-    """Amplitude over frequency for one curve, over speed for a run-up; ``style`` as for :func:`plot_curves`."""
+    """Plot the amplitude over frequency of one curve, or over speed of a run-up; ``style`` as in :func:`plot_curves`."""
     return plot_curves([curve], ax, **style)
 
 
@@ -157,42 +154,43 @@ def plot_curve(curve: ResponseCurve, ax: Axes | None = None, **style: Any) -> Ax
 def plot_band(
     curve: ResponseCurve, found: Mapping[str, CurveSensitivity], deviations: Mapping[str, float], ax: Axes = NEW
 ) -> None:
-    """A response curve with a band of two standard deviations to both sides, from derivatives along the curve.
+    """Plot a response curve with a band of plus and minus two standard deviations, from derivatives along the curve.
 
     Parameters
     ----------
     curve : ResponseCurve
     found : mapping of name to CurveSensitivity
-        As :meth:`bdamper.Study.curve_sensitivities` returns it.
+        Result of :meth:`bdamper.Study.curve_sensitivities`.
     deviations : mapping of name to float
-        Standard deviations of the parameters that scatter, independently.
+        Standard deviations of independent parameters.
     """
     _, frequency, amplitude = band(curve, found, deviations)
-    several = "\n".join(spaced(name) for name in deviations)
+    names = "\n".join(spaced(name) for name in deviations)
     for b in np.unique(curve.branch):
         known = (curve.branch == b) & np.isfinite(frequency).all(axis=1)
         f, a = frequency[known], amplitude[known]
         edge = [np.concatenate([x[:, 0], x[::-1, 1]]) for x in (f, a)]
-        ax.fill(*edge, color="0.8", linewidth=0.0, label=f"two deviations of\n{several}" if b == curve.branch[0] else None)
+        label = f"two standard deviations of\n{names}" if b == curve.branch[0] else None
+        ax.fill(*edge, color="0.8", linewidth=0.0, label=label)
     plot_curves([curve], ax)
 
 
 @picture(Measurement)
 def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | None = None, **style: Any) -> None:
-    """Lay a measured response over curves, in metres.
+    """Plot a measured response in metres, usually over computed curves.
 
     Parameters
     ----------
     measurement : Measurement
     scale : float, optional
-        From the unit of the measurement to metres; by default what its unit calls for.
+        Factor from the unit of the measurement to metres; by default from its unit.
     style
-        Passed on to the line.
+        Line options of matplotlib's ``plot``.
 
     Raises
     ------
     SettingError
-        If the unit is not one of length and no scale is given.
+        If the unit is not a length and no scale is given.
     """
     factor = measurement.metres if scale is None else float(scale)
     look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
@@ -205,13 +203,13 @@ def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | No
 def plot_optimal(
     result: OptimalCurve, ax: Axes | None = None, *, quantity: str = "amplitude", title: str = ""
 ) -> Axes | NDArray:
-    """Resonance amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper.
+    """Plot the resonance amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper.
 
     Parameters
     ----------
     result : OptimalCurve
     ax : matplotlib axes, optional
-        Of one quantity; both have axes of their own, one below the other, where there are none given.
+        Axes for one quantity.  By default both quantities are plotted in new axes, one below the other.
     quantity : {"amplitude", "shift"}
     title : str
 
@@ -221,16 +219,15 @@ def plot_optimal(
 
     Notes
     -----
-    Lines are dotted from one peak to another that is the highest at the next preload.  A filled star marks an optimum that
-    nothing known contradicts, an open one the least value otherwise; shaded are the preloads at which the amplitude is at
-    most a fifth above it.  Where there is no value the picture is hatched; an open triangle there is a lower bound.  A bar
-    at the optimum is the range of its peak with more harmonics; squares with bars mean and range of marches in
-    time.
+    Dotted lines connect different resonances.  A filled star is a verified optimum, an open star the least known value.
+    The shaded preloads have an amplitude within a fifth of it.  Hatched preloads have no value; open triangles there are
+    lower bounds.  A bar at the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
+    ranges in time.
     """
     if ax is None:
         both: NDArray = new_axes(5.6, 5.0, 2, height_ratios=(2.0, 1.0))
-        for one, name in zip(both, SHOWN):
-            plot_optimal(result, one, quantity=name)
+        for axes, name in zip(both, SHOWN):
+            plot_optimal(result, axes, quantity=name)
         both[0].set(xlabel="", title=title)
         return both
     preload, values, goes_on = with_optimum(result, validation.choice("quantity", quantity, SHOWN))
@@ -239,7 +236,7 @@ def plot_optimal(
         for first, last in runs(np.cumsum(~goes_on)):
             part = slice(first, last + 1)
             ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
-        for k in np.flatnonzero(~goes_on[1:]):  # where another resonance becomes the highest, or one was lost
+        for k in np.flatnonzero(~goes_on[1:]):  # another resonance becomes the highest, or one was not found
             ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
@@ -258,7 +255,7 @@ def plot_optimal(
 
 
 def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDArray, NDArray, NDArray]:
-    """Preloads, values and whether they go on from the one before, the optimum among them."""
+    """Return preloads, values, and whether each continues the branch of the one before, with the optimum inserted."""
     o, values, best = result.optimum, result.amplitude, result.optimum.amplitude
     if quantity == "shift":
         values, best = result.shift_percent, 100.0 * (o.frequency / result.free.frequency - 1.0)
@@ -269,7 +266,7 @@ def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDA
 
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
-    """What marches in time and more harmonics have found at some preloads."""
+    """Mark results of time integration and of more harmonics."""
     for march in result.time_response:
         if np.isfinite(march.mean):
             _mark_march(ax, march.preload, march)
@@ -282,33 +279,33 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
 
 
 def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
-    """Star and label at the optimum, and the range of preloads that are nearly as good."""
+    """Mark the optimum with a star and a label, and shade the preloads that are nearly as good."""
     o = result.optimum
     if not np.isfinite(o.preload):
         ax.plot([], [], linestyle="none", label="flat: no optimum" if o.kind == "flat" else "no optimum")
         return
-    ends = {"end": "least at the end of the range", "edge": "least where steady responses end"}
-    what = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
-    what = what if o.verified else (what if o.kind in ends else "least value") + ", not verified"
+    ends = {"end": "least at the end of the range", "edge": "least at the limit of steady responses"}
+    name = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
+    name = name if o.verified else (name if o.kind in ends else "least value") + ", not verified"
     ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=10.0, markerfacecolor=OPTIMUM if o.verified else "w")
     low, high = result.preloads_within(NEAR_BEST * o.amplitude)
     ax.axvspan(low, high, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} more")
-    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter: no room to the left
-    text = f"{what} {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"
+    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter of the logarithmic axis
+    text = f"{name} {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"
     ax.annotate(text, (o.preload, o.amplitude), xytext=(0, -16), va="top", textcoords="offset points",
                 ha="left" if left else "center", fontsize=8.0, color=OPTIMUM)  # fmt: skip
     ax.margins(y=0.25)  # for the label
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
-    """Hatch the preloads without a value, up to halfway to their neighbours, and mark what is known there from below."""
+    """Hatch preloads without a value, up to the midpoints to their neighbours, and mark lower bounds."""
     x, missing = np.log(result.preload), ~np.isfinite(result.amplitude)
     if not missing.any():
         return
     edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
     kind[missing & (result.preload <= result.lowest_steady_preload)] = 3
-    reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
+    reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve incomplete"),
                3: ("xxxx", f"{NO_STEADY} below {amount(result.lowest_steady_preload, 'N')}")}  # fmt: skip
     for first, last in runs(kind):
         if missing[first]:
@@ -322,55 +319,49 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
 
 @picture(TimeResponse, "mark")
 def mark_time_response(time_response: TimeResponse, ax: Axes) -> None:
-    """Mean and range of the highest blade in time as a point with a bar over response curves."""
+    """Mark the mean and range of the highest blade in time as a point with a bar."""
     _mark_march(ax, time_response.frequency, time_response)
 
 
 def _mark_march(ax: Axes, x: float, time_response: TimeResponse) -> None:
     look = {**MARCHED, "label": once(ax, MARCHED["label"])}
-    ax.errorbar(
-        x,
-        time_response.mean,
-        [[time_response.mean - time_response.lowest], [time_response.highest - time_response.mean]],
-        **look,
-    )
+    mean = time_response.mean
+    ax.errorbar(x, mean, [[mean - time_response.lowest], [time_response.highest - mean]], **look)
 
 
 @picture(TimeSweep)
 def plot_frequency_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any) -> None:
-    """Amplitude over frequency of a sweep in time; ``ax`` may be those of response curves, ``style`` is for the line."""
+    """Plot the amplitude over frequency of a sweep in time, also over response curves; ``style`` are line options."""
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
     line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9, "marker": "", **style}
-    label = label or f"sweep {'up' if sweep.up else 'down'}, marched in time"
+    label = label or f"sweep {'up' if sweep.up else 'down'} in time"
     draw_table(ax, sweep, "frequency", "amplitude", label=label, **line)
 
 
-# ---- The response over frequency and preload as a map, from the whole curves of an optimal curv ----
-
+# ---- Response map ----
 
 @picture(OptimalCurve, "map")
 def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
-    """Highest response over frequency and preload, the ridge of the optimal curve, and where there are several responses.
+    """Plot a map of the highest response over frequency and preload, with the optimal curve.
 
-    Hatched is where the response curve leads over a frequency more than once, so that several solutions exist there.
+    Hatched regions have several solutions: the response curve passes a frequency more than once.
 
     Parameters
     ----------
     result : OptimalCurve
-        With its curves, which files of versions before 0.6 do not have.
+        Optimal curve with its response curves; files of versions before 0.6 do not contain these.
     """
     curves = [curve for curve in result.curves if len(curve)]
     validation.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]
-    # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
-    columns = 400
+    columns = 400  # so that a column of the map is narrower than a pixel of a printed page
     frequency = np.linspace(low, high, columns)
-    read = [highest_on(frequency, curve.frequency, curve.amplitude[:, None], curve.branch) for curve in curves]
-    height, count = np.array([best[:, 0] for best, _ in read]), np.array([often for _, often in read])
+    values, counts = zip(*(highest_on(frequency, c.frequency, c.amplitude[:, None], c.branch) for c in curves))
+    height, count = np.array(values)[..., 0], np.array(counts)
     preload = np.array([curve.preload for curve in curves])
-    shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
-    ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
+    image = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
+    ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
     if (count > 1).any():
         ax.contourf(frequency, preload, (count > 1).astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
         ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
@@ -383,13 +374,12 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
 
 # ---- Several results on the same axes ----
 
-
 OF: dict[type, tuple[str, dict[str, str]]] = {
     ResponseCurve: ("frequency", {"amplitude": "amplitude"}),
     OptimalCurve: ("preload", {"amplitude": "amplitude", "shift": "shift_percent"}),
     Hysteresis: ("amplitude", {"damping_ratio": "damping_ratio", "stiffness": "stiffness"}),
 }
-"""Of each kind of result the column that it is drawn over, and what can be drawn, by the name of its quantity."""
+"""By type of result: the column of the x axis, and the columns that can be plotted, by quantity."""
 OPTIMA = {True: "optimum", False: "least value, not verified"}
 
 
@@ -398,9 +388,9 @@ def plot_together(
     results: Mapping[str, ResponseCurve] | Mapping[str, OptimalCurve] | Mapping[str, Hysteresis],
     quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = (),
 ) -> None:  # fmt: skip
-    """Several results of one kind on the same axes.
+    """Plot several results of one type on the same axes.
 
-    Stars mark optima, filled where whole response curves have verified them; lines end where there is no value.
+    Stars mark optima, filled if verified by whole response curves.  Lines end where there is no value.
 
     Parameters
     ----------
@@ -410,16 +400,15 @@ def plot_together(
     quantity : str, optional
         "amplitude" or "shift" (of frequency) of optimal curves, "damping_ratio" or "stiffness" of dissipation.
     measured : sequence of Measurement
-        Laid over response curves.
+        Measurements to plot over response curves.
     """
     validation.that(
         isinstance(results, Mapping) and results, "results", "a mapping of one or more names to results", results
     )
     kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
     if kind is None:
-        found = [type(result).__name__ for result in results.values()]
         kinds = "response curves, optimal curves or hysteresis, all of one kind"
-        raise validation.unfit("results", kinds, found)
+        raise validation.unfit("results", kinds, [type(result).__name__ for result in results.values()])
     x, columns = OF[kind]
     quantity = validation.choice("quantity", quantity or next(iter(columns)), columns)
     if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
@@ -427,8 +416,8 @@ def plot_together(
     if kind is ResponseCurve:
         curves = cast(Mapping[str, ResponseCurve], results)
         plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
-        for one in measured:
-            plot_measurement(one, ax)
+        for measurement in measured:
+            plot_measurement(measurement, ax)
     result: Any
     for (name, result), look in zip(results.items(), looks(len(results))) if kind is not ResponseCurve else ():
         if isinstance(result, Hysteresis) and result.single:
@@ -445,7 +434,7 @@ def plot_together(
 
 
 def _star(ax: Axes, result: OptimalCurve, colour: Any) -> None:
-    """The optimum, if there is one, filled where it is verified, with one name for all in the legend."""
+    """Mark the optimum, if there is one: filled if verified, with one entry in the legend for all."""
     o = result.optimum
     if np.isfinite(o.preload):
         look = {"color": colour, "markersize": 8.0, "markerfacecolor": colour if o.verified else "w", "linestyle": "none"}
@@ -454,5 +443,5 @@ def _star(ax: Axes, result: OptimalCurve, colour: Any) -> None:
 
 @draws(Comparison)
 def plot_comparison(comparison: Comparison, *arguments: Any, **options: Any) -> Axes:
-    """All results of a comparison on the same axes, as :func:`plot_together` draws them."""
+    """Plot all results of a comparison on the same axes (:func:`plot_together`)."""
     return cast(Axes, plot_together(comparison.results, *arguments, **options))

@@ -1,4 +1,4 @@
-"""The page on the loopback interface, with a random token in its address."""
+"""Server of the explorer page on the loopback interface, with a random token in its address."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from bdamper.util.errors import BdamperError, needed
 
 @dataclass(frozen=True)
 class Explorer:
-    """A page that is being served; a notebook shows it.
+    """A running explorer page; a notebook displays it.
 
     Parameters
     ----------
     address : str
-        For a browser on this machine.
+        URL for a browser on this machine.
     pages : list of Page
-        Of the windows that are open.
+        Pages of the open windows.
     """
 
     address: str
@@ -32,12 +32,12 @@ class Explorer:
     _thread: Thread
 
     def wait(self) -> None:
-        """Serve until :meth:`close` or Ctrl-C."""
+        """Wait until :meth:`close` or Ctrl-C."""
         while self._thread.is_alive():
             self._thread.join(0.5)
 
     def close(self) -> None:
-        """End the page."""
+        """Stop the server."""
         self._server.io_loop.add_callback(self._server.io_loop.stop)
         self._thread.join(5.0)
 
@@ -48,19 +48,19 @@ class Explorer:
         return f'<iframe src="{self.address}" style="width:100%;height:860px;border:0"></iframe>'
 
 
-def explore(study: Study, *, source: str = "# study: the one that is explored") -> Explorer:
-    """A page with sliders for a study, its curves, contact faces and loops, on the loopback interface.
+def explore(study: Study, *, source: str = "# study: the explored study") -> Explorer:
+    """Serve a page with sliders for a study, its curves, contact faces and loops, on the loopback interface.
 
     Parameters
     ----------
     study : Study
     source : str
-        Lines of Python that make the study, for those that the page shows.
+        Python code that creates the study, shown in the code of the page.
 
     Returns
     -------
     Explorer
-        Its ``address`` holds a random token, without which nothing is served; a notebook shows the page itself.
+        Its ``address`` contains a random token, which every request needs.  A notebook displays the page.
 
     Raises
     ------
@@ -75,14 +75,14 @@ def explore(study: Study, *, source: str = "# study: the one that is explored") 
             "tornado.web",
         )
     )  # fmt: skip
-    from bdamper.plot.explorer_page import Page  # which draws: matplotlib is loaded no earlier
+    from bdamper.plot.explorer_page import Page  # imports matplotlib, which takes time
 
     path, started = f"/{secrets.token_urlsafe(24)}", SimpleQueue[Any]()
     pages: list[Page] = []
     hosts: set[str] = set()
 
     class Loopback(access.NullAuth):  # type: ignore[misc, name-defined]
-        """Refuse requests for another host, since any page can resolve its name to the loopback interface."""
+        """Refuse requests for other hosts, since any website can resolve its name to the loopback interface."""
 
         login_url = path
 
@@ -100,24 +100,24 @@ def explore(study: Study, *, source: str = "# study: the one that is explored") 
         asyncio.set_event_loop(asyncio.new_event_loop())
         try:
             app = application.Application(handlers.FunctionHandler(make))
-            found = server.Server(
+            running = server.Server(
                 {path: app}, address="127.0.0.1", port=0, use_index=False, auth_provider=Loopback(),
-                check_unused_sessions_milliseconds=1000,  # work ends soon after its window is closed
+                check_unused_sessions_milliseconds=1000,  # the work for a closed window ends soon
             )  # fmt: skip
-            hosts.update(f"{name}:{found.port}" for name in ("localhost", "127.0.0.1"))
-            found.start()
+            hosts.update(f"{name}:{running.port}" for name in ("localhost", "127.0.0.1"))
+            running.start()
         except OSError as error:
             started.put(error)
             return
-        started.put(found)
-        found.io_loop.start()
-        found.stop()
+        started.put(running)
+        running.io_loop.start()
+        running.stop()
         for page in pages:
             page.answers.ask(None)
 
     thread = Thread(target=serve, daemon=True)
     thread.start()
-    found = started.get()
-    if isinstance(found, OSError):
-        raise BdamperError(f"explore: expected a free port of the loopback interface, found {found}")
-    return Explorer(f"http://localhost:{found.port}{path}", pages, found, thread)
+    running = started.get()
+    if isinstance(running, OSError):
+        raise BdamperError(f"explore: no port of the loopback interface could be opened ({running})")
+    return Explorer(f"http://localhost:{running.port}{path}", pages, running, thread)

@@ -1,6 +1,6 @@
-"""What one window shows: numbers with sliders, linked views, buttons; its callbacks run in the thread of the server.
+"""Explorer page of one window: sliders, linked plots and buttons.  Callbacks run in the thread of the server.
 
-Where its parts stand on the page, and in which sizes of letters, is written in ``page.html``.
+``page.html`` defines the layout and the font sizes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from bdamper.util.formatting import amount, height, percent
 LOGARITHMIC_SLIDERS = ("preload", FORCE, "mass")
 EDGES = ("left", "right", "bottom", "top")
 HERE = "#c0392b"
-"""Colour of the point and of the preload that are looked at, and of nothing else."""
+"""Colour of the chosen point and preload, used for nothing else."""
 DOT = f'<b style="color:{HERE}">●</b>'
 COARSE = "<i>Provisional, with one harmonic:</i> "
 PANELS = {
@@ -43,9 +43,9 @@ PANELS = {
 }
 QUIET = {"color": "#5b666d"}
 SIZE = "12px"
-"""Of all letters besides the title and the answer."""
+"""Font size of all texts but the title and the answer."""
 FACES = {"damper": ("#e8b563", "#c08a2e"), "": ("#f6f8f9", "#a3aeb4")}
-"""Fill and line of free bodies and of all others."""
+"""Fill and line colours of free bodies, and of all others."""
 MOVE = """
     const draw = (theta) => {
         const {x, y, cx, cy, sx, sy} = nodes.data, {a, b, c, d} = faces.data, [co, si] = [Math.cos(theta), Math.sin(theta)];
@@ -53,71 +53,71 @@ MOVE = """
         const corners = Array.from(a, (_, i) => [a[i], b[i], c[i], d[i]]);
         const [xs, ys] = [u, v].map((p) => corners.map((q) => q.map(p)));
         Object.assign(patches.data, {xs, ys, fill: faces.data.fill, line: faces.data.line});
-        patches.change.emit();  // assigning data would send all of it to the server at every instant
+        patches.change.emit();  // assigning data would send it to the server at every instant
     };
     draw(0);
     if (!window.moving && !matchMedia("(prefers-reduced-motion: reduce)").matches)
         window.moving = setInterval(() => document.hidden || draw(2 * Math.PI * (Date.now() % PERIOD) / PERIOD), 80);
 """.replace("PERIOD", "2400")
-"""Draws the faces at an instant of the cycle, again and again."""
+"""JavaScript that draws the faces at successive instants of the cycle."""
 
 
 class Place(Protocol):
-    """Position of a click on a view in its own units; None outside its axes."""
+    """Position of a click in the units of a plot; None outside its axes."""
 
     x: float | None
     y: float | None
 
 
 class Page:
-    """Sliders and views of a study in one document.
+    """Sliders and plots of a study in one document.
 
     Parameters
     ----------
     document : bokeh.document.Document
     study : Study
     source : str
-        Lines of Python that make the study, under the name ``study``.
+        Python code that creates the study, under the name ``study``.
     """
 
     def __init__(self, document: Any, study: Study, source: str) -> None:
         self.models: Any = needed("bokeh.models", "explore", "app")
         self.document, self.study, self.source = document, study, source
         self.shown: dict[str, Answer] = {}
-        self.told: dict[str, str] = {}
+        self.texts: dict[str, str] = {}
         self.sources: dict[str, Any] = {}
         self.point: int | None = None
         self.answers = Answers(study, self._deliver)
         document.on_session_destroyed(lambda _: self.answers.ask(None))
-        document.on_event("document_ready", lambda _: self.ask())  # and not for a request without a window
+        document.on_event("document_ready", lambda _: self.ask())  # not for requests without a window
         document.title = "bdamper explorer"
         document.template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
         model = study.model
         sectors = f"{model.n_blades} sectors: " if model.n_blades > 1 else ""
-        named = f"{sectors}{', '.join(model.bodies)} (model {model.hash})"
-        document.template_variables.update(model=named, panels=list(PANELS.items()), here=HERE)
+        title = f"{sectors}{', '.join(model.bodies)} (model {model.hash})"
+        document.template_variables.update(model=title, panels=list(PANELS.items()), here=HERE)
         self._controls()
         self._views()
         self._lay_out()
 
     def _deliver(self, answer: Answer | str | None) -> None:
-        if not self.answers.closed:  # as when the window was closed meanwhile
+        if not self.answers.closed:  # it is closed if the window was closed in the meantime
             self.document.add_next_tick_callback(partial(self.show, answer))
 
-    # ---- what is moved ----
+    # ---- controls ----
 
     def _slider(self, name: str, title: str, low: float, high: float, value: float, step: float = 0.01) -> Any:
-        """A slider below the number that it moves, which can be typed."""
+        """Create a slider below a number field that shows and sets the same value."""
         whole, wide = step == 1, {"sizing_mode": "stretch_width"}
         ends = [float(np.log10(v)) if logarithmic(name) else v for v in (low, high, value)]
-        beside = """
+        in_one_row = """
             .bk-input-group { flex-direction: row; align-items: center; justify-content: space-between; }
             .bk-input-group > label { flex: 1; } .bk-input-group > :not(label) { flex: 0 0 86px; width: 86px; }
             input.bk-input { height: 24px; padding: 0 6px; font-size: inherit; }
         """
         self.numbers[name] = self.models.NumericInput(
             name=name, title=title, value=int(value) if whole else float(value), mode="int" if whole else "float", low=low,
-            high=high, stylesheets=[beside], margin=(3, 5, 0, 5), **wide,
+            high=high, stylesheets=[in_one_row], margin=(3, 5, 0, 5), **wide,
         )  # fmt: skip
         coloured = f".noUi-handle {{ background: {HERE}; }}" if name == "preload" else ""
         slider = self.models.Slider(
@@ -141,18 +141,18 @@ class Page:
         ]
         shares, fixed = (study.settings.given_loads(item) for item in ("load_per_preload", "constant_loads"))
         shares = {} if study.settings.speed is not None else shares
-        each = [
+        loads = [
             (f"load_per_preload.{name}", f"Load on {name} (N per N)", share) for name, share in list(shares.items())[1:]
         ]
-        each += [
+        loads += [
             (f"constant_loads.{name}", f"Load on {name} (N)", load) for name, load in fixed.items() if np.ndim(load) == 0
         ]
-        rows += [(name, title, 0.01 * load, 100.0 * load, load) for name, title, load in each if load > 0.0]
+        rows += [(name, title, 0.01 * load, 100.0 * load, load) for name, title, load in loads if load > 0.0]
         if study.problem.carries_load and any(body.kind == "free" for body in model.bodies.values()):
             rows.append(("mass", "Damper mass (factor)", 0.1, 10.0, 1.0))
             if any(basis.speed is not None for body in model.bodies.values() for basis in body.bases.values()):
-                radius = max(float(np.hypot(*place.position[:2])) for place in model.locations.values())
-                fastest = round(500.0 / radius * RPM)  # at which the tip has 500 m/s
+                radius = max(float(np.hypot(*location.position[:2])) for location in model.locations.values())
+                fastest = round(500.0 / radius * RPM)  # tip speed of 500 m/s
                 rows.append(("speed", "Rotor speed (rpm); 0: off", 0, fastest, 0, 10))
         self.sliders = {row[0]: self._slider(*row) for row in rows}
         for control in (self.sliders["preload"], self.numbers["preload"]):
@@ -161,9 +161,9 @@ class Page:
         self.first = {name: number.value for name, number in self.numbers.items()}
         known = [set(b.bases) for b in model.bodies.values() if b.kind == "constrained"]
         diameters = set.intersection(*known) if known else set()
-        wave = model.folded_nodal_diameter
-        met = {n for n in range(1, model.n_blades) if wave(n)[0] in diameters} | {int(study.settings.engine_order)}
-        orders = [(str(n), f"{n} (nodal diameter {wave(n)[0]})") for n in sorted(met)]
+        folded = model.folded_nodal_diameter
+        numbers = {n for n in range(1, model.n_blades) if folded(n)[0] in diameters} | {int(study.settings.engine_order)}
+        orders = [(str(n), f"{n} (nodal diameter {folded(n)[0]})") for n in sorted(numbers)]
         faces = [name for name in study.problem.coupling.interfaces if model.interfaces[name].kind == "friction"]
         select = partial(self.models.Select, sizing_mode="stretch_width", stylesheets=["select { font-size: inherit; }"])
         self.mode = select(name="mode", title="Mode", value="1", options=[str(k) for k in range(1, 6)])
@@ -172,8 +172,8 @@ class Page:
         for chooser in (self.mode, self.order):
             chooser.on_change("value", partial(self.moved, "mode"))
         self.loop.on_change("value", lambda attr, old, new: self._contacts())
-        near = {"width": 70, "margin": (6, 2, 0, 3)}
-        self.buttons = [self.models.Button(name=label, label=label, **near) for label in ("Pictures", "CSV", "Python")]
+        narrow = {"width": 70, "margin": (6, 2, 0, 3)}
+        self.buttons = [self.models.Button(name=label, label=label, **narrow) for label in ("Pictures", "CSV", "Python")]
         for button, action in zip(self.buttons, (self.pictures, self.tables, self.lines)):
             button.on_click(action)
         wide = {"sizing_mode": "stretch_width"}
@@ -183,7 +183,7 @@ class Page:
         self.busy = self.models.Div(name="busy", styles=QUIET, **wide)
         self.code = self.models.PreText(name="code", visible=False, styles={"white-space": "pre-wrap"}, **wide)
         file = self._source("file", "name", "kind", "content")
-        self.text.tags = [file]  # so that it belongs to the document
+        self.text.tags = [file]  # a model belongs to the document only if another one refers to it
         save = """
             const {name, kind, content} = source.data, link = document.createElement("a");
             Object.assign(link, {href: `data:${kind[0]};base64,${content[0]}`, download: name[0]}).click();
@@ -191,46 +191,49 @@ class Page:
         file.js_on_change("data", self.models.CustomJS(args={"source": file}, code=save))
 
     def _source(self, name: str, *columns: str) -> Any:
-        """Empty columns under a name."""
+        """Create a data source with empty columns under a name."""
         self.sources[name] = self.models.ColumnDataSource({column: [] for column in columns}, name=f"{name} data")
         return self.sources[name]
 
     def value(self, name: str) -> float:
-        """The number that is typed, or that its slider has set."""
+        """Return the value of a number field."""
         return float(self.numbers[name].value)
 
     def _slid(self, name: str, attr: str, old: object, new: float) -> None:
-        """The number of a slider, unless it is what has moved the slider."""
+        """Set the number field to the value of its slider, unless the field has moved the slider."""
         value = float(f"{10.0**new:.3g}") if logarithmic(name) else float(f"{new:.6g}")
         if abs(self._place(name) - new) > 1e-9:
             self.numbers[name].value = int(value) if self.numbers[name].mode == "int" else value
 
     def _place(self, name: str) -> float:
-        """Of a number on its slider."""
+        """Return the slider position of a value."""
         return float(np.log10(self.value(name))) if logarithmic(name) else self.value(name)
 
     def moved(self, name: str, attr: str, old: object, new: object) -> None:
-        """A number is another one: at speed the preload is the centrifugal one, at rest again what it was before."""
+        """Handle a changed value; at speed the preload is the centrifugal load, at rest the former value again."""
         if new is None:  # an empty field
             self.numbers[name].value = old
             return
-        turns = self.value("speed") / RPM if "speed" in self.numbers else 0.0
+        speed = self.value("speed") / RPM if "speed" in self.numbers else 0.0
         number, slider = self.numbers["preload"], self.sliders["preload"]
-        if name == "preload" and not turns:
+        if name == "preload" and not speed:
             self.resting = number.value
         elif name in ("speed", "mass"):
-            own = centrifugal_load(self.study.model) * self.value("mass") * turns**2 if turns else self.resting
-            number.title = PRELOAD + (", centrifugal" if turns else "")
-            number.low, number.high = min(number.low, own), max(number.high, own)
+            preload = centrifugal_load(self.study.model) * self.value("mass") * speed**2 if speed else self.resting
+            number.title = PRELOAD + (", centrifugal" if speed else "")
+            number.low, number.high = min(number.low, preload), max(number.high, preload)
             slider.start, slider.end = float(np.log10(number.low)), float(np.log10(number.high))
-            number.value = float(f"{own:.6g}")
+            number.value = float(f"{preload:.6g}")
         if name in self.sliders:
             self.sliders[name].value = min(max(self._place(name), self.sliders[name].start), self.sliders[name].end)
         self.point = None
         self.ask()
 
     def question(self) -> Question:
-        """What the numbers ask; the optimal curve is about the optimum, which is higher the less friction there is."""
+        """Return the question for the current values.
+
+        The range of the optimal curve is centred on the expected optimum, which is inversely proportional to friction.
+        """
         settings: dict[str, Any] = {
             name: number.value
             for name, number in self.numbers.items()
@@ -238,42 +241,42 @@ class Page:
         }
         if int(self.order.value) != self.study.settings.engine_order:
             settings["engine_order"] = int(self.order.value)
-        turning = "speed" in self.numbers and self.value("speed") > 0.0
-        if turning:  # where mass times radius of the bodies decides
+        rotating = "speed" in self.numbers and self.value("speed") > 0.0
+        if rotating:  # the load follows from mass and radius of the bodies
             settings = {name: value for name, value in settings.items() if not name.startswith("load_per_preload.")}
             settings["speed"] = self.value("speed") / RPM
         if "mass" in self.numbers and self.numbers["mass"].value != self.first["mass"]:
-            settings["damper_mass" if turning else "damper_mass_factor"] = self.value("mass")
+            settings["damper_mass" if rotating else "damper_mass_factor"] = self.value("mass")
         unit = self.value(FORCE) * (self.mu / self.value("friction_coefficient") if self.mu else 1.0)
-        # preloads of the optimal curve for each newton of excitation, at the friction coefficient of the study
-        searched = (20.0, 5000.0)
-        low, high = (float(f"{end * unit:.6g}") for end in searched)
+        # range of the preload relative to the excitation, at the friction coefficient of the study
+        relative_range = (20.0, 5000.0)
+        low, high = (float(f"{end * unit:.6g}") for end in relative_range)
         loaded = self.study.problem.carries_load
         preload, preloads = (float(f"{self.value('preload'):.6g}"), (low, high)) if loaded else (0.0, None)
         return Question(tuple(settings.items()), preload, preloads, int(self.mode.value), self.point)
 
     def ask(self) -> None:
-        """Ask what the numbers stand for now."""
-        question, before = self.question(), self.shown.get("optimal")
+        """Ask the question for the current values."""
+        question, shown = self.question(), self.shown.get("optimal")
         self.busy.text, self.busy.visible, self.code.text = "computing the curve ...", True, ""
         self.code.visible = False
-        if before is not None and (before.question.settings, before.question.mode) != (question.settings, question.mode):
-            self.told["optimal"] = "The optimum is being computed."
+        if shown is not None and (shown.question.settings, shown.question.mode) != (question.settings, question.mode):
+            self.texts["optimal"] = "The optimum is being computed."
             self.glyphs["optimal"].line_dash = [6]
             self.notes["best"].text = "Dashed: before the last change of settings."
-        self.told["march"] = "The amplitude in time is being computed."
+        self.texts["march"] = "The amplitude in time is being computed."
         self._clear("time", "range")
         self.answers.ask(question)
 
-    # ---- what is seen ----
+    # ---- plots ----
 
     def _views(self) -> None:
         self.figure = needed("bokeh.plotting", "explore", "app").figure
         size: dict[str, Any] = {"min_width": 200, "min_height": 120, "sizing_mode": "stretch_both"}
         plain: dict[str, Any] = {**size, "tools": "", "toolbar_location": None}
         tools = {"tools": "box_zoom,wheel_zoom,reset,hover", "active_drag": None, "toolbar_location": "right"}
-        at = (self.study.settings.response or self.study.excitation).location
-        high: dict[str, Any] = {**size, **tools, "y_axis_type": "log", "y_axis_label": f"Amplitude at {at} (µm)"}
+        location = (self.study.settings.response or self.study.excitation).location
+        high: dict[str, Any] = {**size, **tools, "y_axis_type": "log", "y_axis_label": f"Amplitude at {location} (µm)"}
         self.curve = self._figure("curve", **high, x_axis_label="Frequency (Hz)", x_range=(0.0, 1.0), y_range=(1.0, 10.0))
         low, top = (end * self.force for end in (10.0, 1e4))
         self.best = self._figure(
@@ -316,7 +319,7 @@ class Page:
             self.best.on_event(event, self.dragged)
 
     def _figure(self, name: str, **options: Any) -> Any:
-        """A figure in the one size of letters; logarithmic axes get ticks that fit whatever they show."""
+        """Create a figure with uniform font sizes, and suitable ticks on logarithmic axes."""
         view = self.figure(name=name, **options)
         for axis in view.axis:
             axis.axis_label_text_font_size = axis.major_label_text_font_size = SIZE
@@ -334,10 +337,10 @@ class Page:
         axis.ticker = self.models.FixedTicker(ticks=ticks_within(*sorted((shown.start, shown.end))))
 
     def _moving(self) -> None:
-        """Patches of the moving surfaces, painted from the farthest to the nearest so that they hide lines."""
+        """Create the patches of the moving surfaces, drawn from the farthest to the nearest."""
         frame = self.motion.scatter("x", "y", source=self._source("box", "x", "y"), size=1, alpha=0)
         for shown in (self.motion.x_range, self.motion.y_range):
-            shown.renderers = [frame]  # and not the surfaces, with which the view would move
+            shown.renderers = [frame]  # without the surfaces, whose motion would change the limits
         patches = self._source("patches", "xs", "ys", "fill", "line")
         look = {"fill_color": "fill", "line_color": "line", "line_width": 0.5}
         self.motion.patches("xs", "ys", source=patches, **look)
@@ -351,8 +354,9 @@ class Page:
         layout, wide = needed("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
         pairs = [layout.column(self.numbers[name], slider, **wide) for name, slider in self.sliders.items()]
         hint = "Click the curve to choose a point; drag in the curve of peaks to move the preload."
-        said = self.models.Div(text=hint, styles=QUIET, sizing_mode="stretch_width")
-        rows = [*pairs, layout.row(self.mode, self.order, **wide), self.loop, layout.row(*self.buttons, spacing=0), said]
+        help_text = self.models.Div(text=hint, styles=QUIET, sizing_mode="stretch_width")
+        buttons = layout.row(*self.buttons, spacing=0)
+        rows = [*pairs, layout.row(self.mode, self.order, **wide), self.loop, buttons, help_text]
         controls = layout.column(*rows, name="controls", **wide)
         titles = {"Contact points": self.faces, "Hysteresis loop": self.cycle}
         tabs = [self.models.TabPanel(title=title, child=view) for title, view in titles.items()]
@@ -362,7 +366,7 @@ class Page:
             self.document.add_root(root)
 
     def show(self, answer: Answer | str | None) -> None:
-        """A part of the answer has come, a line that says why there is none, or the end of it."""
+        """Show a part of the answer, an error text, or the end of the computation (None)."""
         if answer is None or isinstance(answer, str):
             self.busy.visible = False
             if answer is not None:
@@ -379,20 +383,20 @@ class Page:
             self._optimal(answer.optimal)
         if answer.full:
             self.busy.text = f"computing the {'amplitude in time' if answer.optimal else 'optimum'} ..."
-        self.text.text = " ".join(self.told[name] for name in ("curve", "march", "optimal") if self.told.get(name))
+        self.text.text = " ".join(self.texts[name] for name in ("curve", "march", "optimal") if self.texts.get(name))
 
     def _line(self, name: str, x: Any, y: Any) -> None:
         self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
 
-    def _texts(self, name: str, placed: list[tuple[float, float, str]]) -> None:
-        self.sources[name].data = {column: [place[i] for place in placed] for i, column in enumerate(("x", "y", "text"))}
+    def _labels(self, name: str, labels: list[tuple[float, float, str]]) -> None:
+        self.sources[name].data = {column: [label[i] for label in labels] for i, column in enumerate(("x", "y", "text"))}
 
     def _clear(self, *names: str) -> None:
         for name in names:
             self.sources[name].data = {column: [] for column in self.sources[name].data}
 
     def _optimal(self, found: OptimalCurve) -> None:
-        """The curve of peaks with its optimum."""
+        """Show the optimal curve with its optimum."""
         o, (x, amplitude, _) = found.optimum, with_optimum(found)
         y = 1e6 * amplitude
         self._line("optimal", x, y)
@@ -403,29 +407,29 @@ class Page:
         loads = [*x, self.value("preload")]
         self.best.x_range.update(start=0.8 * min(loads), end=1.25 * max(loads))
         star = "★ " if np.isfinite(o.preload) else ""
-        self.told["optimal"] = star + html.escape(found._headline())
+        self.texts["optimal"] = star + html.escape(found._headline())
 
     def _marched(self, found: TimeResponse) -> None:
-        """The steady-state amplitude in time, beside the peak."""
+        """Show the steady-state amplitude in time next to the peak."""
         if not np.isfinite(found.mean):
-            self.told["march"] = f"In time: {html.escape(found.status)}."
+            self.texts["march"] = f"In time: {html.escape(found.status)}."
             return
         self._line("time", [found.frequency], [1e6 * found.mean])
         self._line("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.highest])
-        doubt = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
-        self.told["march"] = f"◇ In time {found.text}{doubt}."
+        warning = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
+        self.texts["march"] = f"◇ In time {found.text}{warning}."
 
     def _curve(self, answer: Answer, curve: ResponseCurve) -> None:
-        """The response curve with its limits and the chosen point."""
-        here = height(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
-        at = f" Chosen point: {here}." if here and answer.full and answer.question.point is not None else ""
+        """Show the response curve with its limits and the chosen point."""
+        point = height(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
+        chosen = f" Chosen point: {point}." if point and answer.full and answer.question.point is not None else ""
         whole = answer.full or curve.complete
         if whole and len(curve) and curve.complete and not curve.peak_at_end:
             peak, load = height(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
-            told = f"{DOT} <b>Peak {peak}</b>" + (f" at a preload of {load}." if curve.preload else ".")
+            text = f"{DOT} <b>Peak {peak}</b>" + (f" at a preload of {load}." if curve.preload else ".")
         else:
-            told = html.escape(curve._headline()) if whole else "the curve ends early, as long as the slider moves."
-        self.told["curve"] = ("" if answer.full else COARSE) + told + at
+            text = html.escape(curve._headline()) if whole else "the curve ends early while the slider moves."
+        self.texts["curve"] = ("" if answer.full else COARSE) + text + chosen
         self.glyphs["curve"].line_dash = [] if answer.full else [6]
         turns = np.flatnonzero(np.diff(curve.branch)) + 1  # a gap between branches
         self._line("curve", np.insert(curve.frequency, turns, np.nan), 1e6 * np.insert(curve.amplitude, turns, np.nan))
@@ -438,80 +442,81 @@ class Page:
             self._line("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
             self.curve.x_range.update(start=float(curve.frequency.min()), end=float(curve.frequency.max()))
         if answer.full and len(curve):
-            self._texts("names", tops)
+            self._labels("names", tops)
             self._fit(self.curve.y_range, 1e6 * np.concatenate([c.amplitude for c in (curve, *answer.limits)]))
         self._contacts()
         if answer.drawing is not None:
-            self._draw(answer.drawing, here)
+            self._draw(answer.drawing, point)
 
     def _fit(self, shown: Any, values: Any) -> None:
-        """A logarithmic axis that shows all values, with room for a name above."""
+        """Set the limits of a logarithmic axis to show all values, with space for a name above."""
         known = values[np.isfinite(values) & (values > 0.0)]
         if len(known):
             low, high = float(known.min()), float(known.max())
-            room = max(high / low, 1.2) ** 0.06
-            shown.update(start=low / room, end=high * room**2)
+            margin = max(high / low, 1.2) ** 0.06
+            shown.update(start=low / margin, end=high * margin**2)
 
-    def _draw(self, found: LineDrawing | str, at: str) -> None:
-        """The moving surfaces, or why there are none."""
-        if isinstance(found, str):
-            self.notes["motion"].text = html.escape(found)
+    def _draw(self, drawing: LineDrawing | str, point: str) -> None:
+        """Show the moving surfaces, or the reason why there are none."""
+        if isinstance(drawing, str):
+            self.notes["motion"].text = html.escape(drawing)
             self._clear("quads", "nodes")
             return
-        turned = [[0.0, -1.0], [1.0, 0.0]] if np.diff(np.ptp(found.points, axis=0)) > 0.0 else np.eye(2)  # views are wide
-        rest, shape = 1e3 * found.points @ turned, 1e3 * found.magnification * found.amplitude @ turned
-        free = [self.study.model.bodies[name].kind == "free" for name in found.body]
-        fill, line = zip(*(FACES["damper" if own else ""] for own in free))
-        room = np.abs(shape).max(axis=0)
-        low, high = rest.min(axis=0) - room, rest.max(axis=0) + room
+        tall = np.diff(np.ptp(drawing.points, axis=0)) > 0.0
+        rotation = [[0.0, -1.0], [1.0, 0.0]] if tall else np.eye(2)  # the view is wide
+        rest, shape = 1e3 * drawing.points @ rotation, 1e3 * drawing.magnification * drawing.amplitude @ rotation
+        free = [self.study.model.bodies[name].kind == "free" for name in drawing.body]
+        fill, line = zip(*(FACES["damper" if is_free else ""] for is_free in free))
+        margin = np.abs(shape).max(axis=0)
+        low, high = rest.min(axis=0) - margin, rest.max(axis=0) + margin
         self._line("box", *zip(low, high))
         parts = {"x": rest[:, 0], "y": rest[:, 1], "cx": shape[:, 0].real, "cy": shape[:, 1].real}
         parts |= {"sx": shape[:, 0].imag, "sy": shape[:, 1].imag}
         self.sources["nodes"].data = {name: value.astype(np.float32) for name, value in parts.items()}
-        corners = zip("abcd", found.quads.T.astype(np.int32))
+        corners = zip("abcd", drawing.quads.T.astype(np.int32))
         self.sources["quads"].data = {**dict(corners), "fill": list(fill), "line": list(line)}
-        self.notes["motion"].text = f"{at}, drawn {found.magnification:.0f} times as large"
+        self.notes["motion"].text = f"{point}, magnified {drawing.magnification:.0f} times"
 
     def _contacts(self) -> None:
         answer = self.shown.get("curve")
         if answer is None or answer.contacts is None or answer.loops is None:
             return
-        moved, force = answer.loops.loop(where := self.loop.value)
-        self._line("loop", 1e6 * moved, force)
-        whole, lost = where == "whole", answer.loops.by_interface.get(where, answer.loops.lost)
-        self.cycle.xaxis.axis_label = "Response (µm)" if whole else f"Sliding at {where} (µm)"
-        self.cycle.yaxis.axis_label = "Contact force at the response (N)" if whole else f"Friction force at {where} (N)"
+        displacement, force = answer.loops.loop(where := self.loop.value)
+        self._line("loop", 1e6 * displacement, force)
+        whole, energy = where == "whole", answer.loops.by_interface.get(where, answer.loops.lost)
+        self.cycle.xaxis.axis_label = "Response (µm)" if whole else f"Relative motion at {where} (µm)"
+        self.cycle.yaxis.axis_label = "Equivalent force (N)" if whole else f"Friction force at {where} (N)"
         mean = answer.contacts.share[:, 0].mean(axis=0)
         keys = zip(STATES, STATUS_COLOURS, mean)
         share = " ".join(f'<b style="color:{colour}">■</b> {name} {percent(x)}' for name, colour, x in keys)
-        self.notes["contacts"].text = f"{share} of the cycle; {html.escape(where)} loses {amount(lost, 'J')}"
-        names, parts, at = [], [], 0.0
+        self.notes["contacts"].text = f"{share} of the cycle; {html.escape(where)} dissipates {amount(energy, 'J')}"
+        names, parts, offset = [], [], 0.0
         model = answer.study.problem.coupling.model
         for name in self.loop.options[1:]:
             face, rows = model.interfaces[name], answer.contacts.rows(name)
             x, y, dx, dy = face_coordinates(face.points, face.frame[0])
-            y = y - y.min() + 0.5 * dy + at
+            y = y - y.min() + 0.5 * dy + offset
             parts.append(tiles(answer.contacts.share[rows, 0], x, y, dx, dy))
             names.append((float(y.mean()), float(x.max() + 0.6 * dx), name))
-            at = float(y.max() + 2.0 * dy)
+            offset = float(y.max() + 2.0 * dy)
         *edges, states = np.concatenate(parts, axis=1) if parts else np.zeros((5, 0))
         self.sources["tiles"].data = dict(zip((*EDGES, "color"), [*edges, [STATUS_COLOURS[int(k)] for k in states]]))
-        self._texts("titles", names)
+        self._labels("titles", names)
 
-    # ---- what is clicked ----
+    # ---- clicks and downloads ----
 
     def chosen(self, event: Place) -> None:
-        """The point of the curve that is the nearest to a click, as it is seen; none for one outside of the axes."""
+        """Choose the point of the curve nearest to a click on the screen; ignore clicks outside the axes."""
         answer = self.shown.get("curve")
         if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
             return
         f, a = answer.curve.frequency, np.log(answer.curve.amplitude)
-        apart = np.hypot((f - event.x) / np.ptp(f), (a - np.log(event.y / 1e6)) / np.ptp(a))
-        self.point = int(np.argmin(apart))
+        distance = np.hypot((f - event.x) / np.ptp(f), (a - np.log(event.y / 1e6)) / np.ptp(a))
+        self.point = int(np.argmin(distance))
         self.ask()
 
     def dragged(self, event: Place) -> None:
-        """The preload under the pointer."""
+        """Set the preload to the pointer position."""
         number = self.numbers["preload"]
         if event.x is not None and event.x > 0.0 and not number.disabled:
             number.value = float(f"{np.clip(event.x, number.low, number.high):.3g}")
@@ -520,28 +525,29 @@ class Page:
         self.sources["file"].data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
 
     def _results(self) -> dict[str, Any]:
-        """What is shown, by the names of its files, which tell its settings and what is provisional."""
-        found: dict[str, Any] = {}
+        """Return the shown results by file name, with settings and "provisional" in the name."""
+        results: dict[str, Any] = {}
         for answer in self.shown.values():
-            given = f"{answer.question.preload:.3g}-N-engine-order-{answer.study.settings.engine_order}"
+            settings = f"{answer.question.preload:.3g}-N-engine-order-{answer.study.settings.engine_order}"
+            settings += "-provisional" * (not answer.full)
             parts = {"curve": answer.curve, "loop": answer.loops, "optimal": answer.optimal}
-            found |= {f"{n}-{given}{'-provisional' * (not answer.full)}": p for n, p in parts.items() if p is not None}
-        return found
+            results |= {f"{name}-{settings}": part for name, part in parts.items() if part is not None}
+        return results
 
     def pictures(self) -> None:
-        """Both curves and the loop as pictures."""
+        """Download both curves and the loop as images."""
         for name, result in self._results().items():
             self._send(f"{name}.png", "image/png", draw(result, "image"))
 
     def tables(self) -> None:
-        """The same as tables."""
+        """Download both curves and the loop as tables."""
         with tempfile.TemporaryDirectory() as folder:
             for name, result in self._results().items():
                 result.to_csv(path := Path(folder) / f"{name}.csv")
                 self._send(path.name, "text/csv", path.read_bytes())
 
     def lines(self) -> None:
-        """The lines of Python that make what is seen."""
+        """Show the Python code that computes the shown results."""
         question = self.question()
         low, high = self.answers.band(question)
         lines = [self.source]
@@ -557,5 +563,5 @@ class Page:
 
 
 def logarithmic(name: str) -> bool:
-    """Whether a number has a logarithmic slider."""
+    """Return whether a value has a logarithmic slider."""
     return name in LOGARITHMIC_SLIDERS or "load_per_preload." in name

@@ -1,10 +1,14 @@
-"""What the page asks and what it is answered: one thread, the newest question first, finished answers kept.
+"""Worker thread of the explorer: it computes the results for the latest settings and caches them.
 
-A question is answered in steps: the response curve with one harmonic in long steps, which is never cancelled so that
-something follows the hand; the curve with all harmonics; the optimal curve; the steady-state amplitude in time at the peak.
-A newer question ends every step but the first.  There is never more than one question waiting.  Where preload and
-excitation keep their ratio, and no gap closes, curves are multiplied and not computed again
-(:mod:`bdamper.plot.explorer`).
+A question is answered in four steps:
+
+1. the response curve with one harmonic and long steps, which is never cancelled, so that the page follows the sliders;
+2. the response curve with all harmonics;
+3. the optimal curve;
+4. the steady-state amplitude in time at the peak.
+
+A newer question cancels every step but the first; at most one question waits.  If the ratio of preload to excitation is
+unchanged and no gap closes, curves are scaled instead of computed (:mod:`bdamper.plot.force_scaling`).
 """
 
 from __future__ import annotations
@@ -33,25 +37,25 @@ from bdamper.util.progress import LongWork, ended_by
 T = TypeVar("T")
 R = TypeVar("R", ResponseCurve, OptimalCurve)
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
-"""Of the curve that follows the hand: peaks within 0.2 % of those of ordinary steps, in two thirds of the time; the few
-curves with an open damper that use up the budget (ordinary ones take up to twenty times as much) end early."""
+"""Options of the curve that follows the sliders.  Its peaks are within 0.2 % of those with the default steps, in two
+thirds of the time.  The budget stops the few curves with an open damper, which take up to twenty times as much."""
 FORCE = "excitation.amplitude"
 
 
 @dataclass(frozen=True)
 class Question:
-    """Settings that a window asks about.
+    """Settings of a window.
 
     Parameters
     ----------
     settings : tuple of (name, value)
-        That differ from the study's own, as :func:`bdamper.harmonic_balance.parameters.vary` takes them.
+        Settings that differ from the study, as in :func:`bdamper.harmonic_balance.parameters.vary`.
     preload : float, N
     preloads : (low, high), N, optional
-        Of the optimal curve; none where nothing is loaded.
+        Range of the optimal curve; None if the model has no preload.
     mode : int
     point : int, optional
-        Of the response curve, of which contacts and loop are shown; the highest one by default.
+        Point of the response curve whose contacts and loop are shown; the highest by default.
     """
 
     settings: tuple[tuple[str, Any], ...]
@@ -63,23 +67,24 @@ class Question:
 
 @dataclass(frozen=True)
 class Answer:
-    """A part of the answer to a question.
+    """Results of one step for a question.
 
     Parameters
     ----------
     question : Question
     full : bool
-        With all harmonics.
+        Whether all harmonics are included.
     study : Study
     curve : ResponseCurve, optional
     limits : tuple of ResponseCurve
-        Free and stuck.
+        Free and stuck limits.
     optimal : OptimalCurve, optional
     contacts : ContactStatus, optional
     loops : Hysteresis, optional
     drawing : LineDrawing or str, optional
-        Of the motion, or why there is none.  All three are of the chosen point of the curve, number ``point``.
+        Drawing of the motion, or the reason why there is none.
     point : int
+        Point of the curve to which ``contacts``, ``loops`` and ``drawing`` belong.
     marched : TimeResponse, optional
         Steady-state amplitude in time at the peak of the curve.
     """
@@ -98,17 +103,17 @@ class Answer:
 
 
 class Answers:
-    """A thread that answers the newest question.
+    """A thread that answers the latest question.
 
     Parameters
     ----------
     study : Study
     deliver : callable
-        Takes an :class:`Answer`, a text where there is none, or None where all of a question is answered; in the thread.
+        Called in the thread with an :class:`Answer`, with an error text, or with None at the end of a question.
     most : int
-        Finished parts in memory; a curve of the typical blade takes some 100 kB.
+        Size of the cache; a curve of the typical blade takes some 100 kB.
     preloads : int
-        Of an optimal curve, before it refines the optimum.
+        Number of preloads of an optimal curve, before the optimum is refined.
     """
 
     def __init__(
@@ -121,7 +126,7 @@ class Answers:
         Thread(target=self._work, daemon=True).start()
 
     def ask(self, question: Question | None) -> None:
-        """Replace the question that waits or is being answered; None ends the thread and all its work."""
+        """Replace the current question; None ends the thread and its work."""
         with self.changed:
             self.wanted = question
             self.stop.set()
@@ -144,7 +149,7 @@ class Answers:
                 return
             try:
                 self._answer(question)
-            except Exception as error:  # whatever it is, the next question is answered
+            except Exception as error:  # any error is shown, and the thread continues with the next question
                 self.deliver(str(error) if isinstance(error, BdamperError) else f"{type(error).__name__}: {error}")
 
     def _answer(self, question: Question) -> None:
@@ -160,7 +165,10 @@ class Answers:
         self.deliver(None)
 
     def _key(self, ask: Callable[..., Answer], question: Question, harmonics: int | None) -> Hashable:
-        """What an answer depends on: an optimal curve not on the preload, none on the point that is looked at."""
+        """Return the cache key of an answer.
+
+        An optimal curve does not depend on the preload, and no answer on the shown point.
+        """
         preload = 0.0 if ask == self.optimal else question.preload
         return ask.__name__, harmonics, replace(question, point=None, preload=preload)
 
@@ -171,55 +179,57 @@ class Answers:
         make: Callable[[], R],
         rescale: Callable[[Study, R, float], R | None],
     ) -> R:
-        """A finished result at the same ratio of loads to excitation, multiplied; a new one where that is not possible."""
+        """Scale a cached result with the same ratio of loads to excitation; compute it if this is not possible."""
         settings = dict(question.settings)
         force = settings.pop(FORCE, self.study.excitation.amplitude)
-        if self.study.excitation.beside:  # which the force does not change
+        if self.study.excitation.beside:  # further forces are not scaled
             return make()
         ratios: list[float] = [float(f"{load / force:.6g}") for load in load_per_preload]
         key: Hashable = (rescale, tuple(settings.items()), question.mode, *ratios)
         known: R
-        before, known = self.once(key, lambda: (force, make()))
-        return known if before == force else rescale(self.varied(question), known, force / before) or make()
+        known_force, known = self.once(key, lambda: (force, make()))
+        return known if known_force == force else rescale(self.varied(question), known, force / known_force) or make()
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Cached value of a key, computed if missing; the oldest entry is removed."""
+        """Return the cached value of a key, computed if missing; the oldest entry is removed."""
         if key not in self.kept:
             self.kept[key] = make()
         self.kept.move_to_end(key)
         while len(self.kept) > self.most:
             self.kept.popitem(last=False)
-        found: T = self.kept[key]
-        return found
+        value: T = self.kept[key]
+        return value
 
     def varied(self, question: Question, harmonics: int | None = None) -> Study:
-        """The study of a question, or with fewer harmonics."""
+        """Return the study of a question, or the same with fewer harmonics."""
         settings: Mapping[str, Any] = dict(question.settings) | ({"harmonics": harmonics} if harmonics else {})
         return self.once(("study", *sorted(settings.items())), lambda: vary(self.study, settings))
 
     def band(self, question: Question) -> tuple[float, float]:
-        """Frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
+        """Return the frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
         load = question.preloads[1] if question.preloads else question.preload
         key = "band", question.settings, question.mode, load
         ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem, None, load, question.mode))
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
-        """The response curve with its limits, or with one harmonic between the frequencies of the study's own damper."""
-        still = tuple(item for item in question.settings if item[0] == "engine_order")
-        study, own = self.varied(question, harmonics), replace(question, settings=still)
-        band = self.band(own if harmonics else question)
+        """Compute the response curve with its limits; with one harmonic, in the band of the unchanged settings."""
+        order_only = tuple((name, value) for name, value in question.settings if name == "engine_order")
+        study = self.varied(question, harmonics)
+        band = self.band(replace(question, settings=order_only) if harmonics else question)
         key, load = self._key(self.curve, question, harmonics), question.preload
 
-        def followed() -> ResponseCurve:
+        def computed() -> ResponseCurve:
             return _whole(study.frequency_response(load, band, options=MOVING if harmonics else None))
 
-        def found() -> ResponseCurve:
-            return followed() if harmonics else self._at_any_force(question, [load], followed, rescaled_curve)
+        def scaled() -> ResponseCurve:
+            return self._at_any_force(question, [load], computed, rescaled_curve)
 
-        curve = self.once(key, found)
-        one = self.varied(question, 1)
-        limits = () if harmonics else self.once(("limits", key), lambda: (one.free(band), one.stuck(band, load or 1.0)))
+        curve = self.once(key, computed if harmonics else scaled)
+        linear = self.varied(question, 1)
+        limits = () if harmonics else self.once(
+            ("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0))
+        )  # fmt: skip
         if not len(curve):
             return Answer(question, harmonics is None, study, curve, limits)
         i = curve.peak.index if question.point is None or harmonics else min(question.point, len(curve) - 1)
@@ -233,37 +243,37 @@ class Answers:
         return Answer(question, harmonics is None, study, curve, limits, None, contacts, loops, drawing, i)
 
     def optimal(self, question: Question, harmonics: int | None = None) -> Answer:
-        """The optimal curve, with all harmonics."""
+        """Compute the optimal curve with all harmonics."""
         study, preloads = self.varied(question), question.preloads or (1.0, 2.0)
-        ask: dict[str, Any] = {"frequency": self.band(question), "mode": question.mode, "check": False}
+        options: dict[str, Any] = {"frequency": self.band(question), "mode": question.mode, "check": False}
 
-        def searched() -> OptimalCurve:
-            return _whole(study.optimal_curve(preloads, self.preloads, **ask))
+        def computed() -> OptimalCurve:
+            return _whole(study.optimal_curve(preloads, self.preloads, **options))
 
         key = self._key(self.optimal, question, None)
-        found = self.once(key, lambda: self._at_any_force(question, preloads, searched, rescaled_optimal))
-        return Answer(question, True, study, optimal=found)
+        curve = self.once(key, lambda: self._at_any_force(question, preloads, computed, rescaled_optimal))
+        return Answer(question, True, study, optimal=curve)
 
     def time_response(self, question: Question, harmonics: int | None = None) -> Answer:
-        """The steady-state amplitude in time at the peak of the response curve."""
+        """Compute the steady-state amplitude in time at the peak of the response curve."""
         answer = self.curve(question, None)
         curve, study = answer.curve, answer.study
         none = TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
 
-        def marched() -> TimeResponse:
+        def computed() -> TimeResponse:
             try:
-                found = study.time_response(curve) if curve is not None and len(curve) else replace(none, status=NOT_FOUND)
+                result = study.time_response(curve) if curve is not None and len(curve) else replace(none, status=NOT_FOUND)
             except BdamperError as error:
                 return replace(none, status=because(NOT_FOUND, error))
-            if found.status == INTERRUPTED:
+            if result.status == INTERRUPTED:
                 raise KeyboardInterrupt
-            return found
+            return result
 
-        return replace(answer, marched=self.once(self._key(self.time_response, question, None), marched))
+        return replace(answer, marched=self.once(self._key(self.time_response, question, None), computed))
 
 
-def _whole(found: Any) -> Any:
-    """Raise KeyboardInterrupt if the result is incomplete."""
-    if found.interrupted:
+def _whole(result: Any) -> Any:
+    """Return a result; raise KeyboardInterrupt if it was interrupted."""
+    if result.interrupted:
         raise KeyboardInterrupt
-    return found
+    return result

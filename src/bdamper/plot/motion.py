@@ -1,8 +1,8 @@
-"""What a solution means at the damper: its motion as a rigid body, in metres and radians, and the state of its contacts.
+"""Motion of bodies in metres and radians, and states of contact points, computed from a solution.
 
-A mass-normalised translation has the amplitude ``1/sqrt(m)`` everywhere, a rotation about a principal axis the angle
-``1/sqrt(I)``: dividing the modal coefficients by these roots gives the displacement of the centre of mass along X, Y, Z
-of the damper and its rotation about them (X tangential, Y along the load, Z along the axis of rotation).
+A mass-normalised translation mode has the amplitude ``1/sqrt(m)`` everywhere; a rotation mode about a principal axis has
+the angle ``1/sqrt(I)``.  The products with the modal coefficients are the displacement of the centre of mass along X, Y, Z
+of the damper and its rotation about them (X tangential, Y along the load, Z along the rotation axis).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from bdamper.util.errors import SettingError, implausible
 from bdamper.util.formatting import brief
 
 LARGEST_DRAWN = 1.0 / 15.0
-"""Largest displacement in a line drawing, over the size of the bodies."""
+"""Largest displacement in a line drawing, relative to the size of the bodies."""
 VIEW = np.array([[0.766, 0.0, 0.643], [0.199, 0.951, -0.237], [-0.611, 0.309, 0.729]])
-"""Directions of a line drawing in X, Y, Z: to the right, upward and toward the eye, as in the pictures of models."""
+"""Directions right, up and toward the viewer of a line drawing, in X, Y, Z."""
 STATES = ("stick", "slip", "open")
 STICK, SLIP, OPEN = range(len(STATES))
-"""States of a contact point in pictures and maps."""
+"""States of a contact point in plots and maps."""
 PLAIN = (STICK, SLIP, SLIP, OPEN)
-"""The same of the core, which tells the ways of slip apart."""
+"""The same states by the codes of the core, which distinguishes two directions of slip."""
 Parts = tuple[tuple[float, float, int], ...]
 
 
@@ -48,7 +48,7 @@ class RigidMotion:
     vibratory : (..., n_harmonics, 6) complex
         Amplitudes of each harmonic, ``Re sum_l A_l exp(i l omega t)``.
     modal_bias : (..., 6) float, kg^1/2 m
-        The coefficients of the mass-normalised modes, as in the paper's Figs 12 and 13.
+        Coefficients of the mass-normalised modes, as in the paper's Figs 12 and 13.
     modal_vibratory : (..., n_harmonics, 6) complex, kg^1/2 m
     """
 
@@ -67,7 +67,7 @@ class RigidMotion:
 @brief
 @dataclass(frozen=True)
 class ContactStatus:
-    """State of every contact point over one period.
+    """States of all contact points over one period.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ class ContactStatus:
     interface : tuple of str
         Interface of each point.
     parts : tuple of two tuples for each point
-        Exact (start, end, state) of the parts of the period, in the two tangential directions: angles of the excitation in
-        rad, 0 stick, 1 slip, 2 open.
+        Exact (start, end, state) of the parts of the period, for both tangential directions.  Start and end are angles of
+        the excitation in rad; the state is 0 (stick), 1 (slip) or 2 (open).
     """
 
     points: NDArray
@@ -84,12 +84,12 @@ class ContactStatus:
     parts: tuple[tuple[Parts, ...], ...]
 
     def rows(self, interface: str) -> NDArray:
-        """Indices of the points of one interface."""
+        """Return the indices of the points of an interface."""
         return np.flatnonzero(np.array(self.interface) == interface)
 
     @property
     def share(self) -> NDArray:
-        """(n_points, 2, 3) float: shares of the period that stick, slip and are open."""
+        """(n_points, 2, 3) float: shares of the period with stick, slip and separation."""
         out = np.zeros((len(self.points), 2, 3))
         for i, directions in enumerate(self.parts):
             for d, parts in enumerate(directions):
@@ -99,7 +99,7 @@ class ContactStatus:
 
 
 def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
-    """Unknowns (..., n_unknowns) that can be solutions of a study."""
+    """Check that unknowns (..., n_unknowns) are finite and have the number of unknowns of the study."""
     n = len(problem.bases[0].omega2) + 2 * sum(len(basis.omega2) for basis in problem.bases[1:])
     try:
         out = np.asarray(unknowns, float)
@@ -111,7 +111,7 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
 
 
 def modal_amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
-    """Modal coordinates (..., n_modes) of each harmonic: those of the mean, then complex amplitudes."""
+    """Return the modal coordinates (..., n_modes) of each harmonic: real for the mean, then complex amplitudes."""
     sizes = [len(basis.omega2) for basis in problem.bases]
     parts = np.split(unknowns, np.cumsum([sizes[0], *np.repeat(sizes[1:], 2)])[:-1], axis=-1)
     return [parts[0], *(cosine - 1j * sine for cosine, sine in zip(parts[1::2], parts[2::2]))]
@@ -119,7 +119,7 @@ def modal_amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
 
 @asked
 def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -> RigidMotion:
-    """Rigid-body motion of a free body.
+    """Compute the rigid-body motion of a free body.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     unknowns : (..., n_unknowns) float
         Solutions of this study, for example rows of ``curve.unknowns``.
     body : str, optional
-        The only free body by default.
+        By default the only free body.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     if body is None and len(bodies) == 1:
         body = bodies[0]
     if body is None or body not in bodies:
-        raise SettingError(f"rigid motion: expected one of the free bodies {bodies}, found {body!r}")
+        raise SettingError(f"rigid motion: body must be one of the free bodies {bodies}, found {body!r}")
     part = problem.model.bodies[body]
     assert part.mass is not None
     moments, _ = principal_axes(part)
@@ -155,7 +155,7 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
 
 @asked
 def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> ContactStatus:
-    """Contact states of the points over the cycle: stick, slip or open.
+    """Compute the states of the contact points over the cycle: stick, slip or separation.
 
     Parameters
     ----------
@@ -163,41 +163,41 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
     unknowns : (n_unknowns,) float
         One solution of this study, for example ``curve.unknowns[curve.peak.index]``.
     preload : float, N
-        Of that solution.
+        Preload of the solution.
     """
     system = problem.system(preload)
     refuse(system.structure.points.own, "the states of a cycle")
     X, _, _ = system.contact(_solutions(problem, unknowns))
     p = system.structure.arrays
-    model = problem.coupling.model  # with united contact points, if the study asks for that
+    model = problem.coupling.model  # with merged contact points, if the study merges them
     names = tuple(name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points))
     points = np.concatenate([model.interfaces[name].points for name in problem.coupling.interfaces])
-    whole = ((0.0, 2.0 * np.pi, OPEN),)
-    parts: list[tuple[Parts, ...]] = [(whole, whole)] * len(points)  # points that the equations leave out are open
+    always_open = ((0.0, 2.0 * np.pi, OPEN),)
+    parts: list[tuple[Parts, ...]] = [(always_open, always_open)] * len(points)  # for points not in the equations
     index = np.arange(len(X)) if system.structure.points.index is None else system.structure.points.index
-    for at, i in zip(*np.unique(index, return_index=True)):  # of two elements of a point the first
-        found = segments(
+    for point, i in zip(*np.unique(index, return_index=True)):  # the first of two elements at a point
+        directions = segments(
             X[i], p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
             problem.settings.contact_forces, float(p["load"][i]),
         )  # fmt: skip
         two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
-        pieces = (listed or _without_friction(X[i], p["kn"][i], p["n0"][i], two_sided) for listed in found)
-        parts[at] = tuple(_joined(listed) for listed in pieces)
+        pieces = (listed or _without_friction(X[i], p["kn"][i], p["n0"][i], two_sided) for listed in directions)
+        parts[point] = tuple(_joined(listed) for listed in pieces)
     return ContactStatus(points, names, tuple(parts))
 
 
 def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
-    """Parts of the period in the states of pictures, those of slip in both ways as one."""
-    runs = [list(alike) for _, alike in groupby(pieces, lambda part: PLAIN[part[2]])]
-    return tuple((alike[0][0], alike[-1][1], PLAIN[alike[0][2]]) for alike in runs)
+    """Return the parts of the period with the states of plots, adjacent parts of slip in both directions merged."""
+    runs = [list(run) for _, run in groupby(pieces, lambda part: PLAIN[part[2]])]
+    return tuple((run[0][0], run[-1][1], PLAIN[run[0][2]]) for run in runs)
 
 
 def _without_friction(x: NDArray, kn: float, n0: float, two_sided: bool) -> list[tuple[float, float, int]]:
-    """Parts of the period of a point without friction: what is not open slides."""
+    """Return the parts of the period of a frictionless point, which slips while it is in contact."""
     sliding = 1
     if two_sided:
         return [(0.0, 2.0 * np.pi, sliding)]
-    friction = 1e-12  # next to none, so that the parts in contact are listed
+    friction = 1e-12  # nearly zero, so that the parts in contact are listed
     parts = segments(x, np.full(2, kn), float(kn), friction, float(n0), np.zeros(2))[0]
     return [(start, end, state if state == 3 else sliding) for start, end, state in parts]
 
@@ -210,10 +210,10 @@ class SurfaceMotion:
     Parameters
     ----------
     points : (n_nodes, 3) float, m
-        At rest.
+        Positions at rest.
     mean : (n_nodes, 3) float, m
     amplitude : (n_nodes, 3) complex, m
-        Of the fundamental harmonic, ``Re A exp(i omega t)``, along X, Y, Z.
+        Fundamental harmonic, ``Re A exp(i omega t)``, along X, Y, Z.
     """
 
     points: NDArray
@@ -222,12 +222,12 @@ class SurfaceMotion:
 
 
 def _rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Mean (n, 3) and complex fundamental amplitude (n, 3) in m of points of a free body that moves as a rigid one."""
+    """Return the mean and the complex fundamental amplitude (n, 3), in m, of points of a rigid free body."""
     motion = rigid_motion(problem, unknowns, body)
     part = problem.model.bodies[body]
     assert part.centre is not None
-    _, turn = principal_axes(part)
-    rotation = np.cross(turn[None], (points - part.centre)[:, None, :])  # (n_points, 3 axes, 3)
+    _, principal = principal_axes(part)
+    rotation = np.cross(principal[None], (points - part.centre)[:, None, :])  # (n_points, 3 axes, 3)
     axes = body_axes(part)
     mean = motion.bias[:3] @ axes + np.einsum("k,pkx->px", motion.bias[3:], rotation)
     first = motion.vibratory[0]
@@ -236,27 +236,26 @@ def _rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: 
 
 @asked
 def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMotion]:
-    """Motion of all bodies that carry a surface, for pictures.
+    """Compute the motion of all bodies with a surface mesh.
 
-    Free bodies move with their rigid-body modes, constrained ones with those of their retained modes whose shapes the
-    model carries (``model.meshes[...].modes``, at the nodal diameter of the fundamental); the mean motion of constrained
-    bodies is NaN unless they carry shapes of nodal diameter 0.
+    Free bodies move with their rigid-body modes.  Constrained bodies move with the retained modes that have shapes on the
+    mesh (``model.meshes[...].modes``, at the nodal diameter of the fundamental).  Their mean motion is NaN without shapes
+    of nodal diameter 0.
 
     Raises
     ------
     SettingError
-        If a constrained body has a surface without shapes at the nodal diameter of the fundamental.
+        If the mesh of a constrained body has no shapes at the nodal diameter of the fundamental.
 
     Warns
     -----
     PlausibilityWarning
-        If the modes without shapes hold more than a hundredth of the motion, in the norm of the mass matrix.
+        If modes without shapes contribute more than 1 % of the motion, in the norm of the mass matrix.
     """
     unknowns = _solutions(problem, unknowns)
     q0, q1, *_ = modal_amplitudes(problem, unknowns)
     out = {}
-    # share of the modal motion in modes without shapes on the mesh, above which a picture of it warns
-    largest_missing = 0.01
+    largest_missing = 0.01  # share of the motion in modes without shapes, above which a warning is shown
     for name, mesh in problem.model.meshes.items():
         body = problem.model.bodies[name]
         mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
@@ -271,17 +270,17 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
                     continue
                 if shapes is None:
                     raise SettingError(
-                        f"motion of surfaces: expected mode shapes of nodal diameter {d} on the mesh of '{name}', found "
-                        + (f"those of {sorted(mesh.modes)}" if mesh.modes else "none")
+                        f"motion of surfaces: the mesh of '{name}' needs mode shapes of nodal diameter {d}; it has "
+                        f"{sorted(mesh.modes) or 'none'}"
                     )
                 shapes = shapes.conj() if conjugate else shapes
                 coordinates = problem.bases[harmonic].coordinates
-                own = np.array([k for k, c in enumerate(coordinates) if c.body == name], int)
-                index = np.array([coordinates[k].index for k in own], int)
+                of_body = np.array([k for k, c in enumerate(coordinates) if c.body == name], int)
+                index = np.array([coordinates[k].index for k in of_body], int)
                 known = index < shapes.shape[2]
-                move = shapes[..., index[known]] @ q[own[known]]
-                target += move.real if harmonic == 0 else move
-                missing = np.linalg.norm(q[own[~known]]) / max(float(np.linalg.norm(q[own])), 1e-300)
+                displacement = shapes[..., index[known]] @ q[of_body[known]]
+                target += displacement.real if harmonic == 0 else displacement
+                missing = np.linalg.norm(q[of_body[~known]]) / max(float(np.linalg.norm(q[of_body])), 1e-300)
                 if harmonic == 1 and missing > largest_missing:
                     most = f"at most {100 * largest_missing:g} % of the motion in modes without shapes on the mesh"
                     implausible(f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %")
@@ -290,30 +289,30 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
 
 
 def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
-    """Bodies with a surface, the sectors in which the interfaces show them, and the rotations (3, 3) into these."""
-    places = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
-    places |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
-    shown = sorted(place for place in places if place[0] in model.meshes)
+    """Return the bodies with a mesh, the sectors in which interfaces show them, and the rotations (3, 3) into these."""
+    bodies = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
+    bodies |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
+    shown = sorted((name, sector) for name, sector in bodies if name in model.meshes)
     return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
 
 
 @brief
 @dataclass(frozen=True)
 class LineDrawing:
-    """Moving surfaces as seen from one side, so that faces painted in their order hide the lines behind them.
+    """Moving surfaces in a view from one side; faces drawn in their order hide the lines behind them.
 
     Parameters
     ----------
     points : (n_nodes, 2) float, m
-        Places at rest in the plane of the picture, to the right and upward.
+        Positions at rest in the drawing plane, to the right and upward.
     amplitude : (n_nodes, 2) complex, m
-        Of the vibration there, not magnified: ``Re A exp(i omega t)``.
+        Vibration ``Re A exp(i omega t)`` in the drawing plane, not magnified.
     quads : (n_faces, 4) int
         Nodes of each face, the farthest face first.
     body : tuple of str
         Body of each face.
     magnification : float
-        With which the largest displacement is a fixed part of the size of the bodies.
+        Factor that makes the largest displacement a fixed fraction of the size of the bodies.
     """
 
     points: NDArray
@@ -325,7 +324,7 @@ class LineDrawing:
 
 @asked
 def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
-    """The vibration of all bodies that carry a surface, in the sectors that a contact joins, for an animation.
+    """Compute the vibration of all bodies with a mesh, in all sectors that a contact joins, for an animation.
 
     Parameters
     ----------
@@ -336,22 +335,22 @@ def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
     Raises
     ------
     SettingError
-        If the model has no surface, or one without shapes at the nodal diameter of the fundamental.
+        If the model has no mesh, or a mesh has no shapes at the nodal diameter of the fundamental.
     """
     model, motions = problem.model, surface_motion(problem, unknowns)
-    validation.require(motions, "drawing of a motion", "a model with the surface of a body", "none")
-    places, moved, faces, names, n = [], [], [], [], 0
-    for name, sector, turned in sectors_shown(model):
-        motion, quads, seen = motions[name], model.meshes[name].quads, VIEW @ turned
+    validation.require(motions, "drawing of a motion", "a model with the mesh of a body", "none")
+    positions, amplitudes, faces, names, n = [], [], [], [], 0
+    for name, sector, rotation in sectors_shown(model):
+        motion, quads, view = motions[name], model.meshes[name].quads, VIEW @ rotation
         phase = 2.0 * np.pi * problem.settings.engine_order * sector / model.n_blades
-        places.append(motion.points @ seen.T)
-        moved.append(motion.amplitude @ seen.T * np.exp(1j * phase))
+        positions.append(motion.points @ view.T)
+        amplitudes.append(motion.amplitude @ view.T * np.exp(1j * phase))
         faces.append(quads + n)
         names += [name] * len(quads)
         n += len(motion.points)
-    at, amplitude, quads = np.concatenate(places), np.concatenate(moved), np.concatenate(faces)
-    order = np.argsort(at[quads, 2].mean(axis=1))
-    largest, size = float(np.linalg.norm(np.abs(amplitude), axis=1).max()), float(np.ptp(at[:, :2], axis=0).max())
+    position, amplitude, quads = np.concatenate(positions), np.concatenate(amplitudes), np.concatenate(faces)
+    order = np.argsort(position[quads, 2].mean(axis=1))
+    largest, size = float(np.linalg.norm(np.abs(amplitude), axis=1).max()), float(np.ptp(position[:, :2], axis=0).max())
     body = tuple(names[k] for k in order)
-    magnified = LARGEST_DRAWN * size / max(largest, 1e-300)
-    return LineDrawing(at[:, :2], amplitude[:, :2], quads[order], body, magnified)
+    magnification = LARGEST_DRAWN * size / max(largest, 1e-300)
+    return LineDrawing(position[:, :2], amplitude[:, :2], quads[order], body, magnification)

@@ -1,8 +1,7 @@
-"""An optimal curve for a design review: one HTML file with pictures inside, from the template beside this module.
+"""Report of an optimal curve for a design review: one HTML file with plots, from the template ``report.html``.
 
-Each check has a light and the rule behind it: green where it holds, amber where the result is rough, red where it must not
-be used as it is, white where nothing was computed.  There is no date in the file and no link, so that the same results give
-the same bytes, and printing it gives the same pages anywhere.
+Each check has a colour and a rule: green if passed, amber if uncertain, red if failed, white if not computed.  The file
+contains no date and no link, so equal results give identical files.
 """
 
 from __future__ import annotations
@@ -30,25 +29,25 @@ from bdamper.util.formatting import amount, cut, percent, spaced
 from bdamper.util.storage import FilePath, check_folder, writing
 
 GOOD, FAIR = 0.05, 0.2
-"""Relative differences up to which a light is green, and amber."""
+"""Largest relative differences of a green and of an amber check."""
 NOISE = 1.5, 3.0
-"""The same of the misfit of a fit, in units of its noise."""
+"""Largest misfits of a fit for green and for amber, in units of its noise."""
 SAFE = 1.5
-"""Margin against fatigue from which on its light is green."""
+"""Smallest fatigue margin of a green check."""
 BELONG = "harmonics", "blade_modes", "contact_points", "friction_coefficient", "contact_stiffness_factor"
-"""Settings that a curve and the fit beside it have in common."""
+"""Settings that must agree between a curve and a fit."""
 NOT_MODELLED = (
-    "Blades and dampers are all alike (a wheel of unequal ones: BladedDisk); the disk is cyclic.",
-    "One temperature; friction does not heat.",
-    "No wear and no running-in: faces, gaps and friction stay as they are given.",
-    "Friction is Coulomb's, one coefficient for each face, equal at rest and in sliding.",
-    "No Coriolis forces; bodies are linear, displacements small, contact points stay opposite to each other.",
-    "No fluid but what modal damping stands for; steady responses alone.",
+    "Mistuning: all blades and all dampers are equal (see BladedDisk for mistuned bladed disks).",
+    "Temperature changes and frictional heating.",
+    "Wear and running-in: contact faces, gaps and friction are constant.",
+    "Friction laws other than Coulomb friction with one coefficient for each face, for stick and slip.",
+    "Coriolis forces, large displacements, nonlinear material, and large sliding of contact points.",
+    "Fluid forces other than modal damping, and transient responses.",
 )
 
 
 class Light(NamedTuple):
-    """One check: its colour, what it is of, what was found, and the rule."""
+    """A check: its colour, subject, result, and rule."""
 
     colour: str
     name: str
@@ -65,26 +64,26 @@ def write_report(
     check_folder(path)
     best = curve.optimum
     known = np.isfinite(best.amplitude) and np.isfinite(best.preload)
-    validation.require(known, "report", "an optimal curve with an optimum", f"one without: {best.status}")
+    validation.require(known, "report", "an optimal curve with an optimum", f"none: {best.status}")
     figures: list[tuple[str, str]] = [("Resonance over preload", _picture(curve))]
     rows: list[tuple[str, ...]] = []
     if study is None and curve.curves:
-        at = min(curve.curves, key=lambda c: abs(np.log(c.preload / best.preload)))
-        title = f"Response over frequency at {amount(at.preload, 'N')}, the nearest preload that was followed"
-        figures.append((title, _picture(at)))
+        nearest = min(curve.curves, key=lambda c: abs(np.log(c.preload / best.preload)))
+        title = f"Response over frequency at {amount(nearest.preload, 'N')}, the nearest preload with a response curve"
+        figures.append((title, _picture(nearest)))
     elif study is not None:
         problem = problem_of(study)
         check_result(problem, curve)
-        own, rows = _at_optimum(problem, curve)
-        figures += own
+        at_optimum, rows = _at_optimum(problem, curve)
+        figures += at_optimum
     figures += [("Margin against fatigue", _picture(margins)) for margins in curve.margins]
     if fit is not None:
         figures.append(("Measured responses and the model", _picture(validation.instance("fit", fit, Fitted))))
     page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(
         Path(__file__).with_name("report.html").read_text(encoding="utf-8")
     )
-    asked = curve.settings.get("frequency")
-    band = f", frequency=({asked[0]:.12g}, {asked[1]:.12g})" if asked else ""
+    interval = curve.settings.get("frequency")
+    band = f", frequency=({interval[0]:.12g}, {interval[1]:.12g})" if interval else ""
     check = "" if curve.time_response else ", check=False"
     low, high = curve.preloads_within(NEAR_BEST * best.amplitude)
     text = page.render(
@@ -102,40 +101,40 @@ def write_report(
 
 
 def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
-    """Whether settings have a value, on the part that the name ends with or on every interface with friction."""
-    own, _, part = name.partition(".")
-    found = settings.get(own, value)
-    if not isinstance(found, Mapping):
-        return bool(found == value)
+    """Return whether settings have a value, for the part in ``name``, or else for every interface with friction."""
+    setting, _, part = name.partition(".")
+    actual = settings.get(setting, value)
+    if not isinstance(actual, Mapping):
+        return bool(actual == value)
     if isinstance(value, Mapping):
-        return dict(found) == dict(value)
-    return all(there in (value, 0.0) if not part else there == value for key, there in found.items() if part in ("", key))
+        return dict(actual) == dict(value)
+    return all(v in (value, 0.0) if not part else v == value for key, v in actual.items() if part in ("", key))
 
 
 def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
-    """The checks of an optimal curve, with the rules that decide their colours."""
+    """Return the checks of an optimal curve, with the rules of their colours."""
     best = curve.optimum
-    time_rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red beyond, white if not run"
+    time_rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
     inside = best.kind not in ENDS
     missing = int(np.count_nonzero(~np.isfinite(curve.amplitude) & (curve.preload > curve.lowest_steady_preload)))
     out = [
         Light("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, f"inside, {best.kind}"),
               "red at an end of the range of preloads"),
         Light("green" if best.verified else "red", "Optimum verified", best.status,
-              "red if a lower value may be elsewhere"),
+              "red if a lower value may exist at another preload"),
         Light("red" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
-              "red if a curve was not followed to its ends"),
+              "red if a curve is incomplete"),
     ]  # fmt: skip
     marched = [k for k in curve.time_response if np.isfinite(k.mean) and word(k.status) == COMPLETE]
     if marched:
-        at = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
-        found = f"{at.text} in time, {amount(at.balance, 'm')} by harmonic balance"
-        off = abs(at.mean / at.balance - 1.0)
-        colour = "green" if off < GOOD else "amber" if off < FAIR else "red"
-        out.append(Light(colour, "Harmonic balance against time", found, time_rule))
+        nearest = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
+        result = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
+        difference = abs(nearest.mean / nearest.balance - 1.0)
+        colour = "green" if difference < GOOD else "amber" if difference < FAIR else "red"
     else:
-        why = curve.time_response[0].status if curve.time_response else "not run"
-        out.append(Light("red" if curve.time_response else "white", "Harmonic balance against time", why, time_rule))
+        result = curve.time_response[0].status if curve.time_response else "not run"
+        colour = "red" if curve.time_response else "white"
+    out.append(Light(colour, "Harmonic balance against time", result, time_rule))
     more = curve.convergence
     agrees = more is not None and len(more.settled) == len(more.peaks) > 1
     colour = "white" if more is None else "green" if more.converged else "amber" if agrees else "red"
@@ -149,32 +148,33 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     if fit is None:
         out.append(Light("white", "Contact constants", "assumed, not fitted", "white without a fit"))
     else:
-        given = fit.settings | dict(zip(fit.names, fit.values.tolist()))
-        other = [name for name in given if name.split(".")[0] in BELONG and not _has(curve.settings, name, given[name])]
+        fitted = fit.settings | dict(zip(fit.names, fit.values.tolist()))
+        other = [name for name in fitted if name.split(".")[0] in BELONG and not _has(curve.settings, name, fitted[name])]
         bad = fit.status != COMPLETE or fit.misfit > NOISE[1] or other
         rule = (
-            f"green below {NOISE[0]:g} times the noise, amber below {NOISE[1]:g}, red beyond, incomplete or not those used"
+            f"green below {NOISE[0]:g} times the noise, amber below {NOISE[1]:g}, red above, or if incomplete or not used"
         )
-        found = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
-        found += f"; the curve has other values of {', '.join(map(spaced, other))}" * bool(other)
-        out.append(Light("red" if bad else "amber" if fit.misfit > NOISE[0] else "green", "Contact constants", found, rule))
+        result = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
+        result += f"; the curve has other values of {', '.join(map(spaced, other))}" * bool(other)
+        colour = "red" if bad else "amber" if fit.misfit > NOISE[0] else "green"
+        out.append(Light(colour, "Contact constants", result, rule))
     return out
 
 
 def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:
-    """Pictures of the response at the optimum, and rows of its sensitivities."""
+    """Return the plots of the response at the optimum, and the rows of its sensitivities."""
     best, mode = curve.optimum, max(0.25 * abs(curve.stuck.frequency - curve.free.frequency), 0.03 * curve.free.frequency)
     ends = [f for f in (curve.free.frequency, best.frequency, curve.stuck.frequency) if np.isfinite(f)]
     band = (min(ends) - mode, max(ends) + mode)
     tracked = frequency_response(problem, best.preload, band)
     peak = highest_peak(problem, best.preload, band)
-    where = amount(best.preload, "N")
-    figures = [(f"Response over frequency at {where}", _picture(tracked))]
+    load = amount(best.preload, "N")
+    figures = [(f"Response over frequency at {load}", _picture(tracked))]
     if not peak.converged:
         return figures, []
-    figures.append((f"Stick, slip and separation over a cycle of the peak at {where}", _picture(peak)))
+    figures.append((f"Stick, slip and separation over a cycle of the peak at {load}", _picture(peak)))
     loop = _picture(hysteresis(problem, peak))
-    figures.append((f"Contact forces over the motion of the response in a cycle of the peak at {where}", loop))
+    figures.append((f"Hysteresis loop of all contacts at the peak at {load}", loop))
     rows: list[tuple[str, ...]] = []
     if not peak.corner and problem.settings.contact_forces == "event_driven":
         for s in peak_sensitivities(problem, peak).values():
@@ -185,12 +185,12 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
 
 
 def _short(value: Any) -> str:
-    """A setting as one line."""
+    """Format a setting as one line."""
     text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
     return cut(text, 120)
 
 
 def _picture(shown: Plottable) -> str:
-    """The picture of a result inside the page."""
+    """Return the plot of a result as an HTML image."""
     svg = draw(shown, "image", format="svg", metadata={"Date": None, "Creator": None})
     return f'<img alt="figure" src="data:image/svg+xml;base64,{base64.b64encode(svg).decode()}">'

@@ -1,8 +1,6 @@
-"""Pictures over rotor speed: Campbell and interference diagrams, crossings, run-up.
+"""Plots over rotor speed (Campbell and interference diagrams, crossings) and of fatigue (stress, Haigh diagram, margins).
 
-Speeds are in revolutions per minute here, as machines show them.
-
-Stress over a cycle, Haigh diagram, margins over a quantity, and the critical location on the body.
+Speeds are in revolutions per minute.
 """
 
 from __future__ import annotations
@@ -28,18 +26,17 @@ from bdamper.util.display import draws
 from bdamper.util.errors import SettingError
 from bdamper.util.tables import label as label_of
 
-# ---- Pictures over rotor speed ----
-
+# ---- Rotor speed ----
 
 SPEED = "Rotor speed (rpm)"
 
 
 @picture(Campbell, size=(5.6, 4.2))
 def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
-    """Campbell diagram: free and stuck frequencies over speed, lines of engine orders, damped crossings.
+    """Plot a Campbell diagram: free and stuck frequencies over speed, engine order lines, and crossings.
 
-    Free modes are thin and solid, stuck ones dash-dotted; damped crossings are filled, those of free modes open circles and
-    of stuck ones crosses.
+    Free modes are solid, stuck ones dash-dotted.  Crossings with damping are filled, with free modes open circles, with
+    stuck modes crosses.
     """
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
@@ -53,13 +50,13 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     _orders(ax, orders, campbell.speed, top)
     order, _, *both = campbell.met.T
     for speeds, marker in zip(both, "ox"):
-        place = speeds * RPM, order * speeds / (2.0 * np.pi)
-        ax.plot(*place, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
-    damped = [pair for found in campbell.damped for pair in zip(found.points, found.values)]
-    masses = sorted({at["damper_mass"] for at, _ in damped})
-    for at, value in damped:
-        if value and at["engine_order"] in orders:
-            look = looks(len(masses))[masses.index(at["damper_mass"])]
+        frequency = order * speeds / (2.0 * np.pi)
+        ax.plot(speeds * RPM, frequency, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
+    damped = [pair for result in campbell.damped for pair in zip(result.points, result.values)]
+    masses = sorted({point["damper_mass"] for point, _ in damped})
+    for point, value in damped:
+        if value and point["engine_order"] in orders:
+            look = looks(len(masses))[masses.index(point["damper_mass"])]
             look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
             look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
             ax.plot(value["speed"] * RPM, value["frequency"], **look)
@@ -67,39 +64,39 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
 
 
 def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
-    """Lines of engine orders, each with its number where it leaves the picture."""
+    """Draw engine order lines, each with its number at its end."""
     for order in orders:
         end = min(float(speed[-1]), 2.0 * np.pi * top / order)
         ax.plot(np.array([0.0, end]) * RPM, [0.0, order * end / (2.0 * np.pi)], color="0.6", linewidth=0.7, zorder=1)
-        place = (0.985 * end * RPM, 0.985 * order * end / (2.0 * np.pi))
-        ax.annotate(f"EO {order}", place, fontsize=6.5, color="0.3", ha="right", va="bottom")
+        position = (0.985 * end * RPM, 0.985 * order * end / (2.0 * np.pi))
+        ax.annotate(f"EO {order}", position, fontsize=6.5, color="0.3", ha="right", va="bottom")
 
 
 @picture(Campbell, "plot_safe")
 def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) -> None:
-    """Interference (SAFE) diagram: modes over nodal diameter at one speed, with the line of the excitation.
+    """Plot an interference (SAFE) diagram: modes over nodal diameter at one speed, with the line of the excitation.
 
-    The excitation has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that an order EO meets: a line that is folded
-    back at half the number of blades.  A resonance is where a mode lies on it.
+    An engine order EO has the frequency ``EO Omega/(2 pi)`` at the nodal diameter that it excites: a line folded back at
+    half the number of blades.  Resonances are modes on this line.
 
     Parameters
     ----------
     campbell : Campbell
     speed : float, rad/s, optional
-        The nearest of those that the diagram has; the highest by default.
+        The nearest speed of the diagram is used; the highest by default.
     """
     i = len(campbell.speed) - 1 if speed is None else int(np.argmin(np.abs(campbell.speed - speed)))
     omega, half, d = float(campbell.speed[i]), campbell.n_blades // 2, campbell.nodal_diameter
     free, stuck = campbell.free[:, i], campbell.stuck[:, i]
     top = 1.1 * float(np.nanmax(stuck))
     orders = np.arange(max(int(2.0 * np.pi * top / omega), 1) + 1)
-    places = np.array([campbell.met_by(int(o)) for o in orders])
-    ax.plot(places, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
+    folded = np.array([campbell.met_by(int(o)) for o in orders])
+    ax.plot(folded, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
     for order in campbell.engine_order.tolist():
-        place = campbell.met_by(order), order * omega / (2.0 * np.pi)
-        if place[1] <= top:
-            ax.plot(*place, "s", color="0.6", markersize=3.0)
-            ax.annotate(f" {order}", place, fontsize=6.5, color="0.3", va="top")
+        position = campbell.met_by(order), order * omega / (2.0 * np.pi)
+        if position[1] <= top:
+            ax.plot(*position, "s", color="0.6", markersize=3.0)
+            ax.annotate(f" {order}", position, fontsize=6.5, color="0.3", va="top")
     for m, look in enumerate(looks(free.shape[1])):
         look |= {"markersize": 4.0, "linewidth": 0.6}
         ax.plot(d, free[:, m], **{**look, "linestyle": "-"}, label=f"mode {m + 1}, free")
@@ -110,26 +107,24 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
 
 @picture(SweepResult, "crossings")
 def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
-    """Amplitude or margin at the crossings over speed, a colour and marker for each mass of the damper.
-
-    Each crossing has its engine order.
+    """Plot the amplitude or margin at crossings over speed, with a colour and marker for each damper mass.
 
     Parameters
     ----------
     found : SweepResult
-        As :meth:`bdamper.Study.crossings` returns it.
+        Result of :meth:`bdamper.Study.crossings`.
     quantity : {"amplitude", "margin"}
     """
     validation.choice("quantity", quantity, ("amplitude", "margin"))
     value, speed, mass = (found.array(name) for name in (quantity, "speed", "mass"))
     if quantity == "margin" and not np.isfinite(value).any():
-        raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")
-    for omega, height, own, look in zip(speed, value, mass, looks(len(value))):
-        look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(own):.3g} g"}
+        raise SettingError("quantity: these crossings have no margin; compute them with margin=...")
+    for omega, height, masses, look in zip(speed, value, mass, looks(len(value))):
+        look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(masses):.3g} g"}
         ax.plot(omega * RPM, height, **look)
-    for at, omega, height in zip(found.points, speed[-1], value[-1]):
+    for point, omega, height in zip(found.points, speed[-1], value[-1]):
         if np.isfinite(omega):
-            ax.annotate(f"EO {at['engine_order']}", (omega * RPM, height), fontsize=6.5, color="0.3",
+            ax.annotate(f"EO {point['engine_order']}", (omega * RPM, height), fontsize=6.5, color="0.3",
                         textcoords="offset points", xytext=(4, 4))  # fmt: skip
     if quantity == "margin":
         ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
@@ -137,33 +132,32 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
     ax.set(xlabel=SPEED, ylabel=label, yscale="log")
 
 
-# ---- Stress over a cycle, Haigh diagram, margins over a quantity, and the critical location on  ----
-
+# ---- Fatigue ----
 
 MEGA = 1e-6
 
 
 def _star(ax: Axes, x: float, y: float, name: str) -> None:
-    """Where the margin is decided."""
+    """Mark the point that determines the margin."""
     ax.plot(x, y, "*", color=OPTIMUM, markeredgecolor="black", markersize=12.0, label=once(ax, name))
 
 
 @picture(StressCycle)
 def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) -> None:
-    """The components of the stress and its von Mises value over the cycle.
+    """Plot the stress components and the von Mises stress over a cycle.
 
     Parameters
     ----------
     cycle : StressCycle
     point : int, optional
-        The critical one by default.
+        The critical point by default.
     """
     i = cycle.critical if point is None else validation.whole("point", point, least=0, most=len(cycle) - 1)
     theta = np.linspace(0.0, 2.0 * np.pi, 721)
     stress = MEGA * cycle.over_cycle(theta)[i]
     large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
-    for name, values, look, shown in zip(COMPONENTS, stress, looks(6), large):
-        if shown:
+    for name, values, look, plotted in zip(COMPONENTS, stress, looks(6), large):
+        if plotted:
             ax.plot(np.degrees(theta), values, **look, markevery=90, label=rf"$\sigma_{{{name}}}$")
     ax.plot(np.degrees(theta), von_mises(stress.T), color="black", linewidth=2.2, label="von Mises")
     title = f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, {cycle.preload:g} N"
@@ -173,11 +167,11 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
 
 @picture(Margins)
 def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
-    """Haigh diagram: amplitude over mean of every point, with the lines of the material.
+    """Plot a Haigh diagram: stress amplitude over mean stress of every point, with the lines of the material.
 
-    The line of the margin is drawn in full, the others broken; points that margins leave out are hollow.
+    The line that defines the margin is thick, the others are broken.  Points excluded from the margin are hollow.
     """
-    material, i, seen = margins.material, margins.critical, margins.counted
+    material, i, counted = margins.material, margins.critical, margins.counted
     right, low = material.ultimate_strength, min(0.0, 1.1 * float(margins.mean.min()))
     mean = np.linspace(low, right, 400)
     for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), STYLES[1:]):
@@ -187,11 +181,11 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
         ax.plot(MEGA * mean, MEGA * material.allowed(mean, line), label=line.capitalize(), **style)
     yields = MEGA * np.array([0.0, material.yield_strength])
     ax.plot(yields, yields[::-1], color="0.75", linewidth=2.5, label="yield in the first cycle")
-    at = MEGA * np.array([margins.mean, margins.amplitude])
-    ax.plot(*at[:, seen], "o", color="0.3", markersize=4, label="points")
-    if not seen.all():
-        ax.plot(*at[:, ~seen], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
-    _star(ax, at[0, i], at[1, i], "critical")
+    points = MEGA * np.array([margins.mean, margins.amplitude])
+    ax.plot(*points[:, counted], "o", color="0.3", markersize=4, label="points")
+    if not counted.all():
+        ax.plot(*points[:, ~counted], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
+    _star(ax, points[0, i], points[1, i], "critical")
     top = MEGA * max(material.endurance_limit, float(margins.amplitude.max()))
     ax.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"), ylim=(0.0, 1.15 * top),
            xlim=(MEGA * low, 1.02 * MEGA * right), title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
@@ -199,13 +193,13 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
 
 @picture(MarginCurve)
 def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") -> None:
-    """The margin over frequency, preload, speed or another quantity, 1 is the limit; the amplitude on an axis at the right.
+    """Plot the margin over frequency, preload or speed, with the limit 1, and the response amplitude on a second axis.
 
     Parameters
     ----------
     curve : MarginCurve
     ax : matplotlib axes, optional
-        Several curves in the same axes differ by lightness, line and marker, and have no amplitudes but those of the first.
+        Several curves in the same axes differ by lightness, line and marker; only the first has its amplitude.
     label : str
         Name of the curve in the legend.
     """
@@ -219,37 +213,36 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
         _star(ax, curve.best_value, curve.best_margin, "best margin")
     if curve.in_time:
         preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
-        ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="of the highest blade in time")
+        ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="highest blade in time")
     if not drawn:
         ax.axhline(1.0, color="0.4", linewidth=1.0)
-        other = ax.twinx()
-        other.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
-        other.set(ylabel="Amplitude of the response, dash-dotted (m)", ylim=(0.0, None))
-        other.grid(False)
+        right = ax.twinx()
+        right.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
+        right.set(ylabel="Response amplitude, dash-dotted (m)", ylim=(0.0, None))
+        right.grid(False)
 
 
 @draws(Margins, "plot_critical")
 def plot_critical(margins: Margins, model: Model) -> Axes:
-    """The points on the surface of their body: lighter where the factor is larger, a star at the critical one.
+    """Plot the stress points on the surface of their body: the lighter, the larger the safety factor; a star at the
+    critical one.
 
     Parameters
     ----------
     margins : Margins
     model : Model
-        With the surface of the body.
+        Model with the surface of the body.
     """
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
     meshes = [model.meshes[body] for body in bodies if body in model.meshes]
-    validation.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
+    validation.require(meshes, "model", f"a mesh of {bodies or 'the body of the points'}", "none")
     i = margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"
     axes = plot_surfaces([(mesh.points, mesh.quads, "#e4e4e4") for mesh in meshes], title=title)
-    at = seen(margins.points)[:, :2]
+    x, y, _ = seen(margins.points).T
     counted = margins.counted & (np.arange(len(margins)) != i)
     factor = np.log10(np.maximum(margins.factor[counted], 1e-3))
-    axes.scatter(
-        at[counted, 0], at[counted, 1], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black"
-    )
-    axes.scatter(at[i, 0], at[i, 1], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
+    axes.scatter(x[counted], y[counted], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black")
+    axes.scatter(x[i], y[i], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
     return axes

@@ -1,10 +1,7 @@
-"""Design studies, and what settings change: sweeps, samples, advice, accuracy over time.
+"""Plots of sweeps, uncertainty, effects, convergence, fits, nonlinear modes and flutter.
 
-Columns of a result over another column, with labels and units by their annotated types (:mod:`bdamper.util.tables`).
-
-Fits of measured responses and loops.
-
-Nonlinear modes and limit cycles: frequency and damping over amplitude.
+:func:`draw_table` plots one column of a result over another one, with labels and units from their annotated types
+(:mod:`bdamper.util.tables`).
 """
 
 from __future__ import annotations
@@ -31,24 +28,23 @@ from bdamper.util.errors import SettingError
 from bdamper.util.formatting import UNITS, amount, percent, spaced
 from bdamper.util.tables import FEW_ROWS, Tabular, label, quantities
 
-# ---- Design studies, and what settings change ----
-
+# ---- Design studies ----
 
 MAIN = ("amplitude", "optimum_amplitude")
-"""Answers of a sweep that are drawn unless others are asked for."""
+"""Quantities of a sweep that are plotted by default."""
 _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
           "slip": "share of slip", "open": "share of separation"}  # fmt: skip
 
 
 def _with_unit(name: str) -> str:
-    """Label of an axis for a setting or an answer of a sweep."""
+    """Return the axis label of a setting or a quantity of a sweep."""
     words = _WORDS.get(name, spaced(name))
     return words[:1].upper() + words[1:] + (f" ({UNITS[name]})" if name in UNITS else "")
 
 
 @picture(SweepResult)
 def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW) -> None:
-    """One answer of a sweep over its last setting, a line for each combination of the others.
+    """Plot a quantity of a sweep over its last setting, with a line for each combination of the other settings.
 
     Points without a value are crosses at the lower edge, in the colour of their line.
 
@@ -56,20 +52,20 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     ----------
     result : SweepResult
     quantity : str, optional
-        By default the amplitude, that of the optimum, or else the first answer.
+        By default the amplitude, the amplitude of the optimum, or the first quantity of the sweep.
     """
     quantity = quantity or next((q for q in (*MAIN, *result.quantities) if q in result.quantities), MAIN[0])
     values = result.array(quantity)
     if values.ndim != len(result.shape) or values.dtype.kind != "f":
-        raise SettingError(f"quantity: expected one number for each point, found '{quantity}' of shape {values.shape}")
+        raise SettingError(f"quantity must have one number for each point, '{quantity}' has the shape {values.shape}")
     name, last = result.names[-1], result.shape[-1]
     x = [point[name] for point in result.points[:last]]
     numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
-    places = np.array(x if numeric else [str(value) for value in x])
+    across = np.array(x if numeric else [str(value) for value in x])
     rows = values.reshape(-1, last)
     for others, row, look in zip(result.points[::last], rows, looks(len(rows))):
-        ax.plot(places, row, **look, label=as_words({key: others[key] for key in result.names[:-1]}) or None)
-        lost(ax, places[~np.isfinite(row)], look["color"], "no value")
+        ax.plot(across, row, **look, label=as_words({key: others[key] for key in result.names[:-1]}) or None)
+        lost(ax, across[~np.isfinite(row)], look["color"], "no value")
     if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
         ax.set_xscale("log")
     ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
@@ -77,7 +73,7 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
 
 @picture(OptimalCurveUncertainty)
 def plot_optimal_curve_uncertainty(result: OptimalCurveUncertainty, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
-    """Percentile bands of optimal curves over the preload.
+    """Plot percentile bands of optimal curves over the preload.
 
     Parameters
     ----------
@@ -94,35 +90,34 @@ def plot_optimal_curve_uncertainty(result: OptimalCurveUncertainty, ax: Axes = N
 
 @picture(EffectSignificance, legend=None)
 def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None:
-    """Bars of the changes that leaving out single effects makes to a peak.
+    """Plot the change of a peak without each effect as bars.
 
-    Changes of amplitude and frequency in per cent, on a scale that is linear within the tolerance and logarithmic beyond;
-    names of effects that may be left out together are grey, the tolerance is a grey band, thin lines show what an estimate
-    may miss, and a change that is not known is no bar.
+    Changes of amplitude and frequency are in per cent, on a scale that is linear within the tolerance and logarithmic
+    beyond.  The tolerance is a grey band.  Names of effects that may be left out together are grey.  Thin lines show the
+    uncertainty of estimates; an unknown change has no bar.
     """
     effects = advice.effects[::-1]
-    place, tolerance = np.arange(len(effects)), 100.0 * advice.tolerance
-    missed = np.array([100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects])
+    rows, tolerance = np.arange(len(effects)), 100.0 * advice.tolerance
+    uncertainty = np.array([100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects])
     handles: list[Any] = []
     for name, offset, colour in zip(("amplitude", "frequency"), (0.2, -0.2), colours(2)):
         change = 100.0 * np.nan_to_num(np.array([getattr(e, f"{name}_change") for e in effects], float))
         look = {"facecolor": colour, "edgecolor": "k", "linewidth": 0.4, "label": name}
-        handles.append(ax.barh(place + offset, change, 0.38, **look))
-        ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
+        handles.append(ax.barh(rows + offset, change, 0.38, **look))
+        ax.hlines(rows + offset, change - uncertainty, change + uncertainty, color="k", linewidth=0.6)
     handles.append(ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"))
     ax.set_xscale("symlog", linthresh=tolerance)
     numbers = [n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < np.abs(ax.get_xlim()).max()]
     ax.set_xticks([*(-n for n in reversed(numbers)), -tolerance, 0.0, tolerance, *numbers], minor=False)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
-    ax.set_yticks(place, [e.name for e in effects])
-    left_out = "0.55"  # colour of the name of an effect that may be left out
-    for y, e, text in zip(place, effects, ax.get_yticklabels()):
-        text.set_color("k" if e.significant else left_out)
+    ax.set_yticks(rows, [e.name for e in effects])
+    for y, e, text in zip(rows, effects, ax.get_yticklabels()):
+        text.set_color("k" if e.significant else "0.55")
         if e.source == "unknown":
-            ax.text(0.1 * tolerance, float(y), "not known", va="center", fontsize=7.0)
+            ax.text(0.1 * tolerance, float(y), "unknown", va="center", fontsize=7.0)
     ax.axvline(0.0, color="k", linewidth=0.6)
-    for significant, said in ((True, "black names: needed"), (False, "grey: all together\nmay be left out")):
-        handles += [Patch(alpha=0.0, label=said)] * any(e.significant == significant for e in effects)
+    for significant, name in ((True, "black names: needed"), (False, "grey: may be left\nout together")):
+        handles += [Patch(alpha=0.0, label=name)] * any(e.significant == significant for e in effects)
     title = f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}"
     ax.set(xlabel="Change of the peak without the effect (%)", title=title)
     legend_beside(ax, handles=handles)
@@ -130,19 +125,19 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
 
 @picture(Convergence)
 def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
-    """Amplitude of a peak over the number of harmonics.
+    """Plot the amplitude of a peak over the number of harmonics.
 
-    The answer is a filled point, the range of the settled peaks a grey band.  Ticks at the upper edge mark harmonics that
-    are near a mode of the structure with stuck contacts.
+    The filled point is the result, the grey band the range of the settled peaks.  Ticks at the upper edge mark harmonics
+    near a mode of the structure with stuck contacts.
     """
     harmonics, amplitude = np.array([(p.harmonics, p.amplitude) for p in convergence.peaks]).T
     low, high = convergence.range
     ax.axhspan(low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
     ax.plot(harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label="amplitude")
-    ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="answer")
-    met = [m.harmonic for m in convergence.internal_resonances if m.harmonic <= harmonics[-1]]
-    if met:
-        ax.plot(met, [0.985] * len(met), "|", color="k", transform=ax.get_xaxis_transform(), label="near a stuck mode")
+    ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="result")
+    near = [m.harmonic for m in convergence.internal_resonances if m.harmonic <= harmonics[-1]]
+    if near:
+        ax.plot(near, [0.985] * len(near), "|", color="k", transform=ax.get_xaxis_transform(), label="near a stuck mode")
     ax.set(xlabel="Highest harmonic", ylabel="Resonance amplitude (m)", xticks=harmonics)
     state = "converged" if convergence.converged else "not converged"
     ax.set_title(f"preload {amount(convergence.preload, 'N')}, {state} to {percent(convergence.tolerance)}")
@@ -151,62 +146,61 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
 
 @picture(AccuracyCost, size=(5.2, 4.2), legend=None)
 def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> None:
-    """Error over time of settings, one at a time below the richest and combined.
+    """Plot the error over processor time for different settings.
 
-    A point for each run, with its value where it is poorer than the reference, the richest, in one setting alone.  The
-    time of the reference is a vertical line, since its error is not known; what is not known is a cross at the upper edge,
-    what is equal to the reference a triangle at the lower edge.
+    Each run is a point.  Runs that differ from the reference (the most detailed settings) in one setting are labelled with
+    its value.  The error of the reference is unknown, so a vertical line shows its time.  Crosses at the upper edge are
+    runs of unknown error, triangles at the lower edge runs without a difference from the reference.
 
     Parameters
     ----------
     result : AccuracyCost
     of : str
-        What the error is of.
+        Quantity whose error is plotted.
     """
     best, names, richest = result.recommended, result.varied, result.richest
     points = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
     points[COMBINED] = {"color": "k", "marker": "*", "markersize": 9.0}
-    equal = 1e-12  # relative difference below which two answers are the same
+    equal = 1e-12  # relative difference below which two results are equal
     within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
     for r in result.runs[1:]:
         k = names.index(r.part) if r.part in names else -1
         name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
         look = points.get(r.part, points[COMBINED])
         ax.plot([], [], linestyle="none", label=once(ax, name), **look)
-        place, y = ax.transData, 100.0 * r.error
+        coordinates, y = ax.transData, 100.0 * r.error
         if not r.error > equal:
-            known = bool(np.isfinite(r.error))
-            place, y, look = ax.get_xaxis_transform(), 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
-        ax.plot(r.seconds, y, transform=place, **look)
+            known, coordinates = bool(np.isfinite(r.error)), ax.get_xaxis_transform()
+            y, look = 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
+        ax.plot(r.seconds, y, transform=coordinates, **look)
         if k >= 0:
-            ax.annotate(r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=place, xytext=(5, 3),
+            ax.annotate(r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=coordinates, xytext=(5, 3),
                         textcoords="offset points", fontsize=6.5)  # fmt: skip
         if r is best:
             values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
-            ax.plot(r.seconds, y, "ok", transform=place, markerfacecolor="none", markersize=12.0,
+            ax.plot(r.seconds, y, "ok", transform=coordinates, markerfacecolor="none", markersize=12.0,
                     label=f"fastest within {within}:\n{values}")  # fmt: skip
     ax.axvline(richest.seconds, linestyle="-.", label="time of the reference", **line)
     ax.axhline(100.0 * result.tolerance, label=f"tolerance, {within}", **line)
     ratio, others = richest.seconds / (best.seconds or np.nan), ", ".join(spaced(name) for name in names)
-    found = "none is faster" if best is richest else f"{ratio:.2g} times faster than the reference"
-    title = f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\nwithin {within}: {found}"
+    speed = "none is faster" if best is richest else f"{ratio:.2g} times faster than the reference"
+    title = f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\nwithin {within}: {speed}"
     ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)", title=title)
     ax.margins(x=0.12, y=0.12)  # for the names
     ax.legend(fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
-# ---- Columns of a result over another column, with labels and units by their annotated types ( ----
-
+# ---- Columns of a result ----
 
 LOGARITHMIC = ("N", "m", "J")
-"""Units of which axes are logarithmic where the values are positive and the largest is more than five times the least."""
+"""Units with a logarithmic axis, if values are positive and the ratio of the largest to the smallest exceeds five."""
 
 
 def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(None), **style: Any) -> None:
-    """Draw a field or property of a result over another one.
+    """Plot a field or property of a result over another one.
 
-    Axes that have labels keep them.  No line leads from one branch to another, and a value between two that are not known
-    is a point.  A ratio is shown in per cent.
+    Existing axis labels are not changed.  Lines do not connect branches.  A known value between two unknown ones is a
+    point.  Ratios are in per cent.
 
     Parameters
     ----------
@@ -214,21 +208,20 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
     table : Tabular
     x, y : str
     rows : index
-        Of those that are drawn.
+        Rows to plot.
     style
-        Of the line, as matplotlib's ``plot`` takes it.
+        Line options of matplotlib's ``plot``.
     """
     values = {name: (100.0 if name.endswith("ratio") else 1.0) * np.array(getattr(table, name), float) for name in (x, y)}
     branch = np.broadcast_to(getattr(table, "branch", 0), values[x].shape)[rows]
-    apart = np.flatnonzero(np.diff(branch)) + 1
-    across, up = (np.insert(column[rows], apart, np.nan) for column in values.values())
+    breaks = np.flatnonzero(np.diff(branch)) + 1
+    across, up = (np.insert(column[rows], breaks, np.nan) for column in values.values())
     look = {"color": "0.1", "marker": "o" if len(across) <= FEW_ROWS else "", "markersize": 3.5, **style}
     ax.plot(across, up, **look)
-    known = np.isfinite(across + up)
-    beside = np.concatenate([[False], known, [False]])
-    alone = known & ~beside[:-2] & ~beside[2:]
-    if alone.any() and not look["marker"]:
-        ax.plot(across[alone], up[alone], ".", color=look["color"])
+    known = np.pad(np.isfinite(across + up), 1)
+    single = known[1:-1] & ~known[:-2] & ~known[2:]
+    if single.any() and not look["marker"]:
+        ax.plot(across[single], up[single], ".", color=look["color"])
     kind: Any = type(table)
     for name, axis, scale in ((x, ax.xaxis, ax.set_xscale), (y, ax.yaxis, ax.set_yscale)):
         if not axis.get_label_text():
@@ -239,14 +232,13 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
             scale("log")
 
 
-# ---- Fits of measured responses and loops ----
-
+# ---- Fits ----
 
 @picture(Fitted, size=(6.0, 5.2), rows=2)
 def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
-    """Measured amplitudes with those of the model, and below them the residuals in units of the noise.
+    """Plot measured and computed amplitudes, and below them the residuals in units of the noise.
 
-    Grey between -2 and 2 in the lower picture: where 95 % of the points lie if the model is right.
+    If the model is right, 95 % of the residuals lie in the grey band from -2 to 2.
 
     Parameters
     ----------
@@ -264,31 +256,31 @@ def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
     below.axhspan(-2.0, 2.0, color="0.9", zorder=0)
     above.plot([], [], color="k", label="model")
     above.set(yscale="log", ylabel="Response amplitude (m)")
-    below.set(xlabel="Frequency (Hz)", ylabel="Residual of the amplitude\nover the noise")
+    below.set(xlabel="Frequency (Hz)", ylabel="Residual of the amplitude\n/ noise")
 
 
 @picture(Fitted, "information", size=(5.6, 3.2))
 def plot_information(result: Fitted, ax: Axes = NEW) -> None:
-    """Shares of the tests in the information about each parameter.
+    """Plot the share of each test in the information about each parameter.
 
     Parameters
     ----------
     result : Fitted
     """
-    place, left = np.arange(len(result.names))[::-1], np.zeros(len(result.names))
+    rows, left = np.arange(len(result.names))[::-1], np.zeros(len(result.names))
     hatches = ("", "//", "..", "xx", "\\\\")
     for t, (colour, name) in enumerate(zip(colours(len(result.tests)), result.tests)):
         share = 100.0 * result.information[:, t]
         look = {"facecolor": colour, "edgecolor": "w", "linewidth": 0.5, "hatch": hatches[t % len(hatches)]}
-        ax.barh(place, share, left=left, label=name, **look)
+        ax.barh(rows, share, left=left, label=name, **look)
         left = left + share
-    ax.set_yticks(place, [spaced(name) for name in result.names])
-    ax.set(xlabel="Share of what is known of the parameter (%)", xlim=(0.0, 100.0))
+    ax.set_yticks(rows, [spaced(name) for name in result.names])
+    ax.set(xlabel="Share of the information about the parameter (%)", xlim=(0.0, 100.0))
 
 
 @picture(FittedLoop, size=(4.4, 3.6))
 def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
-    """Measured force over displacement with the loop of the sliders that was found.
+    """Plot a measured loop of force over displacement with the fitted loop of the sliders.
 
     Parameters
     ----------
@@ -301,18 +293,17 @@ def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
 
 # ---- Nonlinear modes and limit cycles ----
 
-
 @picture(NonlinearMode, size=(5.6, 4.8), rows=2)
 def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) -> None:
-    """Frequency and damping of a nonlinear mode over the amplitude of the response, in two axes.
+    """Plot frequency and damping ratio of a nonlinear mode over the amplitude of the response, in two axes.
 
-    Circles are folds, where the amplitude turns; lines are dashed where the motion is no longer that of the mode.
+    Circles are folds of the amplitude.  Lines are dashed where the motion no longer resembles the mode.
 
     Parameters
     ----------
     mode : NonlinearMode
     style
-        Of the lines, as matplotlib's ``plot`` takes it.
+        Line options of matplotlib's ``plot``.
     """
     folds: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "k", "markersize": 3.0, "markerfacecolor": "w"}
     for axes, name in zip(ax, ("frequency", "damping_ratio")):
@@ -325,15 +316,15 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) ->
 
 @picture(Flutter)
 def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
-    """Limit cycles over the preload: filled where they are stable, open where starts beyond them grow.
+    """Plot limit cycles over the preload: filled if stable, open if unstable.
 
-    Crosses at the lower edge: rest is unstable there.
+    Crosses at the lower edge mark preloads where the state at rest is unstable.
     """
     diameters, cycle, stable = np.unique(flutter.nodal_diameter), flutter.amplitude > 0.0, flutter.stable
     for d, look in zip(diameters, looks(len(diameters))):
-        own = flutter.nodal_diameter == d
-        for part, face, what in ((cycle & stable, look["color"], "stable"), (cycle & ~stable, "w", "unstable")):
-            look |= {"linestyle": "", "markerfacecolor": face, "label": f"{what}, nodal diameter {d}"}
-            draw_table(ax, flutter, "preload", "amplitude", rows=own & part, **look)
-        lost(ax, flutter.preload[own & ~cycle & ~stable], look["color"], "rest unstable", 4.0)
+        at_d = flutter.nodal_diameter == d
+        for part, face, name in ((cycle & stable, look["color"], "stable"), (cycle & ~stable, "w", "unstable")):
+            look |= {"linestyle": "", "markerfacecolor": face, "label": f"{name}, nodal diameter {d}"}
+            draw_table(ax, flutter, "preload", "amplitude", rows=at_d & part, **look)
+        lost(ax, flutter.preload[at_d & ~cycle & ~stable], look["color"], "unstable at rest", 4.0)
     ax.set(yscale="log", xscale="log" if flutter.preload.min() > 0.0 else "linear")

@@ -1,4 +1,4 @@
-"""Whole wheels: deviations and amplitudes of the blades, envelopes, statistics of many wheels."""
+"""Plots of mistuned bladed disks: deviations and amplitudes of the blades, and statistics of samples."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from bdamper.util.formatting import amount
 from bdamper.util.tables import label
 
 PERCENTILES = (50.0, 95.0)
-_FACTOR = "Amplification of the worst blade"
+_FACTOR = "Amplification of the highest blade"
 
 
 @picture(Mistuning)
 def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
-    """Bars of the frequency deviation of every blade, side by side where its modes differ."""
+    """Plot the frequency deviation of every blade as bars, side by side for several modes."""
     values = 100.0 * mistuning.deviation.reshape(mistuning.n_blades, -1)
     n = values.shape[1]
     for k, (column, colour) in enumerate(zip(values.T, colours(n))):
@@ -42,18 +42,19 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
 
 @picture()
 def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
-    """Amplitude of every blade over frequency as a map, light where it is high.
+    """Plot a map of the amplitude of every blade over frequency.
 
-    Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
+    If there are several solutions at a frequency, the one with the highest blade is shown.  A circle marks the highest
+    point.
 
     Parameters
     ----------
     curve : ResponseCurve
-        As ``BladedDisk.frequency_response`` returns it.
+        Result of ``BladedDisk.frequency_response``.
     """
     response = validation.instance("curve", curve, ResponseCurve).blades
     if response is None:
-        raise validation.unfit("curve", "a curve of BladedDisk.track", curve)
+        raise validation.unfit("curve", "a result of BladedDisk.frequency_response", curve)
     top, blades = curve.peak, np.abs(response[..., 1])
     frequency = np.linspace(curve.frequency.min(), curve.frequency.max(), 400)
     amplitude, _ = highest_on(frequency, curve.frequency, blades, curve.branch)
@@ -68,42 +69,43 @@ def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
 
 
 def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
-    """A bar for each blade, that of one of them dark."""
-    shade = np.where(np.arange(len(heights)) == blade, "0.15", "0.65")
-    ax.bar(np.arange(len(heights)), heights, color=shade, edgecolor="k", linewidth=0.3, **look)
+    """Plot a bar for each blade, with one blade dark."""
+    numbers = np.arange(len(heights))
+    ax.bar(numbers, heights, color=np.where(numbers == blade, "0.15", "0.65"), edgecolor="k", linewidth=0.3, **look)
     ax.set(xlabel="Blade", ylabel="Amplitude (m)")
 
 
 @picture(WheelPeak)
 def plot_wheel_peak(peak: WheelPeak, ax: Axes = NEW) -> None:
-    """Bars of the amplitudes of all blades at the highest peak, the tuned peak as a line, the highest blade dark."""
+    """Plot the amplitudes of all blades at the highest peak as bars, with the highest blade dark and the tuned peak as a
+    line."""
     if not peak.found:
-        raise BdamperError(f"picture of a peak: expected a converged one, found {peak.status} ({peak.reason})")
+        raise BdamperError(f"plot: needs a peak that was found, this one is {peak.status} ({peak.reason})")
     _bars(ax, peak.amplitudes, peak.blade)
     ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
-    known = "" if peak.converged else ", dampers held" if peak.springs else f", {peak.status}"
-    factor = f"amplification factor {peak.amplification:.3f}{known}"
+    warning = "" if peak.converged else ", dampers held" if peak.springs else f", {peak.status}"
+    factor = f"amplification factor {peak.amplification:.3f}{warning}"
     ax.set_title(f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {factor}")
 
 
 @picture(TimeResponse)
 def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
-    """Bars of the mean amplitudes of all blades in time, with their ranges over the last periods; the highest is dark.
+    """Plot the mean amplitudes of all blades in time as bars with their ranges, with the highest blade dark.
 
-    The peak of the harmonic balance is a line.  One motion is drawn as the amplitude of each period, with mean and range of
-    the half that counts.
+    A line is the peak of the harmonic balance.  A result for one motion is plotted as the amplitude of each period, with
+    the mean and range of the second half.
     """
     if len(found.harmonics):
         _plot_periods(ax, found)
         return
     if not found.blades.size:
-        raise BdamperError(f"picture of a march: expected one in which blades were marched, found none ({found.status})")
+        raise BdamperError(f"plot: this result has no motion of blades in time ({found.status})")
     mean = found.blades.mean(axis=0)
     ends = [mean - found.blades.min(axis=0), found.blades.max(axis=0) - mean]
     _bars(ax, mean, found.blade, yerr=ends, capsize=2.0, ecolor="0.4")
     ax.axhline(found.balance, color="k", linewidth=1.0, label="harmonic balance")
-    none = "" if found.mean > 0.0 else ", no steady state near the peak"
-    title = f"{amount(found.preload, 'N')}, {found.frequency:.5g} Hz{none}"
+    warning = "" if found.mean > 0.0 else ", no steady state near the peak"
+    title = f"{amount(found.preload, 'N')}, {found.frequency:.5g} Hz{warning}"
     ax.set(ylabel="Amplitude in time, mean and range (m)", title=title)
 
 
@@ -121,43 +123,43 @@ def _plot_periods(ax: Axes, found: TimeResponse) -> None:
 
 @picture(WheelPeak, "plot_wheel", size=(5.6, 4.4))
 def plot_wheel(peak: WheelPeak, model: Model, ax: Axes = NEW) -> None:
-    """The wheel from the front, blades coloured by their amplitude at the highest peak; the number of the highest is bold.
+    """Plot the bladed disk from the front, blades coloured by their amplitude at the highest peak; bold number: the
+    highest.
 
     Parameters
     ----------
     peak : WheelPeak
     model : Model
-        Of the wheel, with a surface of the blade that carries mode shapes, the first of which spreads the amplitude over
-        each blade.
+        Model with a blade surface with mode shapes; the first one distributes the amplitude over each blade.
     """
     if not peak.found or len(peak.amplitudes) != model.n_blades:
         found = f"{peak.status}, {len(peak.response)} blades"
-        raise BdamperError(f"picture of a wheel: expected a converged peak of {model.n_blades} blades, found {found}")
-    body, d = shown_shapes(model, None, None, "picture of a wheel")
+        raise BdamperError(f"plot of a bladed disk: needs a peak of {model.n_blades} blades, found {found}")
+    body, d = shown_shapes(model, None, None, "plot of a bladed disk")
     mesh = model.meshes[body]
     shape = np.linalg.norm(np.abs(mesh.modes[d][..., 0]), axis=1)[mesh.quads].mean(axis=1)
     turns = [turn(2.0 * np.pi * k / model.n_blades) for k in range(model.n_blades)]
     faces = np.concatenate([(mesh.points @ t.T)[mesh.quads] for t in turns])
-    front = np.argsort(faces[..., 2].mean(axis=1))
-    seen = PolyCollection(list(faces[front, :, :2]), cmap="viridis", edgecolors="face", linewidths=0.3, rasterized=True)
-    seen.set_array(np.outer(peak.amplitudes, shape / shape.max()).ravel()[front])
-    seen.set_clim(0.0, peak.amplitude)
-    ax.add_collection(seen)
-    reach = 1.07 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
+    order = np.argsort(faces[..., 2].mean(axis=1))
+    patches = PolyCollection(list(faces[order, :, :2]), cmap="viridis", edgecolors="face", linewidths=0.3, rasterized=True)
+    patches.set_array(np.outer(peak.amplitudes, shape / shape.max()).ravel()[order])
+    patches.set_clim(0.0, peak.amplitude)
+    ax.add_collection(patches)
+    radius = 1.07 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
     for k in {*range(0, model.n_blades, 10), peak.blade}:
-        x, y = reach * (turns[k] @ [0.0, 1.0, 0.0])[:2]
+        x, y = radius * (turns[k] @ [0.0, 1.0, 0.0])[:2]
         weight = "bold" if k == peak.blade else "normal"
         ax.text(x, y, str(k), ha="center", va="center", fontsize=7.0, weight=weight, clip_on=False)
     top = f"blade {peak.blade} highest, {amount(peak.amplitude, 'm')}"
-    ax.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+    ax.set(aspect="equal", xlim=(-radius, radius), ylim=(-radius, radius))
     ax.set_title(f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {top}")
     ax.set_axis_off()
-    ax.figure.colorbar(seen, ax=ax, label="Amplitude (m)", shrink=0.8)
+    ax.figure.colorbar(patches, ax=ax, label="Amplitude (m)", shrink=0.8)
 
 
 def _of(sample: MistunedSample, i: int, n: int) -> str:
-    """What a picture of some wheels of one standard deviation is of."""
-    return f"{n} wheels, blade frequencies {100.0 * sample.standard_deviation[i]:g} % (standard deviation)"
+    """Return a title with the number of disks and their standard deviation."""
+    return f"{n} bladed disks, standard deviation of blade frequencies {100.0 * sample.standard_deviation[i]:g} %"
 
 
 @picture(MistunedSample)
@@ -165,20 +167,22 @@ def plot_sample(
     sample: MistunedSample, over: str | None = None, ax: Axes = NEW, *, quantity: str = "amplification",
     standard_deviation: float | None = None, percentiles: Sequence[float] = PERCENTILES,
 ) -> None:  # fmt: skip
-    """Percentiles of the worst blade over the standard deviation of mistuning, a colour for each preload, or over this.
+    """Plot percentiles of the highest blade over the standard deviation of mistuning, or over the preload.
 
-    Bands are intervals of 95 % with the errors of the peaks, of the last percentile where there are several colours; they
-    end where the sample does not bound them.  Over the preload stars mark the least value of each line among those asked.
+    Over the standard deviation each preload has a colour.
+
+    Bands are 95 % confidence intervals with the errors of the peaks, for the last percentile if there are several colours.
+    They end where the sample does not bound them.  Over the preload, stars mark the smallest value of each line.
 
     Parameters
     ----------
     sample : MistunedSample
     over : {"standard_deviation", "preload"}, optional
-        The preload by default where the sample has one standard deviation.
+        By default the preload if the sample has one standard deviation.
     quantity : {"amplification", "amplitude"}
-        Amplification factor, or resonance amplitude beside that of the tuned wheel.
+        Amplification factor, or resonance amplitude together with the tuned amplitude.
     standard_deviation : float, optional
-        Of a picture over the preload; the last one by default.
+        For a plot over the preload; the last one by default.
     percentiles : sequence of float
         Up to six.
     """
@@ -187,11 +191,11 @@ def plot_sample(
     relative = validation.choice("quantity", quantity, ("amplification", "amplitude")) == "amplification"
     i, _ = sample.cell(standard_deviation, None)
     order = np.argsort(sample.preload)
-    found = np.array([sample.percentile(q, quantity)[..., order] for q in percentiles])
+    values = np.array([sample.percentile(q, quantity)[..., order] for q in percentiles])
     preload = sample.preload[order]
-    x, lines, names = 100.0 * sample.standard_deviation, found.swapaxes(2, 3), [amount(p, "N") for p in preload.tolist()]
+    x, lines, names = 100.0 * sample.standard_deviation, values.swapaxes(2, 3), [amount(p, "N") for p in preload.tolist()]
     if preloads:
-        x, lines, names = preload, found[:, :, [i]], [""]
+        x, lines, names = preload, values[:, :, [i]], [""]
     for k, (name, look) in enumerate(zip(names, looks(len(names)))):
         for q, (low, value, high), style in zip(percentiles, lines[:, :, k], STYLES):
             ax.plot(x, value, **{**look, "linestyle": style})
@@ -203,16 +207,16 @@ def plot_sample(
                 ax.plot(x[best], value[best], "*", color=look["color"], markersize=9.0)
         ax.plot([], [], **{**look, "linestyle": ""}, label=name or None)
     for q, dashes in zip(percentiles, STYLES):
-        ax.plot([], [], color="0.3", linestyle=dashes, label=f"at most, in {q:g} % of wheels")
+        ax.plot([], [], color="0.3", linestyle=dashes, label=f"{q:g} % of disks are below")
     if sample.held:
         ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
     if preloads:
         tuned = sample.tuned_amplitude[order] / (sample.tuned_amplitude[order] if relative else 1.0)
-        limit_line(ax, "tuned wheel", x, tuned, x[-1])
+        limit_line(ax, "tuned disk", x, tuned, x[-1])
     across = label(MistunedSample, "preload") if preloads else "Standard deviation of blade frequencies (%)"
     ax.set(xlabel=across, ylabel=_FACTOR if relative else label(MistunedSample, "amplitude"))
     ax.set(xscale="log" if preloads else "linear", yscale="linear" if relative else "log")
-    ax.set_title(_of(sample, i, len(sample)) if preloads else f"{len(sample)} wheels")
+    ax.set_title(_of(sample, i, len(sample)) if preloads else f"{len(sample)} bladed disks")
 
 
 @picture(MistunedSample, "plot_tail")
@@ -220,34 +224,34 @@ def plot_sample_tail(
     sample: MistunedSample, standard_deviation: float | None = None, preload: float | None = None, ax: Axes = NEW,
     *, tail: float = 0.5,
 ) -> None:  # fmt: skip
-    """Histogram of the amplification factors of one cell, with the Weibull distribution fitted to its tail.
+    """Plot a histogram of the amplification factors of one cell, with the Weibull distribution fitted to its tail.
 
-    The 95th percentile has its confidence interval with the errors of the peaks, to the edge where the sample does not
+    The 95th percentile has its confidence interval with the errors of the peaks, drawn to the edge if the sample does not
     bound it.
 
     Parameters
     ----------
     sample : MistunedSample
     standard_deviation, preload : float, optional
-        Of the cell; the last ones by default.
+        The cell; the last ones by default.
     tail : float
-        Share of the wheels that the fit sees.
+        Fraction of the disks in the fit.
     """
     i, j = sample.cell(standard_deviation, preload)
     x = sample.amplification[:, i, j]
     x = x[np.isfinite(x)]
     fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
-    _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
-    at = np.linspace(fit.threshold, fit.percentile(100.0 - 2.0 / len(x)), 2000)
-    in_a_bar = len(x) * (edges[1] - edges[0])
-    bound = f"bound {fit.bound:.3g}" if fit.bound < 2.0 * at[-1] else "bound not seen"
-    ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, {bound}")
+    _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="bladed disks")
+    tail_x = np.linspace(fit.threshold, fit.percentile(100.0 - 2.0 / len(x)), 2000)
+    per_bar = len(x) * (edges[1] - edges[0])
+    bound = f"bound {fit.bound:.3g}" if fit.bound < 2.0 * tail_x[-1] else "no finite bound"
+    ax.plot(tail_x, per_bar * np.gradient(fit.cdf(tail_x), tail_x), color="k", label=f"Weibull tail, {bound}")
     low, value, high = sample.percentile(95.0)[:, i, j]
-    ax.axvline(value, color="0.45", linewidth=1.0, label=f"at most {value:.3g} in 95 % of wheels")
-    ends = max(low, x.min()), high if np.isfinite(high) else at[-1]
-    ax.axvspan(*ends, color="k", alpha=0.1, linewidth=0.0, label="interval of 95 %, with errors")
+    ax.axvline(value, color="0.45", linewidth=1.0, label=f"95 % of disks are below {value:.3g}")
+    ends = max(low, x.min()), high if np.isfinite(high) else tail_x[-1]
+    ax.axvspan(*ends, color="k", alpha=0.1, linewidth=0.0, label="its 95 % interval, with errors")
     ax.locator_params(axis="y", integer=True)
-    ax.set(xlabel=_FACTOR, ylabel="Number of wheels")
+    ax.set(xlabel=_FACTOR, ylabel="Number of bladed disks")
     ax.set_title(f"{_of(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}")
 
 
