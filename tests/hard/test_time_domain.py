@@ -161,7 +161,7 @@ def test_a_march_that_fails_is_no_response(monkeypatch):
         lambda: march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
     ):
         fails_after(monkeypatch, 20)
-        with pytest.raises(MarchFailed, match="the march fails near "):
+        with pytest.raises(MarchFailed, match="the time integration fails near "):
             ask()
         monkeypatch.undo()
 

@@ -117,7 +117,7 @@ def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
 
 def test_a_march_that_fails_is_no_sweep(linear, monkeypatch):
     fails_after(monkeypatch, 4)
-    with pytest.raises(MarchFailed, match="the march fails near "):
+    with pytest.raises(MarchFailed, match="the time integration fails near "):
         linear.frequency_sweep(0.0, BAND, rate=usual(1.0))
 
 

@@ -29,7 +29,7 @@ from bdamper.fatigue.margin import LeastMargin, MarginCurve
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking
 from bdamper.response import response_curve as tracking
-from bdamper.response.minimum_search import Place, least
+from bdamper.response.minimum_search import Sample, find_minimum
 from bdamper.response.optimal_curve import Curves, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
@@ -350,23 +350,23 @@ def best_margin(
     found = judge.along(problem, curve)
     low, high = curve.settings["frequency"]
 
-    def place(peak: Peak, p: float) -> Place:
+    def place(peak: Peak, p: float) -> Sample:
         """Of ln(preload) and less ln(margin), which is no number where the margin is none."""
         system, beside = problem.system, (p * (1.0 - BESIDE), p * (1.0 + BESIDE))
         along: dict[str, Any] = {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
         near = [find_peak(system(q), peak.y, parameter=q, **along) for q in beside]
         here = _height(judge, problem, peak, p)
         ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
-        return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(beside[1] / beside[0])))
+        return Sample(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(beside[1] / beside[0])))
 
-    def ask(places: Sequence[float]) -> list[Place]:
+    def ask(places: Sequence[float]) -> list[Sample]:
         followed = curves.follow([float(np.exp(x)) for x in places])
-        return [place(t.top.peak, t.preload) if t.known and t.top else Place(x, np.inf) for x, t in zip(places, followed)]
+        return [place(t.top.peak, t.preload) if t.known and t.top else Sample(x, np.inf) for x, t in zip(places, followed)]
 
     with Curves(problem, (low, high)) as curves:
         rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
-        places = [place(_peak(problem, curve, k), p) if is_known else Place(np.log(p), np.inf) for k, p, is_known in rows]
-        places, best = least(places, ask, lambda a, b, x: x)
+        places = [place(_peak(problem, curve, k), p) if is_known else Sample(np.log(p), np.inf) for k, p, is_known in rows]
+        places, best = find_minimum(places, ask, lambda a, b, x: x)
         kept = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
         peaks = [(p, there.top.peak) for p in kept for there in curves.follow([p]) if there.known and there.top]
         tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, kept[p].balance, rtol=1e-3, atol=0.0)]
