@@ -87,8 +87,8 @@ def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
     Residual modes are left out: they are the local elasticity in series with the contact elements.
     """
     basis = system.structure.bases[1]
-    own = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
-    return np.asarray(basis.G[..., own] @ system.layout.amplitudes(u, 1)[own])
+    of_bodies = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
+    return np.asarray(basis.G[..., of_bodies] @ system.layout.amplitudes(u, 1)[of_bodies])
 
 
 def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
@@ -135,13 +135,13 @@ def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[ND
 
 def _integrate_user_laws(system: Equations[Sector], X: NDArray, F: NDArray) -> None:
     """Integrate user-defined contact laws over the cycle until their state variables are periodic."""
-    own, memory = system.structure.points.own, system.structure.points.memory
-    assert own is not None and memory is not None
+    laws, memory = system.structure.points.own, system.structure.points.memory
+    assert laws is not None and memory is not None
     for _ in range(MOST_PERIODS):
         before = memory
         for k in range(X.shape[2]):
-            forces, _, memory = own.step(X[..., k], memory)
-            F[own.held, :, k] = forces[own.held]
+            forces, _, memory = laws.step(X[..., k], memory)
+            F[laws.held, :, k] = forces[laws.held]
         if (np.abs(memory - before) <= 1e-9 * np.abs(memory).max(axis=0)).all():
             break
 

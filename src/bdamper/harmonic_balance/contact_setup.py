@@ -176,17 +176,17 @@ def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] 
     shares : mapping of body name to float, optional
         Newtons on bodies per newton of preload.
     """
-    found = []
+    shares_carried = []
     for body in coupling.model.bodies.values():
         loaded = shares is None or shares.get(body.name, 0.0) > 0.0
         if body.load is None or not np.any(body.load.generalised) or not loaded:
             continue
-        omega2, kept = body.bases[0].omega2, coupling.modes[body.name]
+        omega2, retained = body.bases[0].omega2, coupling.modes[body.name]
         counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
         load = np.where(counts, body.load.generalised, 0.0)
-        found.append(float(np.linalg.norm(load[kept]) / np.linalg.norm(load)))
+        shares_carried.append(float(np.linalg.norm(load[retained]) / np.linalg.norm(load)))
     on_faces = any((settings.load_per_preload or {}).get(name, 0.0) > 0.0 for name in settings.constrained_faces)
-    return min(found, default=float(on_faces)) > SMALLEST_SHARE
+    return min(shares_carried, default=float(on_faces)) > SMALLEST_SHARE
 
 
 def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
@@ -273,11 +273,11 @@ def without_separation(
     keep = np.flatnonzero(closed | bonded | ~friction_points)
     held = np.flatnonzero(closed & friction_points & ~bonded)
     if constant_load:
-        kept = points.taken(keep)
+        closed_points = points.taken(keep)
         for i in np.flatnonzero(np.isin(keep, held)):
-            law = int(kept.law[i])
-            kept.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
-        return [replace(b, G=b.G[keep]) for b in bases], replace(kept, load=state.force[keep, 2])
+            law = int(closed_points.law[i])
+            closed_points.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
+        return [replace(b, G=b.G[keep]) for b in bases], replace(closed_points, load=state.force[keep, 2])
     source, added = np.concatenate([keep, held]), slice(len(keep), None)
     # sign of each motion component at the elements of the new system
     mask = np.ones((len(source), 3))

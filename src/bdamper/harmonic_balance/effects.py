@@ -53,8 +53,7 @@ class Effects:
     separation : bool
         Surfaces may open and close.  If off, friction points remain closed or open as in the static state.
     friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface name to these
-        "uncoupled": the tangential directions slip independently.  "coupled": the friction force lies in a disk; the law is
-        sampled in time.
+        "uncoupled": the tangential directions slip independently.  "coupled": friction force within a disk, sampled.
     rotation, translation : sequence of "X", "Y", "Z"
         Rigid-body motions of free bodies about and along their axes: Y along the load, Z along the axis of rotation.
     damper_modes : int or mapping of body name to int
@@ -101,12 +100,12 @@ class Effects:
     @classmethod
     def of(cls, problem: Any) -> Effects:
         """Return the effects that a study, a problem or settings include."""
-        own = getattr(problem, "settings", problem)
+        settings = getattr(problem, "settings", problem)
         return cls(
-            **{name: getattr(own, name) for name in AS_NAMED},
-            rotation=tuple(name[1] for name in own.rigid_modes if name[0] == "R"),
-            translation=tuple(name[1] for name in own.rigid_modes if name[0] == "T"),
-            harmonic_nodal_diameters=not own.fundamental_modes_only,
+            **{name: getattr(settings, name) for name in AS_NAMED},
+            rotation=tuple(name[1] for name in settings.rigid_modes if name[0] == "R"),
+            translation=tuple(name[1] for name in settings.rigid_modes if name[0] == "T"),
+            harmonic_nodal_diameters=not settings.fundamental_modes_only,
         )
 
     def settings(self) -> dict[str, Any]:
@@ -142,11 +141,11 @@ class Effects:
             if left != self.harmonic_numbers:
                 changed[key] = len(left) if left == tuple(range(1, len(left) + 1)) else left
         elif most.isdigit() and key in ("damper_modes", "blade_modes", "contact_points"):
-            own = getattr(self, key)
-            if isinstance(own, Mapping):
-                changed[key] = {body: min(count, int(most)) for body, count in own.items()}
+            present = getattr(self, key)
+            if isinstance(present, Mapping):
+                changed[key] = {body: min(count, int(most)) for body, count in present.items()}
             else:
-                changed[key] = min(int(most), own or int(most)) if key == "contact_points" else min(int(most), own)
+                changed[key] = min(int(most), present or int(most)) if key == "contact_points" else min(int(most), present)
         else:
             raise validation.unfit("effect", "the name of an effect that can be left out", name)
         return replace(self, **changed)
@@ -204,7 +203,7 @@ def _text(value: object) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {own}" for name, own in value.items())
+        return ", ".join(f"{name} {count}" for name, count in value.items())
     if isinstance(value, tuple):
         return " ".join(str(v) for v in value) or "off"
     return "all" if value is None else str(value)

@@ -105,8 +105,8 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
-            own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
-            problem = problem.replace(friction_coefficient=own)
+            coefficients = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
+            problem = problem.replace(friction_coefficient=coefficients)
         elif head in OF_LOAD and part:
             problem = problem.replace(**{head: {**problem.settings.given_loads(head), part: value}})
         elif head in FACTORS:
@@ -188,14 +188,14 @@ def denser(model: Model, factor: float, names: Sequence[str], whole: bool = Fals
             )
             for d, basis in body.bases.items()
         }
-        own: dict[str, Any] = {"bases": bases}
+        changed: dict[str, Any] = {"bases": bases}
         if body.load is not None:
-            own["load"] = replace(body.load, generalised=root * body.load.generalised)
+            changed["load"] = replace(body.load, generalised=root * body.load.generalised)
         if body.constant_force is not None:
-            own["constant_force"] = root * body.constant_force
+            changed["constant_force"] = root * body.constant_force
         if body.mass is not None and body.inertia is not None:
-            own |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
-        bodies[body.name] = replace(body, **own, local=None if whole else body.local)
+            changed |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
+        bodies[body.name] = replace(body, **changed, local=None if whole else body.local)
     return replace(model, bodies=bodies)
 
 
@@ -212,12 +212,12 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
     """
     expected = "a range in which contacts keep their residual modes"
     validation.require(basis.coordinates == reference.coordinates, "residual modes", expected, "one that changes them")
-    own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
-    if not len(own):
+    residual = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
+    if not len(residual):
         return basis
-    mass, G = basis.mass[own], basis.G.copy()
+    mass, G = basis.mass[residual], basis.G.copy()
     equal_mass = 1e-6  # relative difference of modal masses below which residual modes form one group
-    for group in np.split(own, np.flatnonzero(np.diff(mass) > equal_mass * mass.max()) + 1):
+    for group in np.split(residual, np.flatnonzero(np.diff(mass) > equal_mass * mass.max()) + 1):
         columns, target = (array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G))
         U, _, V = np.linalg.svd(columns.conj().T @ target)
         G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))

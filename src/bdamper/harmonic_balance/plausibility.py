@@ -26,9 +26,9 @@ def check_settings(problem: Problem) -> None:
     for owner, name, value, item in _given(problem):
         plausible_ranges.check(owner, name, value, sizes, item)
     settings = problem.settings
-    own, faces = settings.own_laws(), settings.friction_faces
+    user_laws, faces = settings.own_laws(), settings.friction_faces
     default = next(f.default for f in fields(settings) if f.name == "friction_coefficient")
-    unused = faces and len(own) == len(faces) and not sizes.lumped
+    unused = faces and len(user_laws) == len(faces) and not sizes.lumped
     if unused and settings.friction_coefficient is not default and settings.friction_coefficient != default:
         found = "one that no interface uses: parameters of the law suspected"
         implausible("friction_coefficient", "none, since every friction interface has a ContactLaw", found)
@@ -98,16 +98,16 @@ def check_interval(problem: Problem, frequency: tuple[float, float], preload: fl
     sector, springs = problem.sector(preload), (None, stuck_springs(problem, state))
     low, high = frequency
     _check_direction(problem, sector, frequency)
-    found = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
-    mistaken = [(w, k) for w, k in found if low < w < high]
-    if len({id(k) for _, k in mistaken}) < 2 and any(low < w / (2.0 * np.pi) < high for w, _ in found):
+    resonances = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
+    mistaken = [(w, k) for w, k in resonances if low < w < high]
+    if len({id(k) for _, k in mistaken}) < 2 and any(low < w / (2.0 * np.pi) < high for w, _ in resonances):
         return
 
     def strongest(resonances: list[tuple[float, NDArray | None]]) -> float:
         rows = sector.response_rows[1]
         return max((abs(sector.linear.response(w, k) @ rows) for w, k in resonances), default=0.0)
 
-    given = strongest([(w, k) for w, k in found if low < w / (2.0 * np.pi) < high])
+    given = strongest([(w, k) for w, k in resonances if low < w / (2.0 * np.pi) < high])
     # ratio of responses (read as rad/s over as given) above which rad/s is suspected; at least 333 for first modes of
     # blades under a tangential force at the tip
     weaker = 20.0

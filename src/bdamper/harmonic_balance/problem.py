@@ -61,9 +61,9 @@ def made_once(make: Callable[[Any], T]) -> cached_property[T]:
     """Return a cached property without the lock of Python 3.11, which all instances share and which would serialise
     threads.
     """
-    made = cached_property(make)
-    made.lock = nullcontext()  # type: ignore[attr-defined]
-    return made
+    prop = cached_property(make)
+    prop.lock = nullcontext()  # type: ignore[attr-defined]
+    return prop
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +141,8 @@ class Problem:
 
     def given(self, **parts: Any) -> Problem:
         """Return the same problem with the given derived quantities; others that exist are reused."""
-        made = {name: part for name, part in vars(self).items() if name not in ("settings", "_sectors")}
-        return Problem(self.settings, made | parts)
+        derived = {name: part for name, part in vars(self).items() if name not in ("settings", "_sectors")}
+        return Problem(self.settings, derived | parts)
 
     def with_effects(self, effects: Effects) -> Problem:
         """Return the same problem with other effects."""
@@ -167,9 +167,9 @@ class Problem:
             model = unite_contact_points(model, self.settings.contact_points)
         blade_modes = min(self.settings.blade_modes, self.settings.most_modes("constrained"))
         modes = blade_modes, self.settings.by_body("damper_modes"), self.settings.rigid_modes
-        model, kept = completed(model, self.settings.places, *modes)
+        model, retained = completed(model, self.settings.places, *modes)
         return Coupling(
-            model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.fundamental_modes_only
+            model, self.settings.interface_names(), retained, int(self.engine_order), self.settings.fundamental_modes_only
         )
 
     @made_once
@@ -189,8 +189,8 @@ class Problem:
         residual = self.contact.residual
         if residual is None:
             return basis
-        own = residual.basis(harmonic)
-        return joined(basis, replace(own, omega2=float(self.settings.contact_stiffness_factor) * own.omega2))
+        modes = residual.basis(harmonic)
+        return joined(basis, replace(modes, omega2=float(self.settings.contact_stiffness_factor) * modes.omega2))
 
     @made_once
     def modal_bases(self) -> list[HarmonicBasis]:
@@ -214,8 +214,8 @@ class Problem:
             basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.settings.damping_ratio, 0.0))
         if wave is not None and isinstance(flow := self.settings.aerodynamic_damping, Mapping):
             basis = in_flow(basis, self.model, flow, wave)
-        own = self._damper_drag
-        return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
+        drag = self._damper_drag
+        return replace(basis, drag=basis.drag + np.array([drag.get(c, 0.0) for c in basis.coordinates])) if drag else basis
 
     @made_once
     def _damper_drag(self) -> dict[Coordinate, float]:
@@ -254,24 +254,24 @@ class Problem:
     def stiffness(self) -> dict[str, ContactStiffness]:
         """Contact stiffness of each interface."""
         factor = float(self.settings.contact_stiffness_factor)
-        own = self.settings.own_laws()
+        user_laws = self.settings.own_laws()
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
         scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
-        made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
-        return made | {name: law.springs(len(made[name].stiffness), name) for name, law in own.items()}
+        springs = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
+        return springs | {name: law.springs(len(springs[name].stiffness), name) for name, law in user_laws.items()}
 
     @made_once
     def own_laws(self) -> OwnLaws | None:
         """User-defined contact laws at the points, or None."""
-        own = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
-        if not own:
+        user_laws = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
+        if not user_laws:
             return None
         basis = self.bases[1]
         G = basis.G.reshape(-1, basis.G.shape[-1])
         K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
         x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1))[0]).reshape(-1, 3)  # static response in stick
-        length = max(float(x[rows].max()) for rows, *_ in own)
-        return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
+        length = max(float(x[rows].max()) for rows, *_ in user_laws)
+        return OwnLaws.of(user_laws, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
 
     @made_once
     def point_stiffness(self) -> NDArray:
@@ -324,14 +324,14 @@ class Problem:
     @made_once
     def fixed_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) and motion (n_points, 3) outside the modes that are independent of the preload."""
-        own = self.settings.constant_loads or {}
-        force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in own.items()})
+        constant_loads = self.settings.constant_loads or {}
+        force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in constant_loads.items()})
         if self.settings.speed is not None and not centrifugal_arms(self.model):
             shift = shift + self.settings.speed**2 * self.coupling.closing_by_rotation()
         constant = self._padded(self.coupling.constant_force())
         loads = normal_loads(self.coupling, self.settings, "constant_loads")
-        beside = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
-        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, beside, "constant_loads")
+        touching = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
+        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, touching, "constant_loads")
         return constant + self._padded(force), shift
 
     def _padded(self, force: NDArray) -> NDArray:

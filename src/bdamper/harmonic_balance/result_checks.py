@@ -162,16 +162,16 @@ def problem_of(study: Asking | Problem) -> Problem:
     SettingError
         If the argument is neither.
     """
-    found: Any = getattr(study, "problem", study)
-    return validation.instance("study", found, Problem, "a Study")
+    problem: Any = getattr(study, "problem", study)
+    return validation.instance("study", problem, Problem, "a Study")
 
 
 def like(study: A, problem: Problem) -> A:
     """Return a problem in the type of the first argument: a study of the problem, or the problem."""
-    made: Any = problem
+    result: Any = problem
     if not isinstance(study, Problem):
-        made = study if problem is study.problem else study._with_problem(problem)
-    return made
+        result = study if problem is study.problem else study._with_problem(problem)
+    return result
 
 
 @overload

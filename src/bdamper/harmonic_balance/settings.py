@@ -198,10 +198,10 @@ class Settings:
 
     def _flow(self, given: complex | Mapping[int, complex]) -> dict[int, complex]:
         """Return the complex aerodynamic coefficient of each wave, 0 to n_blades - 1."""
-        own = given if isinstance(given, Mapping) else {self.engine_order: given}
+        by_diameter = given if isinstance(given, Mapping) else {self.engine_order: given}
         validation.require(self.most_modes("constrained"), "aerodynamic_damping", "None without a constrained body", given)
         out = {}
-        for d, value in own.items():
+        for d, value in by_diameter.items():
             item = f"aerodynamic_damping at nodal diameter {d}"
             wave = validation.whole(item.replace("damping at", "damping,"), d, -self.model.n_blades) % self.model.n_blades
             validation.that(isinstance(value, (int, float, complex)) and np.isfinite(value), item, "a finite number", value)
@@ -225,12 +225,12 @@ class Settings:
     def _check_orders(self) -> None:
         """Check that each force acts on a harmonic of the response, and one of them on the first."""
         for each in (self.excitation, *self.excitation.beside):
-            own = self.engine_order if each.engine_order is None else each.engine_order
+            order = self.engine_order if each.engine_order is None else each.engine_order
             known = [self.engine_order * l for l in self.harmonic_numbers]
-            validation.that(own in known, "engine_order of an excitation", f"one of {known}, those of the harmonics", own)
-        found = sorted(self.excited)
+            validation.that(order in known, "engine_order of an excitation", f"one of {known} (harmonics)", order)
+        harmonics = sorted(self.excited)
         validation.require(
-            found[0] == 1, "excitation", "a force of the study's own engine_order", f"harmonics {found} alone"
+            harmonics[0] == 1, "excitation", "a force of the study's own engine_order", f"harmonics {harmonics} alone"
         )
 
     @property
@@ -322,8 +322,8 @@ class Settings:
         drag = any(basis.drag is not None for body in self.model.bodies.values() for basis in body.bases.values())
         expected = "none, since the model carries a damping matrix that couples its modes"
         validation.that(not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio)
-        own = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
-        if self.holds_preload and not own:
+        given_values = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
+        if self.holds_preload and not given_values:
             raise SettingError(
                 "contact_stiffness: expected the values in the model, since the preload of its contacts does not depend on "
                 "them; create the model with other contacts instead"
@@ -455,8 +455,8 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(given["contact_stiffness"], Mapping):
         ((kind, value),) = given["contact_stiffness"].items()
         plain: Any = tuple(value) if isinstance(value, list) else _arrays(value)
-        made = PerArea(plain) if kind == "per_area" else plain
-        given["contact_stiffness"] = ResidualModes(**value) if kind == "residual_modes" else made
+        stiffness = PerArea(plain) if kind == "per_area" else plain
+        given["contact_stiffness"] = ResidualModes(**value) if kind == "residual_modes" else stiffness
     law = given.get("friction_law")
     if isinstance(law, Mapping):
         laws = {name: ContactLaw.of_record(x) if isinstance(x, Mapping) else x for name, x in law.items()}

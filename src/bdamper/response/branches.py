@@ -51,7 +51,7 @@ With 1 the widest gap of one of six curves with tangles grows from 5.3 to 11.6 H
 OUTSIDE = 0.03
 """Minimum margin at each end for the search of folds outside the interval, relative to its width."""
 ARRIVED = ("complete", "turned back")
-PLACES = (0.5, 0.2, 0.8)
+POSITIONS = (0.5, 0.2, 0.8)
 """Positions within a gap at which solutions are sought."""
 
 FindStart = Callable[[float], NDArray | None]
@@ -318,25 +318,25 @@ class Coverage:
             if not gaps:
                 return
             gap = max(gaps, key=lambda g: g[1] - g[0])
-            found = self._within(gap, find_start)
-            if found is None:
+            solution = self._within(gap, find_start)
+            if solution is None:
                 left.add(gap)
                 continue
-            self.note(found[-1], "set off from a solution within a gap")
-            self.both_ways(found)
+            self.note(solution[-1], "set off from a solution within a gap")
+            self.both_ways(solution)
 
     def _within(self, gap: tuple[float, float], find_start: FindStart) -> NDArray | None:
         """Return a solution in a gap, or None."""
         a, b = gap
         points = [p for piece in self.pieces for p in piece.path.points]
-        places = [a + part * (b - a) for part in PLACES]
-        for omega in places:
+        positions = [a + part * (b - a) for part in POSITIONS]
+        for omega in positions:
             for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
                 c = self.system.correct_at(point.y[:-1], omega, point.scale, self.options.tolerance, 30, True)
                 self.meter.count(c.iterations)
                 if c.status == OK:
                     return c.y
-        return next((start for start in map(find_start, places) if start is not None), None)
+        return next((start for start in map(find_start, positions) if start is not None), None)
 
 
 def _same(y: NDArray, point: Correction) -> bool:
@@ -399,10 +399,10 @@ def first_point(
         last = c.y
         if c.status == OK:
             return c.y, log, last
-    found = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
-    if found is None and system.spent:
+    solution = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
+    if solution is None and system.spent:
         log.append("the budget of evaluations is used up")
-    return found, log, last
+    return solution, log, last
 
 
 def _by_homotopy(

@@ -119,9 +119,9 @@ def is_drift(tangent: NDArray, n_mean: int) -> bool:
 # ---- events within a step ----
 
 
-Place = tuple[float, NDArray, NDArray]
+StepPoint = tuple[float, NDArray, NDArray]
 """Point within a step: distance along the initial tangent, point and tangent."""
-MISSED = 3
+ITERATIONS_BEYOND = 3
 """Newton iterations for a trial after a plane has missed the curve.
 
 With guesses on the tangent of the last point before it, a fold or maximum at a corner takes 70 to 92 evaluations instead of
@@ -146,7 +146,7 @@ def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) ->
     return first - 0.25 * b * b / c < -margin * max(first, last)
 
 
-def _on_cubic(near: Place, far: Place, s: float, a: Correction) -> NDArray:
+def _on_cubic(near: StepPoint, far: StepPoint, s: float, a: Correction) -> NDArray:
     """Return a point of the cubic through two points of a step; a point of the near tangent if the far one turns away."""
     h = far[0] - near[0]
     along = [float(tangent @ a.tangent) for _, _, tangent in (near, far)]
@@ -154,7 +154,7 @@ def _on_cubic(near: Place, far: Place, s: float, a: Correction) -> NDArray:
         ahead = near[2] / along[0] if along[0] > 0.5 else a.tangent
         return np.asarray(near[1] + (s - near[0]) * ahead * a.scale)
     t = (s - near[0]) / h
-    first, last = (h * a.scale * place[2] / cosine for place, cosine in zip((near, far), along))
+    first, last = (h * a.scale * point[2] / cosine for point, cosine in zip((near, far), along))
     rise = far[1] - near[1]
     return np.asarray(near[1] + t * (first + t * (3.0 * rise - 2.0 * first - last + t * (first + last - 2.0 * rise))))
 
@@ -240,17 +240,17 @@ class Events:
         if not self.options.locate or end == 0.0:
             return [], "regular"
         drift = is_drift(a.tangent, n)
-        found, missed = [], "regular"
+        kinds, missed = [], "regular"
         if turned and not drift and a.tangent[-1] * b.tangent[-1] < 0.0:
-            found.append("fold")
+            kinds.append("fold")
         elif turned:  # a drift has one frequency, so the fold is at its end
             missed = "fold"
         rises = [self._value("maximum", p.y, p.tangent, a.scale) for p in (a, b)]
         level = LEVEL_RISE * self.system.rows.squared_gradient(a.y)[1]
         if not drift and not is_drift(b.tangent, n) and rises[0] > level and rises[1] < -level:
-            found.append("maximum")
+            kinds.append("maximum")
         located = []
-        for kind in found:
+        for kind in kinds:
             at = self.locate(step, kind, self.options.locate_tolerance * end)
             if at is None:
                 missed = kind
@@ -310,7 +310,7 @@ class Events:
         around, last = [(0.0, values[0]), (end, values[1])], values[1]
         near, far = (0.0, a.y, a.tangent), (end, b.y, b.tangent)
         trials = root_trials(around[0], around[1], tolerance)
-        found, most = None, self.options.max_iterations
+        event, most = None, self.options.max_iterations
         s = next(trials)
         try:
             while True:
@@ -326,12 +326,12 @@ class Events:
                     around[beyond] = s, value
                     near, far = (near, (s, c.y, c.tangent)) if beyond else ((s, c.y, c.tangent), far)
                     curvature = (value - across[1]) / (s - across[0])
-                    found = replace(c, slope=value / weight, curvature=curvature / weight)
+                    event = replace(c, slope=value / weight, curvature=curvature / weight)
                 else:  # beyond a corner: assume the curve as close to the last point as the plane
-                    far, most = (s, near[1], -a.tangent), MISSED
+                    far, most = (s, near[1], -a.tangent), ITERATIONS_BEYOND
                 s = trials.send(value)
         except StopIteration:
-            return found
+            return event
 
     # ---- corners ----
 
@@ -385,7 +385,7 @@ class Events:
             for part in (0.5, 0.1, 0.01):
                 guess = y + (far * tangent + part * step * direction) * scale
                 c = self._solution_near(guess, direction, scale, 0.5 * part * step + far - near)
-                if c is not None and self._goes_on(here, c, sign):
+                if c is not None and self._continues(here, c, sign):
                     return c, part * step
         return None
 
@@ -402,7 +402,7 @@ class Events:
         near = c.status == OK and norm2((c.y - guess) / scale) <= reach
         return c if near and float(c.tangent @ direction) >= np.cos(self.options.max_turn) else None
 
-    def _goes_on(self, here: Correction, c: Correction, sign: int) -> bool:
+    def _continues(self, here: Correction, c: Correction, sign: int) -> bool:
         """Return whether a path continues from a point to a solution beyond a corner and does not reverse."""
         if sign and c.orientation == -sign:
             return False

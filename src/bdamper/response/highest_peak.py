@@ -126,14 +126,14 @@ def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOp
 def maxima(system: Equations, curve: ResponseCurve, share: float = 0.0) -> tuple[Peak, ...]:
     """Return all distinct maxima of a response curve above a fraction ``share`` of the highest, in descending order."""
     search = _Refined(system, curve, PeakOptions())
-    found: list[Peak] = []
+    peaks: list[Peak] = []
     for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
         if curve.amplitude[i] < share * curve.amplitude.max():
             break
         top = search.at(i)
-        if top.kind != "end" and not any(same_peak(top.peak, other) for other in found):
-            found.append(top.peak)
-    return tuple(sorted(found, key=lambda p: -p.amplitude))
+        if top.kind != "end" and not any(same_peak(top.peak, other) for other in peaks):
+            peaks.append(top.peak)
+    return tuple(sorted(peaks, key=lambda p: -p.amplitude))
 
 
 def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int]:
@@ -181,12 +181,12 @@ class _Refined:
         if self.curve.point_kind[i] == "drift":
             return Highest(self._point(y, tangent, scale), "drift", i)
         for options in (self.options, replace(self.options, tolerance=max(self.options.tolerance, LOOSEST))):
-            found = find_peak(
+            peak = find_peak(
                 self.system, y, tangent=tangent, scale=scale, options=options, parameter=self.curve.preload, reach=REACH
             )  # fmt: skip
-            good = found.converged and found.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
-            if good and low <= found.y[-1] <= high:
-                return Highest(found, "corner" if found.corner else "peak", i)
+            good = peak.converged and peak.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
+            if good and low <= peak.y[-1] <= high:
+                return Highest(peak, "corner" if peak.corner else "peak", i)
         kind = "fold" if self.curve.point_kind[i] == "fold" else "corner"
         return Highest(self._point(y, tangent, scale), kind, i, exact=False)
 
@@ -263,8 +263,8 @@ class AtPreload:
     def status(self) -> str:
         """"complete", "incomplete" or "not found", with the reason."""
         if self.top is None or not self.curve.complete:
-            own = NOT_FOUND if self.top is None else INCOMPLETE
-            return because(own, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{own}: "))
+            status = NOT_FOUND if self.top is None else INCOMPLETE
+            return because(status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: "))
         if self.top.kind == "end":
             return self.top.status
         return because(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
@@ -368,16 +368,16 @@ def highest_peak(
     preload = problem.check_preload(preload)
     frequency = peak_interval(problem, frequency, preload, mode)
     check_options(options)
-    found = found_at(problem, preload, frequency, options=options)
-    if found.top is None:
+    response = found_at(problem, preload, frequency, options=options)
+    if response.top is None:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
-            f"ended as: {found.status}"
+            f"ended as: {response.status}"
         )
     settings = problem.record() | {"frequency": list(frequency)}
-    status = found.top.status if word(found.status) == COMPLETE else found.status
+    status = response.top.status if word(response.status) == COMPLETE else response.status
     return replace(
-        found.top.peak, cost=found.cost, search_status=found.status, status=status, settings=settings,
+        response.top.peak, cost=response.cost, search_status=response.status, status=status, settings=settings,
         model_hash=problem.model.hash,
     )  # fmt: skip
 

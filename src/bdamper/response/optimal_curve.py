@@ -62,19 +62,19 @@ def at_preload(
     """Compute the response at a preload; another thread stops it by setting ``stop``."""
     with ended_by(stop or Event()):
         try:
-            found = found_at(problem, preload, frequency, options=options, budget=budget)
+            response = found_at(problem, preload, frequency, options=options, budget=budget)
         except LOST as error:
             why = f"failed: {type(error).__name__}: {error}"
             lost = without_points(problem, preload, why, ContinuationOptions(), Cost())
-            found = AtPreload(preload, lost, None, np.nan, "", Cost())
-    curve, slope, why = found.curve, np.nan, ""
-    if found.top is not None:
+            response = AtPreload(preload, lost, None, np.nan, "", Cost())
+    curve, slope, why = response.curve, np.nan, ""
+    if response.top is not None:
         why = rattles(curve, open_at_rest(problem, preload))
-        peak = found.top.peak
+        peak = response.top.peak
         with suppress(*LOST, BdamperError):  # a corner has no slope
             slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
     light = replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
-    return replace(found, curve=light, slope=slope, rattles=why)
+    return replace(response, curve=light, slope=slope, rattles=why)
 
 
 # ---- optimal curve ----
@@ -88,7 +88,7 @@ one optimal curve.
 """
 FLAT = 1e-6
 """Relative range of the amplitude over all preloads below which there is no optimum."""
-IN_A_ROW = 2
+MAX_RATTLING = 2
 """Number of consecutive preloads with a rattling damper after which no lower ones are followed."""
 
 
@@ -150,7 +150,7 @@ def optimal_curve(
         optimum = _optimum(curves, values)
     known = curves.known
     if curves.interrupted:
-        optimum = _least_so_far(curves)
+        optimum = _interrupted_optimum(curves)
     if not any(there.top for there in known.values()):
         if curves.interrupted:
             validation.require(not curves.work.reason, "executor", "one that takes tasks", curves.work.reason)
@@ -249,12 +249,12 @@ class Curves:
                 if p in running:
                     with on_executor():
                         there = running.pop(p).result()
-                    self._keep(there)
+                    self._store(there)
                 out.append(self.known[p])
         except BaseException:
             for p, future in running.items():
                 if future.done() and not future.cancelled() and future.exception() is None:
-                    self._keep(future.result())
+                    self._store(future.result())
             raise
         finally:
             stop.set()  # ends running curves
@@ -262,7 +262,7 @@ class Curves:
                 future.cancel()
         return out
 
-    def _keep(self, there: AtPreload) -> None:
+    def _store(self, there: AtPreload) -> None:
         self.known[there.preload] = there
         if self.file is not None:
             self.file.append(there.record())
@@ -274,16 +274,16 @@ class Curves:
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     """Choose the optimum: the preload of minimum amplitude, after more curves where it may lie."""
-    curves.follow([float(p) for p in values[::-1]], BUDGET, row=IN_A_ROW)
+    curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
     by_log = {float(np.log(p)): known[p] for p in known if p >= edge}  # with the edge: the minimum may lie just above it
-    found = [item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge]
-    if not found:
+    with_value = [item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge]
+    if not with_value:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, because(NOT_FOUND, "no preload has a value"))
-    height = [item.value for item in found]
-    if len(found) > 1 and max(height) - min(height) <= FLAT:
-        peak = found[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
+    height = [item.value for item in with_value]
+    if len(with_value) > 1 and max(height) - min(height) <= FLAT:
+        peak = with_value[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
         flat = because(NOT_FOUND, "the preload does not matter")
         return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat)
 
@@ -331,14 +331,14 @@ def smooth_minimum(
         share = (x - low) / (high - low) if high > low else 0.0
         guess = first.y + share * (last.y - first.y)
         start = first if share < 0.5 else last
-        found = find_peak(
+        peak = find_peak(
             family(p), guess, tangent=start.tangent, scale=start.scale, curvature=start.curvature, options=options,
             parameter=p, reach=REACH,
         )  # fmt: skip
-        if not found.converged or found.corner:
+        if not peak.converged or peak.corner:
             raise ArithmeticError("the peak is lost")
-        near[x] = found
-        return amplitude_sensitivity(found, family, p) * p / found.amplitude
+        near[x] = peak
+        return amplitude_sensitivity(peak, family, p) * p / peak.amplitude
 
     optimum_tolerance = 1e-7  # relative tolerance of the preload
     try:
@@ -348,14 +348,14 @@ def smooth_minimum(
     return float(root.at)
 
 
-def _least_so_far(curves: Curves) -> OptimumPoint:
+def _interrupted_optimum(curves: Curves) -> OptimumPoint:
     """Return the smallest value known when the search was interrupted."""
     edge = rattling_below(curves.known)
-    found = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
+    with_value = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
     status = because(INTERRUPTED, curves.work.reason or "by the user")
-    if not found:
+    if not with_value:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
-    _, p, peak = min(found, key=lambda item: item[0])
+    _, p, peak = min(with_value, key=lambda item: item[0])
     return OptimumPoint(p, peak.amplitude, peak.frequency, "unknown", np.inf, status)
 
 

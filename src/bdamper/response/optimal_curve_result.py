@@ -272,10 +272,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
         free = self.free.amplitude
         gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
-        force, shares = (
-            self.settings.get("excitation", {}).get("amplitude", 0.0),
-            shares_of(self.settings.get("load_per_preload")),
-        )
+        force = self.settings.get("excitation", {}).get("amplitude", 0.0)
+        shares = shares_of(self.settings.get("load_per_preload"))
         per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
         per = f" ({shares}){per}" if shares else per
         where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")

@@ -154,11 +154,8 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
             top = f" The highest response is {height(self.amplitude, self.frequency)}."
             return f"No peak: {self.status}.{top if word(self.status) == INCOMPLETE else ''}"
         load = f" under {preloaded(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
-        open_ = (
-            ""
-            if self.search_status in ("", "complete")
-            else f" There may be a higher one, the curve ended as: {self.search_status}."
-        )
+        certain = self.search_status in ("", "complete")
+        open_ = "" if certain else f" There may be a higher one, the curve ended as: {self.search_status}."
         return f"Resonance of {height(self.amplitude, self.frequency)}{load}. {NOT_IN_TIME}{open_}"
 
 
@@ -245,7 +242,7 @@ class _Search:
         nearby = 1e-6  # sufficient residual of a first point
         return self.solve(y, equations.Fixed() if tangent is None else equations.Plane(tangent), nearby)
 
-    def in_own_units(self, c: Correction) -> Correction:
+    def in_local_units(self, c: Correction) -> Correction:
         """Return the same point with the unit of frequency from the direction of the curve."""
         raw = c.tangent * self.scale
         self.scale = self.system.units(c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean))
@@ -335,7 +332,7 @@ def find_peak(
     if top is None:
         start = search.first(guess, tangent)
         if start is not None:
-            start = search.in_own_units(start) if scale is None else start
+            start = search.in_local_units(start) if scale is None else start
             top = search.newton(start.y, start.tangent, min(curvature, curved)) or search.uphill(start)
         else:
             search.reason = f"no solution near the guess: {search.reason}"

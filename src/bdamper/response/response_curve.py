@@ -268,7 +268,7 @@ def frequency_response(
         if problem.own_laws is not None and len(curve):
             problem.own_laws.warn_below(search.system.contact(curve.unknowns[curve.peak.index])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
-        reason, left_out = _explained(problem, search, curve), (*curve.missing_ranges, *search.lost)
+        reason, left_out = _reason(problem, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
 
 
@@ -290,18 +290,18 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
 def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> NDArray | None:
     """Return a solution at one frequency (rad/s) or None, and log all attempts."""
     state = problem.static(preload)
-    found, tried, last = first_point(
+    solution, attempts, last = first_point(
         search.system, state, stuck_springs(problem, state), omega, search.options, search.meter
     )
     why = ""
-    if found is None and not search.system.spent:
+    if solution is None and not search.system.spent:
         why = why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
-    for line in [*tried, why] if why else tried:
+    for line in [*attempts, why] if why else attempts:
         search.note(omega, line)
-    return found
+    return solution
 
 
-def _explained(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
+def _reason(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
     """Return the reason of a curve with the extent of the search, and advice if it is incomplete."""
     reason = curve.reason
     if curve.complete:
@@ -347,7 +347,7 @@ def without_points(
     )
 
 
-def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **own: Any) -> ResponseCurve:
+def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **more: Any) -> ResponseCurve:
     """Assemble a response curve from the pieces of a search.
 
     Parameters
@@ -380,8 +380,8 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
         missing_ranges=ended[2],
         cost=search.meter.read(),
         start_log=tuple(search.log),
-        notes=() if "blades" in own else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
-        **own,
+        notes=() if "blades" in more else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
+        **more,
         **problem.recorded(search.options),
     )
 
@@ -410,10 +410,10 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
     :meth:`Problem.wedge_friction` finds no upper bound of their normal force.
     """
     try:
-        found = problem.wedge_friction()
+        bounds = problem.wedge_friction()
     except SettingError:  # no free body has a load, or nothing holds it
         return ()
-    faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
+    faces = [name for name, high in zip(bounds.interfaces, bounds.highest) if np.isinf(high)]
     holders = {problem.coupling.model.interfaces[name].body_a for name in faces}
     springs = {name for name, law in problem.settings.law_by_interface().items() if law == LAW_BONDED}
     holders -= {problem.coupling.model.interfaces[name].body_a for name in springs}
@@ -483,15 +483,15 @@ class _Sweep:
 
     def landings(self, x: float) -> list[_Landing]:
         """Return the stable solutions at x from which the sweep can continue, in ascending order."""
-        found: list[_Landing] = []
+        solutions: list[_Landing] = []
         # relative difference of amplitudes below which two solutions at one frequency are the same
         same = 1e-6
         points, heights = crossed(self.x, self.amplitude, x, self.joined)
         for i, height in zip(points.tolist(), heights.tolist()):
             way = 1 if self.x[i + 1] > self.x[i] else -1
-            if max(self.x[i], self.x[i + 1]) > x and all(abs(height - other.amplitude) > same * height for other in found):
-                found.append(_Landing(height, i + 1 if way > 0 else i, way))
-        return sorted(found)
+            if max(self.x[i], self.x[i + 1]) > x and all(abs(height - s.amplitude) > same * height for s in solutions):
+                solutions.append(_Landing(height, i + 1 if way > 0 else i, way))
+        return sorted(solutions)
 
     def onward(self, point: int, way: int) -> int | None:
         """Return the next point on the branch, None if the sweep cannot continue there."""

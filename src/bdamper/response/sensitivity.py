@@ -134,7 +134,7 @@ def across(
     SettingError
         If a family has no equations next to its value, or its unknowns change.
     """
-    sides = [_beside(family, value, system) for family, value in families.values()]
+    sides = [_neighbours(family, value, system) for family, value in families.values()]
     moves = np.empty((len(sides), len(points), 2), complex)
     tangent = np.empty((len(points), 2), complex)
     for i, (point, unit) in enumerate(zip(points, scale)):
@@ -212,13 +212,13 @@ class _Linear:
         NoDerivative
             If they are not finite, or the one-sided derivatives differ.
         """
-        high, low = _beside(family, value, self.system)
+        high, low = _neighbours(family, value, self.system)
         y = self.peak.y
         move = self.move(_rate(high, low, high.residual(y), low.residual(y)))
         whole = self.along(move, high, low)
         _finite(float(whole.sum()), self.peak)
         if low.step < 0.0:
-            here = _Beside(self.system, 0.0, np.ones_like(y))
+            here = _Neighbour(self.system, 0.0, np.ones_like(y))
             sizes = np.array([self.peak.frequency * 2.0 * np.pi, self.peak.amplitude]) / max(abs(value), high.step)
             sides = [self.along(move, *ends)[-2:] for ends in ((high, here), (here, low))]
             if (np.abs(sides[0] - sides[1]) > SIDES * np.abs(whole[-2:]) + NOISE * sizes).any():
@@ -226,26 +226,26 @@ class _Linear:
                 raise NoDerivative(f"sensitivities: expected the same from above and below, found {found} per unit")
         return whole
 
-    def along(self, move: NDArray, high: _Beside, low: _Beside) -> NDArray:
+    def along(self, move: NDArray, high: _Neighbour, low: _Neighbour) -> NDArray:
         """Return the derivatives from differences at the ends of the move, which do not cross contact events."""
         peak, t = self.peak, self.peak.tangent * self.peak.scale
         ends = [peak.y + side.step * move * peak.scale for side in (high, low)]
 
-        def rate(of: Callable[[_Beside, NDArray], NDArray | float]) -> Any:
+        def rate(of: Callable[[_Neighbour, NDArray], NDArray | float]) -> Any:
             return _rate(high, low, *(of(side, end) for side, end in zip((high, low), ends)))
 
-        r_p = rate(_Beside.residual)
+        r_p = rate(_Neighbour.residual)
         rest = self.move(r_p)
         turn = rate(lambda side, end: side.turn(end, t))
         slope = rate(lambda side, end: side.slope(end, peak))
         across = slope - float(self.nu @ turn) + float(self.row @ rest)
         dy = (move + rest - across / self.curvature * peak.tangent) * peak.scale
         dy += peak.y * rate(lambda side, end: side.factors)
-        return np.append(dy, rate(_Beside.amplitude) - float(self.adjoint @ r_p))
+        return np.append(dy, rate(_Neighbour.amplitude) - float(self.adjoint @ r_p))
 
 
 @dataclass(frozen=True)
-class _Beside:
+class _Neighbour:
     """Equations at a neighbouring parameter value, with the factors on the unknowns that preserve the motion of contact
     points.
     """
@@ -273,19 +273,19 @@ class _Beside:
         return out
 
 
-def _beside(family: Family, value: float, system: Equations) -> tuple[_Beside, _Beside]:
+def _neighbours(family: Family, value: float, system: Equations) -> tuple[_Neighbour, _Neighbour]:
     """Return the equations on both sides of a value; at the value if one side does not exist."""
     step = DIFFERENCE * (abs(value) if value != 0.0 else 1.0)
     above = family(value + step)
-    high = _Beside(above, step, _factors(above, system))
+    high = _Neighbour(above, step, _factors(above, system))
     try:
         below = family(value - step)
     except SettingError:  # end of the range, as for a friction coefficient of zero
-        return high, _Beside(system, 0.0, np.ones(system.n_unknowns + 1))
-    return high, _Beside(below, -step, _factors(below, system))
+        return high, _Neighbour(system, 0.0, np.ones(system.n_unknowns + 1))
+    return high, _Neighbour(below, -step, _factors(below, system))
 
 
-def _rate(high: _Beside, low: _Beside, above: NDArray | complex, below: NDArray | complex) -> Any:
+def _rate(high: _Neighbour, low: _Neighbour, above: NDArray | complex, below: NDArray | complex) -> Any:
     """Return the difference quotient of two values."""
     return (above - below) / (high.step - low.step)
 
@@ -306,10 +306,10 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
         if not basis.n_modes:
             continue
         G, G_0 = (b.G.reshape(-1, b.n_modes) for b in (basis, other))
-        own, shared, all_ = (np.einsum("pm,pm->m", a.conj(), b) for a, b in ((G, G), (G, G_0), (G_0, G_0)))
-        same = (np.abs(shared) ** 2 > (1.0 - parallel) * own.real * all_.real) & (own.real > 0.0)
+        norm, shared, reference_norm = (np.einsum("pm,pm->m", a.conj(), b) for a, b in ((G, G), (G, G_0), (G_0, G_0)))
+        same = (np.abs(shared) ** 2 > (1.0 - parallel) * norm.real * reference_norm.real) & (norm.real > 0.0)
         for places in system.layout.slices(l)[: 1 + (l > 0)]:
-            out[places] = np.where(same, shared.real / np.where(same, own.real, 1.0), 1.0)
+            out[places] = np.where(same, shared.real / np.where(same, norm.real, 1.0), 1.0)
     return out
 
 
@@ -340,7 +340,7 @@ def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
     """
     _check(peak)
     system, y = family(value), peak.y
-    high, low = _beside(family, value, system)
+    high, low = _neighbours(family, value, system)
     r_p = _rate(high, low, high.residual(y), low.residual(y))
     explicit = _rate(high, low, high.amplitude(y), low.amplitude(y))
     return _finite(explicit - float(_adjoint(system, peak) @ r_p), peak)
@@ -429,9 +429,9 @@ def curve_sensitivities(
     scale = np.array([system.units(p, width) for p in y]).reshape(y.shape)
     points = []
     for i, (p, unit) in enumerate(zip(y, scale)):
-        beside = [k for k in (i - 1, i + 1) if 0 <= k < n and curve.branch[k] == curve.branch[i]]
-        chord = (y[beside[-1]] - y[beside[0] if len(beside) > 1 else i]) / unit if beside else np.zeros(len(p))
-        chord = chord * (-1.0 if beside == [i - 1] else 1.0)
+        adjacent = [k for k in (i - 1, i + 1) if 0 <= k < n and curve.branch[k] == curve.branch[i]]
+        chord = (y[adjacent[-1]] - y[adjacent[0] if len(adjacent) > 1 else i]) / unit if adjacent else np.zeros(len(p))
+        chord = chord * (-1.0 if adjacent == [i - 1] else 1.0)
         border = Plane(chord / norm2(chord)) if chord.any() else Fixed()
         points.append(system.solve(p, border, unit, ContinuationOptions().tolerance, ContinuationOptions().max_iterations))
     return across(system, points, scale, families(problem, parameters, curve.preload))
@@ -463,8 +463,8 @@ def band(
     f, response = curve.frequency, curve.harmonics[:, 1]
     high = curve.amplitude >= 0.5 * curve.amplitude.max()
     width = max(float(np.ptp(np.log(f[high]))), 1e-6)
-    own = [(found[name], value) for name, value in deviations.items()]
-    moves = [d * np.array([s.frequency / f / width, (s.response / response).real]) for s, d in own]
+    sensitivities = [(found[name], value) for name, value in deviations.items()]
+    moves = [d * np.array([s.frequency / f / width, (s.response / response).real]) for s, d in sensitivities]
     along = next(iter(found.values())).tangent
     normal = np.array([-(along[:, 1] / response).real, along[:, 0].real / f / width])
     with np.errstate(invalid="ignore"):  # no normal direction exists where only the mean drifts

@@ -124,8 +124,8 @@ class TimeResponse(
 
     def columns(self) -> dict[str, Column]:
         """Return the columns of the periods of one motion."""
-        found = super().columns()
-        return {name: found[name] for name in ("period", "amplitude", "harmonics")}
+        columns = super().columns()
+        return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
 
     @property
     def spread(self) -> tuple[float, float]:
@@ -152,8 +152,8 @@ class TimeResponse(
     @property
     def elsewhere(self) -> int:
         """Number of other initial states that lead to another motion."""
-        own = next((a for name, a in self.answers.items() if name.endswith("steps")), self.mean)
-        return sum(abs(a / own - 1.0) > ALIKE for name, a in self.answers.items() if name.startswith("start"))
+        amplitude = next((a for name, a in self.answers.items() if name.endswith("steps")), self.mean)
+        return sum(abs(a / amplitude - 1.0) > ALIKE for name, a in self.answers.items() if name.startswith("start"))
 
     @property
     def factor(self) -> float:
@@ -210,8 +210,8 @@ class TimeResponse(
             out.append(Fact("energy of a period", f"{amount(work, 'J')}: {', '.join(shares)}, {loss}"))
         if len(self.waves) > 1:
             out.append(Fact("lowest to highest blade", span(*self.spread, "m")))
-            told = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
-            ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in told]
+            listed = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
+            ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in listed]
             out.append(Fact("waves, nodal diameters", ", ".join(ways)))
         return tuple(out)
 
@@ -304,13 +304,13 @@ class Convergence(Plottable, Tabular):
     @property
     def settled(self) -> tuple[HarmonicPeak, ...]:
         """Last peaks that agree within the tolerance."""
-        found = self.peaks[-1:]
+        settled = self.peaks[-1:]
         for peak in self.peaks[-2::-1]:
-            amplitude = [p.amplitude for p in (peak, *found)]
-            if max(amplitude) - min(amplitude) > self.tolerance * found[-1].amplitude:
+            amplitude = [p.amplitude for p in (peak, *settled)]
+            if max(amplitude) - min(amplitude) > self.tolerance * settled[-1].amplitude:
                 break
-            found = (peak, *found)
-        return found
+            settled = (peak, *settled)
+        return settled
 
     @property
     def range(self) -> tuple[float, float]:
@@ -326,25 +326,25 @@ class Convergence(Plottable, Tabular):
     @property
     def verdict(self) -> str:
         """Result of the convergence study in words."""
-        own, *more = self.peaks
-        others = [p for p in self.settled if p is not own] if len(self.settled) > 1 else more
+        first_peak, *more = self.peaks
+        others = [p for p in self.settled if p is not first_peak] if len(self.settled) > 1 else more
         if not others:
             return "not known with more harmonics"
         low, high = min(p.amplitude for p in others), max(p.amplitude for p in others)
         heights = amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
         first, last = others[0].harmonics, others[-1].harmonics
-        found = f"{heights} with {first if first == last else f'{first} to {last}'}"
+        result = f"{heights} with {first if first == last else f'{first} to {last}'}"
         if self.converged:
-            return f"{found}: converged to {percent(self.tolerance)}"
+            return f"{result}: converged to {percent(self.tolerance)}"
         if len(self.settled) == len(self.peaks):
-            return f"{found}: agrees so far"
-        return f"{found}: not converged with {own.harmonics}"
+            return f"{result}: agrees so far"
+        return f"{result}: not converged with {first_peak.harmonics}"
 
     @property
     def note(self) -> str:
         """Amplitude, verdict, and the reason why the harmonics end."""
-        own = self.peaks[0]
-        text = f"{amount(own.amplitude, 'm')} with {own.harmonics} harmonic{'s' * (own.harmonics != 1)}, {self.verdict}"
+        peak = self.peaks[0]
+        text = f"{amount(peak.amplitude, 'm')} with {peak.harmonics} harmonic{'s' * (peak.harmonics != 1)}, {self.verdict}"
         text += f"; {self.highest_harmonic}" if self.highest_harmonic else ""
         text += f"; {self.status}" if self.status != COMPLETE else ""
         return text
@@ -380,8 +380,8 @@ class SourceError:
     @property
     def known(self) -> bool:
         """Whether there is an estimate that is larger than its uncertainty."""
-        found = np.isfinite(self.amplitude) and np.isfinite(self.frequency)
-        return bool(found and (self.uncertainty == 0.0 or self.uncertainty < max(abs(self.amplitude), abs(self.frequency))))
+        change = np.abs([self.amplitude, self.frequency])
+        return bool(np.isfinite(change).all() and (self.uncertainty == 0.0 or self.uncertainty < change.max()))
 
     @property
     def size(self) -> float:

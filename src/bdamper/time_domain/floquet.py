@@ -53,57 +53,11 @@ from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
-from bdamper.time_domain.march import AGREES, BOUNDS, UNDECIDED
+from bdamper.time_domain.march import AGREES, LIMITS, UNDECIDED
 from bdamper.time_domain.transients import march_from, verified
 from bdamper.time_domain.wave_exponents import WaveDisturbances, cycles, rests
 from bdamper.util import validation
 from bdamper.util.progress import CostMeter, LongWork, each, one_thread
-
-# ---- stability by time integration ----
-
-
-def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
-    """Return a curve with stability by time integration in addition to the harmonics.
-
-    Undecided points, and all points after Ctrl-C, keep the stability by the harmonics.
-
-    Parameters
-    ----------
-    ring : Ring
-        All sectors at the preload of the curve.
-    curve : ResponseCurve
-    progress : bool
-    """
-    watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0
-    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
-    stable[~moving] = True
-    ratios = np.where(moving, np.nan, 1.0)
-    with LongWork() as work:
-        for i in each(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
-            verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
-            judged += 1
-            if verdict != UNDECIDED:
-                stable[i], ratios[i] = verdict == AGREES, ratio
-    note = (
-        f"motion in time, amplitude kept to {100.0 * BOUNDS.tolerance:g} %: {judged} of {len(curve)} points judged, "
-        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
-        + (", interrupted by the user" if work.interrupted else "")
-        + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
-    )
-    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
-
-
-def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
-    """Return the verdict on a solution, and its mean amplitude in time over the amplitude of the solution."""
-    expected = ring.system.response(u)
-    if not abs(expected[1]) > 0.0:
-        return UNDECIDED, np.nan
-    try:
-        found = verified(march_from(ring, u, omega, BOUNDS.steps), expected)
-    except MarchFailed:
-        return UNDECIDED, np.nan
-    return found.verdict, float(found.amplitude[-BOUNDS.settled :].mean() / found.balance)
-
 
 # ---- stability by multipliers and exponents ----
 
@@ -247,6 +201,52 @@ def _positive_determinant(system: Equations[Sector], u: NDArray, omega: float) -
     size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
     sign, _ = np.linalg.slogdet(J / size)
     return bool(sign >= 0.0 or np.linalg.matrix_rank(J / size, tol=SINGULAR) < len(J))
+
+
+# ---- stability by time integration ----
+
+
+def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
+    """Return a curve with stability by time integration in addition to the harmonics.
+
+    Undecided points, and all points after Ctrl-C, keep the stability by the harmonics.
+
+    Parameters
+    ----------
+    ring : Ring
+        All sectors at the preload of the curve.
+    curve : ResponseCurve
+    progress : bool
+    """
+    watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0
+    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
+    stable[~moving] = True
+    ratios = np.where(moving, np.nan, 1.0)
+    with LongWork() as work:
+        for i in each(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
+            verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
+            judged += 1
+            if verdict != UNDECIDED:
+                stable[i], ratios[i] = verdict == AGREES, ratio
+    note = (
+        f"motion in time, amplitude kept to {100.0 * LIMITS.tolerance:g} %: {judged} of {len(curve)} points judged, "
+        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
+        + (", interrupted by the user" if work.interrupted else "")
+        + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
+    )
+    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
+
+
+def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
+    """Return the verdict on a solution, and its mean amplitude in time over the amplitude of the solution."""
+    expected = ring.system.response(u)
+    if not abs(expected[1]) > 0.0:
+        return UNDECIDED, np.nan
+    try:
+        response = verified(march_from(ring, u, omega, LIMITS.steps), expected)
+    except MarchFailed:
+        return UNDECIDED, np.nan
+    return response.verdict, float(response.amplitude[-LIMITS.settled :].mean() / response.balance)
 
 
 @one_thread

@@ -163,8 +163,8 @@ class Ring:
                 d = (l * (across // self.step if across else 0)) % self.n
                 if self.families.keys().isdisjoint((d, (self.n - d) % self.n)):
                     self.families[d] = l
-        own = self.wide if across == engine_order else system
-        for l, basis in enumerate(own.structure.bases):
+        excited = self.wide if across == engine_order else system
+        for l, basis in enumerate(excited.structure.bases):
             if len(basis.omega2):
                 same, reversed_ = self._family(l)
                 self._turns[l] = _turn(self.wide.structure.bases[same], basis, conjugate=reversed_)
@@ -270,8 +270,8 @@ class Ring:
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
         """Return the sliders of a solution at t = 0, from its motion over periods until they are periodic."""
         points = self.system.structure.points
-        kept = points.slider if points.memory is None else np.hstack([points.slider, points.memory])
-        w = np.tile(kept, (self.n, 1, 1)).astype(float)
+        initial = points.slider if points.memory is None else np.hstack([points.slider, points.memory])
+        w = np.tile(initial, (self.n, 1, 1)).astype(float)
         x, _, _ = self.system.contact(np.asarray(u))
         size = max(2.0 * float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0)), 1e-300)
         q = np.array([self.state(u, omega, k * TWO_PI / omega / n_steps)[0] for k in range(n_steps)])
@@ -444,10 +444,10 @@ class Ring:
         turns = share * np.exp(2j * np.pi * rng.random((len(self.blocks), 2)))
         for x in (motion.q, motion.v):
             z = x[:n] + 1j * x[n:]
-            own = z[excited].copy()
+            wave = z[excited].copy()
             for (_, s, *_), (forward, backward) in zip(self.blocks, turns):
-                m = min(len(own), s.stop - s.start)
-                z[s.start : s.start + m] += (forward * own + backward * own.conj())[:m]
+                m = min(len(wave), s.stop - s.start)
+                z[s.start : s.start + m] += (forward * wave + backward * wave.conj())[:m]
             z[self.real] = z[self.real].real
             out.append(np.concatenate([z.real, z.imag]))
         return Motion(out[0], out[1], motion.w)
@@ -460,18 +460,18 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
     """
     if family is basis:
         return np.eye(len(basis.omega2))
-    to, own = (np.asarray(b.G).reshape(-1, len(b.omega2)) for b in (family, basis))
-    own = own.conj() if conjugate else own
+    to, modes = (np.asarray(b.G).reshape(-1, len(b.omega2)) for b in (family, basis))
+    modes = modes.conj() if conjugate else modes
     left, right = (np.array([c.body == RESIDUAL for c in b.coordinates], bool) for b in (family, basis))
     left, right = (x if x.any() else np.zeros(len(b.omega2), bool) for x, b in ((left, family), (right, basis)))
     if (~left).sum() != (~right).sum() or not np.allclose(
-        to[:, ~left], own[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
+        to[:, ~left], modes[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
     ):
         raise SettingError("time integration: expected each harmonic to have the modes of its nodal diameter")
-    out = np.zeros((to.shape[1], own.shape[1]), complex)
+    out = np.zeros((to.shape[1], modes.shape[1]), complex)
     out[np.flatnonzero(~left), np.flatnonzero(~right)] = 1.0
     if left.any() and right.any():
-        out[np.ix_(left, right)] = np.linalg.lstsq(to[:, left], own[:, right], rcond=None)[0]
+        out[np.ix_(left, right)] = np.linalg.lstsq(to[:, left], modes[:, right], rcond=None)[0]
     return out
 
 
@@ -481,12 +481,12 @@ def every_diameter(problem: Problem) -> Problem:
     Beyond :data:`MOST_SECTORS` sectors these are the harmonics of the study and those up to :data:`MOST_HARMONIC`.
     """
     order, blades = int(problem.engine_order), problem.model.n_blades
-    n, own = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
-    more = set(range(1, (n // 2 if n <= MOST_SECTORS else MOST_HARMONIC) + 1)) - own
+    n, base = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
+    more = set(range(1, (n // 2 if n <= MOST_SECTORS else MOST_HARMONIC) + 1)) - base
     if problem.settings.fundamental_modes_only or not more:
         return problem
 
-    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * max(own | more) + 128)
+    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * max(base | more) + 128)
 
     def carried(harmonics: set[int]) -> Problem | None:
         try:
@@ -497,8 +497,8 @@ def every_diameter(problem: Problem) -> Problem:
         except BdamperError:
             return None
 
-    whole = carried(own | more)
-    return whole or carried(own | {l for l in more if carried(own | {l})}) or problem
+    whole = carried(base | more)
+    return whole or carried(base | {l for l in more if carried(base | {l})}) or problem
 
 
 def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring:

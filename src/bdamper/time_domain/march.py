@@ -5,7 +5,7 @@ periods of the excitation.  Period ``k`` has the response amplitudes
 
     X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of this for l = 0).
 
-All statements on a motion in time use these amplitudes and the limits :data:`BOUNDS`:
+All statements on a motion in time use these amplitudes and the limits :data:`LIMITS`:
 * :func:`judged`: whether the motion keeps an amplitude (*agrees*), leaves it (*does not agree*: it falls to another level,
   grows or beats), or needs more periods (*undecided*);
 * :func:`to_come`: the remaining change of the mean by the slowest transient;
@@ -26,7 +26,7 @@ range
 Class ``bdamper.time_domain.integration.Ring`` makes the time steps.  Friction and closed contacts return no more energy
 than their springs store, so the energy of a motion is bounded by its initial energy and the work of the excitation.  Time
 steps that are too long for the contacts violate this bound; the integration fails if the energy exceeds it by the factor
-:attr:`Bounds.gain`.
+:attr:`VerdictLimits.gain`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 
 
 @dataclass(frozen=True)
-class Bounds:
+class VerdictLimits:
     """Limits of the verdict on a motion in time.
 
     They classify 50 points (docs/measured.md, *Labels in time and long marches*) as integrations of up to 960 periods end.
@@ -86,7 +86,7 @@ class Bounds:
     gain: float = 4.0
 
 
-BOUNDS = Bounds()
+LIMITS = VerdictLimits()
 
 
 class March:
@@ -126,8 +126,8 @@ class March:
         self.steps = STEPS if steps is None else validation.whole("steps_per_period", steps, least=16)
         self.ring, self.omega, self._blade = ring, omega, blade
         if isinstance(start, Motion):
-            own = ring.system.structure.points.own
-            width = 2 if own is None else 2 + own.width
+            laws = ring.system.structure.points.own
+            width = 2 if laws is None else 2 + laws.width
             shapes = (2 * ring.n_coordinates,), (ring.n, ring.system.n_points, width)
             if (start.q.shape, start.w.shape) != shapes:
                 raise SettingError(
@@ -149,8 +149,8 @@ class March:
     def response(self) -> NDArray:
         """(n_periods, n_harmonics + 1) complex: response of the blade, m, with the phases of the first blade."""
         turn = 2.0 * np.pi * self.blade * self.ring.wave / self.ring.n
-        own = np.array(self.harmonics)[:, self.blade]
-        return np.asarray(own * np.exp(-1j * turn * np.arange(own.shape[1])))
+        amplitudes = np.array(self.harmonics)[:, self.blade]
+        return np.asarray(amplitudes * np.exp(-1j * turn * np.arange(amplitudes.shape[1])))
 
     @property
     def blade(self) -> int:
@@ -180,7 +180,7 @@ class March:
         self.energy.extend(marched.energy)
         for work, damping, _, rise in marched.energy:
             self._held, self._given = self._held + rise, self._given + abs(work) + abs(damping)
-            if not self._held <= BOUNDS.gain * self._given:
+            if not self._held <= LIMITS.gain * self._given:
                 raise MarchFailed(
                     f"the time integration gains energy near {begin / (2.0 * np.pi):.6g} Hz, an error of its time steps: "
                     f"raise steps_per_period, {self.steps} now"
@@ -198,15 +198,15 @@ class March:
             while len(self.harmonics) < periods:
                 self.turn()
                 count()
-                if decided is not None and len(self.harmonics) % BOUNDS.look == 0 and decided():
+                if decided is not None and len(self.harmonics) % LIMITS.look == 0 and decided():
                     break
         return work.interrupted
 
     def sweep(self, ends: tuple[float, float], turns: int, count: Callable[[], Any]) -> None:
         """Integrate periods over which the squared frequency changes linearly in the angle between two ends (rad/s)."""
         square = np.linspace(ends[0] ** 2, ends[1] ** 2, turns + 1)
-        for first in range(0, turns, BOUNDS.look):
-            last = min(first + BOUNDS.look, turns)
+        for first in range(0, turns, LIMITS.look):
+            last = min(first + LIMITS.look, turns)
             self.turn(last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last]))))
             for _ in range(last - first):
                 count()
@@ -225,7 +225,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     memory : float
         Periods in which a transient of the least damped mode falls to 1/e.
     """
-    look, span = BOUNDS.look, BOUNDS.settled
+    look, span = LIMITS.look, LIMITS.settled
     off = amplitude / max(expected, 1e-300) - 1.0
     n = len(off)
     last = float(off[-look:].mean())
@@ -238,14 +238,14 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         return UNDECIDED, f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
     then, between, now = (float(off[n - k - look : n - k].mean()) for k in (span, span // 2, 0))
     drift = (now - then) / max(1.0 + then, 1e-300)
-    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * BOUNDS.drift)
+    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * LIMITS.drift)
     recent, earlier = off[-span:], off[-2 * span : -span]
     stays = float(np.quantile(np.abs(recent), 0.9)) <= 2.0 * tolerance
     within = abs(float(recent.mean())) <= tolerance
     spread = f"{100.0 * recent.min():+.2g} to {100.0 * recent.max():+.2g} %"
-    settled = abs(drift) < BOUNDS.drift and not grows
+    settled = abs(drift) < LIMITS.drift and not grows
     if settled and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
-        shown = f", {spread}" if np.ptp(recent) > BOUNDS.drift else ""
+        shown = f", {spread}" if np.ptp(recent) > LIMITS.drift else ""
         text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
         return AGREES if stays and within else DIFFERS, text
     sizes, before = (np.array([np.abs(x).max(), np.ptp(x)]) for x in (recent, earlier))
@@ -279,7 +279,7 @@ def repeats_after(harmonics: NDArray) -> int | None:
     x = harmonics[:, 1:]
     last = np.arange(len(x) - max(1, len(x) // 4), len(x))
     size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
-    for n in range(1, BOUNDS.most_repeated + 1):
-        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= BOUNDS.repeats * size:
+    for n in range(1, LIMITS.most_repeated + 1):
+        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= LIMITS.repeats * size:
             return n
     return None
